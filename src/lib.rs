@@ -1,0 +1,12 @@
+//! Laser stripe in, sub-pixel centreline and metric profile out: the library behind the `laser_profiler` node.
+//!
+//! Modules in reading order. Dependencies point one way, from the bottom of this list to its top:
+//! `cli → node → {ros, bag} → msg → scanner`; `simulate` stands beside `scanner`.
+
+pub mod scanner;
+pub mod simulate;
+pub mod msg;
+pub mod ros;
+pub mod bag;
+pub mod node;
+pub mod cli;

@@ -1,0 +1,2 @@
+//! The `laser_profiler` executable: see `laser_profiler --help`.
+fn main() {}

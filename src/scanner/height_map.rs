@@ -1,0 +1,14 @@
+//! Heights of a whole scan as an image.
+
+/// One row a profile, one column a point of a profile. Not resampled: rows follow the frames, not the metres.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HeightMap {
+    /// Stamp of the first profile, nanoseconds.
+    pub stamp_ns: i64,
+    /// Points of a profile.
+    pub width: u32,
+    /// Profiles.
+    pub height: u32,
+    /// `height * width` heights, metres; NaN where nothing was measured.
+    pub z_m: Vec<f32>,
+}

@@ -1,0 +1,168 @@
+//! A camera image as it lies in a message: a checked view, never a copy.
+//!
+//! Pixel coordinates are (column, row); (0, 0) is the *centre* of the top-left pixel.
+
+use thiserror::Error;
+
+/// Byte order of samples wider than one byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ByteOrder {
+    /// Least significant byte first.
+    Little,
+    /// Most significant byte first.
+    Big,
+}
+
+/// Which colours the four pixels of a Bayer cell have: top-left, top-right, bottom-left, bottom-right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BayerPattern {
+    /// Red, green, green, blue.
+    Rggb,
+    /// Blue, green, green, red.
+    Bggr,
+    /// Green, blue, red, green.
+    Gbrg,
+    /// Green, red, blue, green.
+    Grbg,
+}
+
+/// How one pixel lies in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PixelFormat {
+    /// One 8-bit grey sample (`mono8`, `8UC1`).
+    Mono8,
+    /// One 16-bit grey sample (`mono16`, `16UC1`).
+    Mono16(ByteOrder),
+    /// Red, green, blue, 8 bit each.
+    Rgb8,
+    /// Blue, green, red, 8 bit each.
+    Bgr8,
+    /// Red, green, blue, alpha, 8 bit each; alpha is ignored.
+    Rgba8,
+    /// Blue, green, red, alpha, 8 bit each; alpha is ignored.
+    Bgra8,
+    /// One 8-bit sample behind a colour filter array.
+    Bayer8(BayerPattern),
+    /// One 16-bit sample behind a colour filter array.
+    Bayer16(BayerPattern, ByteOrder),
+}
+
+impl PixelFormat {
+    /// Bytes a pixel takes.
+    pub const fn bytes_per_pixel(self) -> usize {
+        match self {
+            Self::Mono8 | Self::Bayer8(_) => 1,
+            Self::Mono16(_) | Self::Bayer16(..) => 2,
+            Self::Rgb8 | Self::Bgr8 => 3,
+            Self::Rgba8 | Self::Bgra8 => 4,
+        }
+    }
+
+    /// Largest value a sample can hold: 255 or 65535.
+    pub const fn max_level(self) -> u32 {
+        match self {
+            Self::Mono16(_) | Self::Bayer16(..) => 65_535,
+            _ => 255,
+        }
+    }
+}
+
+/// Why a buffer is not an image.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum ImageError {
+    /// Width or height is zero.
+    #[error("image is {width} x {height} pixels: both sides must be at least 1")]
+    Empty {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// A row does not fit into its step.
+    #[error("step is {step} bytes, but a row of {width} pixels needs at least {needed}")]
+    Step {
+        /// Bytes from one row to the next, as stated.
+        step: u64,
+        /// Columns.
+        width: u32,
+        /// Bytes that a row needs.
+        needed: u64,
+    },
+    /// The buffer is shorter or longer than height x step.
+    #[error("data has {actual} bytes, but {height} rows with a step of {step} bytes make {needed}")]
+    Length {
+        /// Bytes in the buffer.
+        actual: u64,
+        /// Rows.
+        height: u32,
+        /// Bytes from one row to the next.
+        step: u64,
+        /// Bytes expected.
+        needed: u64,
+    },
+}
+
+/// A borrowed image whose size, step and length have been checked to agree.
+#[derive(Clone, Copy, Debug)]
+pub struct Image<'a> {
+    width: u32,
+    height: u32,
+    step: usize,
+    format: PixelFormat,
+    data: &'a [u8],
+}
+
+impl<'a> Image<'a> {
+    /// Views `data` as `height` rows of `width` pixels, rows `step` bytes apart.
+    ///
+    /// # Errors
+    /// A side of zero, a step shorter than a row, or a buffer whose length is not `height * step`.
+    pub fn new(width: u32, height: u32, step: u32, format: PixelFormat, data: &'a [u8]) -> Result<Self, ImageError> {
+        if width == 0 || height == 0 {
+            return Err(ImageError::Empty { width, height });
+        }
+        let needed = u64::from(width) * format.bytes_per_pixel() as u64;
+        if u64::from(step) < needed {
+            return Err(ImageError::Step { step: step.into(), width, needed });
+        }
+        let needed = u64::from(height) * u64::from(step);
+        if data.len() as u64 != needed {
+            return Err(ImageError::Length { actual: data.len() as u64, height, step: step.into(), needed });
+        }
+        Ok(Self { width, height, step: step as usize, format, data })
+    }
+
+    /// Columns.
+    pub const fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Rows.
+    pub const fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Bytes from one row to the next.
+    pub const fn step(&self) -> usize {
+        self.step
+    }
+
+    /// How a pixel lies in memory.
+    pub const fn format(&self) -> PixelFormat {
+        self.format
+    }
+
+    /// All bytes, `height * step` of them.
+    pub const fn data(&self) -> &'a [u8] {
+        self.data
+    }
+}
+
+/// One image and the time at which it was taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    /// Acquisition time, nanoseconds since the epoch of the camera's clock.
+    pub stamp_ns: i64,
+    /// The picture.
+    pub image: Image<'a>,
+}

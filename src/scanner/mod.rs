@@ -1,0 +1,14 @@
+//! The instrument: image in, points out. Pure: no file, socket, thread, clock or `async` below this module.
+//!
+//! [`Pipeline`](pipeline::Pipeline) is the whole measurement; the other modules are its steps, in the order in which a frame meets them.
+
+pub mod image;
+pub mod channel;
+pub mod stripe;
+pub mod calibration;
+pub mod profile;
+pub mod motion;
+pub mod scan;
+pub mod height_map;
+pub mod params;
+pub mod pipeline;

@@ -1,0 +1,170 @@
+//! Chosen values: everything about the measurement that a user may set.
+//!
+//! Names, units, ranges, defaults and descriptions of the ROS parameters stand in one table,
+//! [`ros::parameters`](crate::ros); these are the values after that table has checked them.
+
+/// Declares an enum whose variants are known to users by name.
+macro_rules! named_enum {
+    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $name { $($(#[$vdoc])* $variant),+ }
+
+        impl $name {
+            /// Every name, in order of declaration.
+            pub const NAMES: &[&str] = &[$($text),+];
+
+            /// The value of that name.
+            pub fn from_name(name: &str) -> Option<Self> {
+                match name { $($text => Some(Self::$variant),)+ _ => None }
+            }
+
+            /// The name users know.
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$variant => $text),+ }
+            }
+        }
+    };
+}
+
+named_enum! {
+    /// Which grey level a colour pixel contributes.
+    Channel {
+        /// Grey images as they are; the largest of the three channels of colour and Bayer images.
+        Auto = "auto",
+        /// Luma of ITU-R BT.601: 0.299 R + 0.587 G + 0.114 B.
+        Gray = "gray",
+        /// Red.
+        Red = "red",
+        /// Green.
+        Green = "green",
+        /// Blue.
+        Blue = "blue",
+        /// Largest of red, green and blue.
+        Max = "max",
+    }
+}
+
+named_enum! {
+    /// Which way the stripe runs through the image.
+    StripeDirection {
+        /// Left to right: one point a column.
+        Horizontal = "horizontal",
+        /// Top to bottom: one point a row.
+        Vertical = "vertical",
+    }
+}
+
+named_enum! {
+    /// How the centre of a cross-section is estimated.
+    Method {
+        /// Centroid of the thresholded cross-section, formula 7 of Yao et al. 2023.
+        GrayGravity = "gray_gravity",
+        /// Maximum of a Gaussian fitted to the thresholded cross-section.
+        GaussianFit = "gaussian_fit",
+        /// Centroid in a window about that maximum, section 3 of Yao et al. 2023.
+        ImprovedGravity = "improved_gravity",
+    }
+}
+
+named_enum! {
+    /// How the window of [`Method::ImprovedGravity`] is laid over the pixels.
+    Window {
+        /// Ends anywhere between pixels, centred on the result until that stands still: unbiased.
+        Fractional = "fractional",
+        /// Rounded centre and rounded half length, as printed in the paper: locks to pixels.
+        Rounded = "rounded",
+    }
+}
+
+named_enum! {
+    /// Which of several candidates in one cross-section is the stripe.
+    PeakSelection {
+        /// The one with the brightest sample after the blur.
+        Brightest = "brightest",
+        /// The one with the lowest row (column, for a vertical stripe).
+        First = "first",
+        /// The one with the highest row (column, for a vertical stripe).
+        Last = "last",
+        /// The one with the most samples above the segment threshold.
+        Widest = "widest",
+    }
+}
+
+named_enum! {
+    /// Where the position of a profile along the scan comes from.
+    MotionSource {
+        /// Nowhere: every profile lies at 0.
+        None = "none",
+        /// A known step a frame, or a known velocity and the stamps.
+        Constant = "constant",
+    }
+}
+
+/// The searched part of the image, pixels; a width or height of 0 reaches to the image's far border.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RegionOfInterest {
+    /// First searched column.
+    pub x_offset: u32,
+    /// First searched row.
+    pub y_offset: u32,
+    /// Searched columns.
+    pub width: u32,
+    /// Searched rows.
+    pub height: u32,
+}
+
+/// How the centreline is found. Grey levels are those of an 8-bit scale; deeper images are scaled to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExtractionParams {
+    /// Estimator of the centre.
+    pub method: Method,
+    /// Window of the improved gravity.
+    pub window: Window,
+    /// Radius r of the blur, pixels: kernel 2r + 1, 0 is off.
+    pub blur_radius: u32,
+    /// Blurred grey above which a pixel may be stripe.
+    pub segment_threshold: f64,
+    /// Smallest area of a connected region that is stripe, pixels (a region must be larger than it).
+    pub min_segment_area: u32,
+    /// Blurred grey above which a sample counts towards the width D.
+    pub width_threshold: f64,
+    /// Choice among several candidates of a cross-section.
+    pub peak_selection: PeakSelection,
+    /// Standard deviation of the camera's read noise, grey levels: for `sigma` only.
+    pub read_noise: f64,
+    /// Variance of the shot noise per grey level, grey levels: for `sigma` only.
+    pub shot_gain: f64,
+}
+
+/// How far the part moves between frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionParams {
+    /// Where positions come from.
+    pub source: MotionSource,
+    /// Metres a frame, lost frames included; used when not 0.
+    pub step_m: f64,
+    /// Metres a second, times the difference of stamps; used when `step_m` is 0.
+    pub velocity_m_s: f64,
+}
+
+/// Everything the measurement can be told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Params {
+    /// Grey level of a colour pixel.
+    pub channel: Channel,
+    /// Which way the stripe runs.
+    pub stripe_direction: StripeDirection,
+    /// Level at which a sample is saturated, in units of the image; 0: 255 or 65535 by encoding.
+    pub full_scale: u32,
+    /// Searched part of the image.
+    pub roi: RegionOfInterest,
+    /// How the centreline is found.
+    pub extraction: ExtractionParams,
+    /// How the part moves.
+    pub motion: MotionParams,
+    /// Profiles a slice.
+    pub slice_profiles: u32,
+    /// Profiles a scan: at so many it ends with its height map and the next begins. Bounds the memory.
+    pub scan_max_profiles: u32,
+}

@@ -1,0 +1,21 @@
+//! One metric cross-section of the part: what a frame's stripe says about heights.
+
+/// The stripe of one frame cut by the laser plane, one entry for every searched column (or row, for a vertical stripe).
+///
+/// All arrays have the same length, the number of searched columns (rows). Frame: the laser plane's, x along the
+/// stripe, z up, y = 0 normal to the plane.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Profile {
+    /// Position along the stripe, metres; NaN where nothing was measured.
+    pub x_m: Vec<f32>,
+    /// Height, metres; NaN where nothing was measured.
+    pub z_m: Vec<f32>,
+    /// Grey level at the centreline as a share of full scale, 0 to 1; 0 where nothing was measured.
+    pub intensity: Vec<f32>,
+    /// Bits of [`flag`](crate::scanner::stripe::flag); 0 where nothing was measured.
+    pub flags: Vec<u8>,
+    /// One standard deviation of `z_m` from that of the centre, metres; NaN where nothing was measured.
+    pub sigma_z_m: Vec<f32>,
+    /// Number of entries with finite `x_m` and `z_m`.
+    pub valid_count: u32,
+}

@@ -1,0 +1,48 @@
+//! From a grey image to the stripe's sub-pixel centreline: steps 1 to 8 of Yao et al. 2023, each a function of its own.
+
+/// Bits of a point's flags, as in `laser_profiler_msgs/msg/Centerline`.
+pub mod flag {
+    /// At least one pixel of the cross-section at full scale.
+    pub const SATURATED: u8 = 1;
+    /// Another candidate above the threshold in this cross-section.
+    pub const MULTIPLE_PEAKS: u8 = 2;
+    /// Cross-section cut by the border of the image or of the region of interest.
+    pub const CLIPPED: u8 = 4;
+    /// Not measured, filled in from neighbours.
+    pub const INTERPOLATED: u8 = 8;
+    /// Below the configured signal-to-noise limit.
+    pub const LOW_CONTRAST: u8 = 16;
+}
+
+/// Sub-pixel middle of the stripe in one frame: one entry a column (row, for a vertical stripe) in which it was found.
+///
+/// All arrays but `stripe_start` have the same length. Full-image pixel coordinates, pixel centres at integers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Centerline {
+    /// Column, pixels; an integer for a horizontal stripe.
+    pub u_px: Vec<f32>,
+    /// Row, pixels; an integer for a vertical stripe.
+    pub v_px: Vec<f32>,
+    /// Index of the first point of each connected stripe, ascending from 0; empty when there are no points.
+    pub stripe_start: Vec<u32>,
+    /// Full width at half maximum across the stripe, pixels; NaN where the image border hides it.
+    pub width_px: Vec<f32>,
+    /// Grey level at the centre, in units of the source's samples.
+    pub intensity: Vec<f32>,
+    /// One standard deviation of the centre across the stripe, pixels, from the stated noise.
+    pub sigma_px: Vec<f32>,
+    /// Bits of [`flag`].
+    pub flags: Vec<u8>,
+}
+
+impl Centerline {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.u_px.len()
+    }
+
+    /// Whether no stripe was found.
+    pub fn is_empty(&self) -> bool {
+        self.u_px.is_empty()
+    }
+}
