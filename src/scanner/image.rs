@@ -117,7 +117,13 @@ impl<'a> Image<'a> {
     ///
     /// # Errors
     /// A side of zero, a step shorter than a row, or a buffer whose length is not `height * step`.
-    pub fn new(width: u32, height: u32, step: u32, format: PixelFormat, data: &'a [u8]) -> Result<Self, ImageError> {
+    pub fn new(
+        width: u32,
+        height: u32,
+        step: u32,
+        format: PixelFormat,
+        data: &'a [u8],
+    ) -> Result<Self, ImageError> {
         if width == 0 || height == 0 {
             return Err(ImageError::Empty { width, height });
         }
@@ -127,7 +133,12 @@ impl<'a> Image<'a> {
         }
         let needed = u64::from(height) * u64::from(step);
         if data.len() as u64 != needed {
-            return Err(ImageError::Length { actual: data.len() as u64, height, step: step.into(), needed });
+            return Err(ImageError::Length {
+                actual: data.len() as u64,
+                height,
+                step: step.into(),
+                needed,
+            });
         }
         Ok(Self { width, height, step: step as usize, format, data })
     }

@@ -1,11 +1,6 @@
 //! The whole measurement on one screen: extract → triangulate → push.
 
-use super::{
-    height_map::HeightMap,
-    profile::Profile,
-    scan::{Slice},
-    stripe::Centerline,
-};
+use super::{height_map::HeightMap, profile::Profile, scan::Slice, stripe::Centerline};
 
 /// What is known about a frame besides its picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

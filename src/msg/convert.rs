@@ -1,0 +1,1 @@
+//! Between messages and the scanner's types.
