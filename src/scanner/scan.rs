@@ -1,18 +1,8 @@
 //! Profiles pushed along the motion into slices of a scan.
 
-/// A point of the part, scan frame, metres: x along the stripe, y along the motion, z up. NaN: not measured.
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub struct Point {
-    /// Along the stripe, metres.
-    pub x_m: f32,
-    /// Along the motion, metres.
-    pub y_m: f32,
-    /// Height, metres.
-    pub z_m: f32,
-    /// Grey level at the centreline as a share of full scale, 0 to 1; NaN where nothing was measured.
-    pub intensity: f32,
-}
+/// A point of the part: x along the stripe, y along the motion, z up, metres in the scan frame; then the grey level at
+/// the centreline as a share of full scale, 0 to 1. NaN in all four: not measured.
+pub type Point = [f32; 4];
 
 /// Worst state in a slice, as in `SliceInfo.state`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -71,7 +61,7 @@ pub struct Slice {
     pub width: u32,
     /// Profiles (rows of the cloud), 1 or more.
     pub height: u32,
-    /// `height * width` points, profile after profile; NaN in all four fields where nothing was measured.
+    /// `height * width` points, profile after profile.
     pub points: Vec<Point>,
     /// What it covers and what is missing.
     pub account: SliceAccount,
