@@ -3,6 +3,8 @@
 //! Names, units, ranges, defaults and descriptions of the ROS parameters stand in one table,
 //! [`ros::parameters`](crate::ros); these are the values after that table has checked them.
 
+use super::{image::PixelFormat, pipeline::FrameError};
+
 /// Declares an enum whose variants are known to users by name.
 macro_rules! named_enum {
     ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
@@ -167,4 +169,19 @@ pub struct Params {
     pub slice_profiles: u32,
     /// Profiles a scan: at so many it ends with its height map and the next begins. Bounds the memory.
     pub scan_max_profiles: u32,
+}
+
+impl Params {
+    /// Level at which samples of that format are saturated.
+    ///
+    /// # Errors
+    /// A chosen level that the format cannot hold.
+    pub const fn full_scale_of(&self, format: PixelFormat) -> Result<u32, FrameError> {
+        let max_level = format.max_level();
+        match self.full_scale {
+            0 => Ok(max_level),
+            chosen if chosen <= max_level => Ok(chosen),
+            full_scale => Err(FrameError::FullScale { full_scale, max_level }),
+        }
+    }
 }

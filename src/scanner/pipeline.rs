@@ -1,6 +1,103 @@
 //! The whole measurement on one screen: extract → triangulate → push.
 
-use super::{height_map::HeightMap, profile::Profile, scan::Slice, stripe::Centerline};
+use super::{
+    calibration::Calibration,
+    channel::{Decoder, RoiError, window},
+    height_map::HeightMap,
+    image::Frame,
+    motion::Motion,
+    params::{Params, StripeDirection},
+    profile::Profile,
+    scan::{Completed, Placed, Scan, Slice},
+    stripe::{Centerline, Extractor},
+};
+use thiserror::Error;
+
+/// Steps 1 to 10 of Yao et al. 2023 on frame after frame. Owns all buffers: after the first frame of a size and the
+/// first scan nothing is allocated.
+#[derive(Debug)]
+pub struct Pipeline {
+    params: Params,
+    calibration: Option<Calibration>,
+    decoder: Decoder,
+    extractor: Extractor,
+    centerline: Centerline,
+    profile: Profile,
+    motion: Motion,
+    scan: Scan,
+}
+
+impl Pipeline {
+    /// A pipeline for these parameters; without a calibration it gives centrelines only.
+    pub fn new(params: Params, calibration: Option<Calibration>) -> Self {
+        let seed = calibration.as_ref().map(Calibration::id).unwrap_or_default();
+        Self {
+            decoder: Decoder::default(),
+            extractor: Extractor::new(params.extraction, params.stripe_direction),
+            centerline: Centerline::default(),
+            profile: Profile::default(),
+            motion: Motion::new(params.motion),
+            scan: Scan::new(params.slice_profiles, params.scan_max_profiles, seed),
+            params,
+            calibration,
+        }
+    }
+
+    /// Measures one frame. `on_stage` hears of the end of every stage, so that somebody with a clock can time them.
+    ///
+    /// # Errors
+    /// A frame that the parameters do not fit; the pipeline goes on with the next one as if it had never come.
+    pub fn process(
+        &mut self,
+        frame: &Frame<'_>,
+        index: FrameIndex,
+        mut on_stage: impl FnMut(Stage),
+    ) -> Result<Output<'_>, FrameError> {
+        let Frame { stamp_ns, image } = *frame;
+        let full_scale = self.params.full_scale_of(image.format())?;
+        let searched = window(self.params.roi, image.width(), image.height())?;
+
+        let plane = self.decoder.decode(&image, self.params.channel, &searched);
+        on_stage(Stage::Decode);
+
+        self.extractor.extract(&plane, (searched.x, searched.y), full_scale, &mut self.centerline);
+        on_stage(Stage::Extract);
+
+        let position_m = self.motion.position_m(index.frame_number, stamp_ns);
+        let completed = match &self.calibration {
+            Some(calibration) => {
+                let lines = match self.params.stripe_direction {
+                    StripeDirection::Horizontal => (searched.x, searched.width),
+                    StripeDirection::Vertical => (searched.y, searched.height),
+                };
+                calibration.triangulate(
+                    &self.centerline,
+                    self.params.stripe_direction,
+                    lines,
+                    full_scale,
+                    &mut self.profile,
+                );
+                self.scan.push(&Placed { profile: &self.profile, stamp_ns, position_m, index })
+            }
+            None => Completed::default(),
+        };
+        on_stage(Stage::Triangulate);
+
+        Ok(Output {
+            centerline: &self.centerline,
+            position_m,
+            profile: self.calibration.is_some().then_some(&self.profile),
+            slice: completed.slice,
+            height_map: completed.height_map,
+        })
+    }
+
+    /// Ends the scan: its last slice and its height map. `frames_rejected` came after the last good frame.
+    pub fn finish(&mut self, frames_rejected: u32) -> Completed<'_> {
+        self.motion.restart();
+        self.scan.finish(frames_rejected)
+    }
+}
 
 /// What is known about a frame besides its picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,7 +110,7 @@ pub struct FrameIndex {
     pub frames_rejected: u32,
 }
 
-/// End of a stage, told to the observer of [`Pipeline`] so that an outer layer with a clock can time it.
+/// End of a stage, told to the observer of [`Pipeline::process`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// The samples are one channel of numbers.
@@ -33,8 +130,24 @@ pub struct Output<'a> {
     pub position_m: f64,
     /// The metric profile, when calibrated.
     pub profile: Option<&'a Profile>,
-    /// Slices that this frame completed: at most two (a change of geometry ends one early).
-    pub slices: &'a [Slice],
-    /// The height map of a scan that ended with this frame.
+    /// The slice before this frame's, when it is complete.
+    pub slice: Option<&'a Slice>,
+    /// The height map of the scan that ended before this frame.
     pub height_map: Option<&'a HeightMap>,
+}
+
+/// Why a frame cannot be measured with these parameters.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum FrameError {
+    /// The region of interest does not fit.
+    #[error(transparent)]
+    Roi(#[from] RoiError),
+    /// Saturation above what the image can hold.
+    #[error("full_scale is {full_scale}, but samples of this encoding end at {max_level}")]
+    FullScale {
+        /// The parameter.
+        full_scale: u32,
+        /// Largest level of the encoding.
+        max_level: u32,
+    },
 }

@@ -19,3 +19,18 @@ pub struct Profile {
     /// Number of entries with finite `x_m` and `z_m`.
     pub valid_count: u32,
 }
+
+impl Profile {
+    /// `length` entries, none of them measured; keeps the memory.
+    pub fn reset(&mut self, length: usize) {
+        for values in [&mut self.x_m, &mut self.z_m, &mut self.sigma_z_m] {
+            values.clear();
+            values.resize(length, f32::NAN);
+        }
+        self.intensity.clear();
+        self.intensity.resize(length, 0.0);
+        self.flags.clear();
+        self.flags.resize(length, 0);
+        self.valid_count = 0;
+    }
+}

@@ -1,5 +1,22 @@
 //! From a grey image to the stripe's sub-pixel centreline: steps 1 to 8 of Yao et al. 2023, each a function of its own.
 
+pub mod blur;
+pub mod segment;
+pub mod section;
+pub mod gaussian_fit;
+pub mod gravity;
+pub mod select;
+pub mod measure;
+pub mod reference;
+pub mod tiles;
+pub mod fast;
+
+use super::{
+    channel::AnyPlane,
+    params::{ExtractionParams, StripeDirection},
+};
+use fast::FastExtractor;
+
 /// Bits of a point's flags, as in `laser_profiler_msgs/msg/Centerline`.
 pub mod flag {
     /// At least one pixel of the cross-section at full scale.
@@ -44,5 +61,47 @@ impl Centerline {
     /// Whether no stripe was found.
     pub fn is_empty(&self) -> bool {
         self.u_px.is_empty()
+    }
+
+    /// Forgets all points, keeps the memory.
+    pub fn clear(&mut self) {
+        self.u_px.clear();
+        self.v_px.clear();
+        self.stripe_start.clear();
+        self.width_px.clear();
+        self.intensity.clear();
+        self.sigma_px.clear();
+        self.flags.clear();
+    }
+}
+
+/// Extracts centrelines from 8-bit and 16-bit planes.
+#[derive(Debug)]
+pub struct Extractor {
+    eight: FastExtractor<u8>,
+    sixteen: FastExtractor<u16>,
+}
+
+impl Extractor {
+    /// An extractor with these settings.
+    pub fn new(params: ExtractionParams, direction: StripeDirection) -> Self {
+        Self {
+            eight: FastExtractor::new(params, direction),
+            sixteen: FastExtractor::new(params, direction),
+        }
+    }
+
+    /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` (column, row) of the image.
+    pub fn extract(
+        &mut self,
+        plane: &AnyPlane<'_>,
+        offset: (usize, usize),
+        full_scale: u32,
+        centerline: &mut Centerline,
+    ) {
+        match plane {
+            AnyPlane::Eight(plane) => self.eight.extract(plane, offset, full_scale, centerline),
+            AnyPlane::Sixteen(plane) => self.sixteen.extract(plane, offset, full_scale, centerline),
+        }
     }
 }

@@ -1,0 +1,124 @@
+//! Steps 5 to 8 on one cross-section, and the points put together to a centreline.
+
+use super::{
+    Centerline, flag,
+    gaussian_fit::coarse_peak,
+    gravity::{
+        fractional_window_gravity, gray_gravity, rounded_window_gravity, width_samples,
+        window_half_length_px,
+    },
+    section::{Candidate, Centre, Levels, Section, full_width_half_maximum},
+};
+use crate::scanner::params::{Method, StripeDirection, Window};
+
+/// The centre of a cross-section by the chosen method. **A new estimator is one more arm here**, in a file of its own.
+pub fn centre(section: &Section<'_>, levels: &Levels) -> Centre {
+    match levels.method {
+        Method::GrayGravity => gray_gravity(section, &levels.noise),
+        Method::GaussianFit => coarse_peak(section, &levels.noise),
+        Method::ImprovedGravity => {
+            let coarse = coarse_peak(section, &levels.noise);
+            let half_length_px =
+                window_half_length_px(width_samples(section, levels.width_threshold));
+            match levels.window {
+                Window::Rounded => {
+                    rounded_window_gravity(section, &coarse, half_length_px, &levels.noise)
+                }
+                Window::Fractional => {
+                    fractional_window_gravity(section, &coarse, half_length_px, &levels.noise)
+                }
+            }
+        }
+    }
+}
+
+/// Builds a centreline from cross-sections in order along the stripe.
+#[derive(Debug)]
+pub struct Assembler<'a> {
+    centerline: &'a mut Centerline,
+    direction: StripeDirection,
+    /// Column and row of the searched region in the image.
+    offset: (usize, usize),
+    /// Positions across the stripe: rows of the region for a horizontal stripe.
+    length_across: u32,
+    /// The cross-section pushed last: its line and its candidate.
+    previous: Option<(usize, Candidate)>,
+}
+
+impl<'a> Assembler<'a> {
+    /// Starts an empty centreline.
+    pub fn new(
+        centerline: &'a mut Centerline,
+        direction: StripeDirection,
+        offset: (usize, usize),
+        length_across: usize,
+    ) -> Self {
+        centerline.clear();
+        Self { centerline, direction, offset, length_across: length_across as u32, previous: None }
+    }
+
+    /// Measures the cross-section of line `line` (a column of the region for a horizontal stripe) and adds its point.
+    ///
+    /// `raw` are the unblurred samples of the candidate's positions with one neighbour to either side where there is one.
+    pub fn push(&mut self, line: usize, section: &Section<'_>, raw: &Raw<'_>, levels: &Levels) {
+        let candidate = section.candidate;
+        let centre = centre(section, levels);
+        if !self.continues(line, candidate) {
+            self.centerline.stripe_start.push(self.centerline.len() as u32);
+        }
+        self.previous = Some((line, candidate));
+        let mut flags = 0;
+        if raw.samples.iter().any(|&sample| sample >= levels.full_scale) {
+            flags |= flag::SATURATED;
+        }
+        if candidate.count > 1 {
+            flags |= flag::MULTIPLE_PEAKS;
+        }
+        if candidate.first == 0 || candidate.last + 1 == self.length_across {
+            flags |= flag::CLIPPED;
+        }
+        let (x, y) = (self.offset.0 as f64, self.offset.1 as f64);
+        let (u_px, v_px) = match self.direction {
+            StripeDirection::Horizontal => (x + line as f64, y + centre.position_px),
+            StripeDirection::Vertical => (x + centre.position_px, y + line as f64),
+        };
+        self.centerline.u_px.push(u_px as f32);
+        self.centerline.v_px.push(v_px as f32);
+        self.centerline
+            .width_px
+            .push(full_width_half_maximum(section, levels.blur_variance_px2) as f32);
+        self.centerline.intensity.push(raw.at(centre.position_px));
+        self.centerline.sigma_px.push(centre.sigma_px as f32);
+        self.centerline.flags.push(flags);
+    }
+
+    /// Whether the candidate touches the one of the line before, corners included.
+    fn continues(&self, line: usize, candidate: Candidate) -> bool {
+        self.previous.is_some_and(|(previous_line, previous)| {
+            previous_line + 1 == line
+                && candidate.first <= previous.last + 1
+                && previous.first <= candidate.last + 1
+        })
+    }
+}
+
+/// Unblurred samples about a candidate.
+#[derive(Clone, Copy, Debug)]
+pub struct Raw<'a> {
+    /// Samples of consecutive positions.
+    pub samples: &'a [u32],
+    /// Position of `samples[0]`.
+    pub origin: u32,
+}
+
+impl Raw<'_> {
+    /// Level at a place between samples, linear.
+    fn at(&self, position_px: f64) -> f32 {
+        let at = (position_px - f64::from(self.origin)).clamp(0.0, (self.samples.len() - 1) as f64);
+        let left = at.floor() as usize;
+        let right = (left + 1).min(self.samples.len() - 1);
+        let share = at - left as f64;
+        (f64::from(self.samples[left]) * (1.0 - share) + f64::from(self.samples[right]) * share)
+            as f32
+    }
+}

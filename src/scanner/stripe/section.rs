@@ -1,0 +1,146 @@
+//! One cross-section of the stripe and the numbers that every estimator shares.
+//!
+//! Positions run across the stripe: rows for a horizontal stripe, columns for a vertical one, pixel centres at
+//! integers, counted from the border of the searched region.
+
+use super::blur::{Kernel, UNITS};
+use crate::scanner::params::{ExtractionParams, Method, Window};
+
+/// The run of stripe pixels that was chosen in a cross-section.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Candidate {
+    /// First position above the segment threshold.
+    pub first: u32,
+    /// Last position above the segment threshold.
+    pub last: u32,
+    /// Largest blurred sample, blurred units.
+    pub peak: u32,
+    /// Candidates of this cross-section, this one included; 0: none was found.
+    pub count: u32,
+}
+
+impl Candidate {
+    /// Samples above the segment threshold.
+    pub const fn len(&self) -> u32 {
+        self.last - self.first + 1
+    }
+
+    /// Positions to either side of the run that [`measure`] looks at, at most.
+    pub const fn margin(&self) -> u32 {
+        self.len() + 2
+    }
+}
+
+/// Blurred samples of a cross-section: the candidate and what lies around it.
+#[derive(Clone, Copy, Debug)]
+pub struct Section<'a> {
+    /// Blurred samples, blurred units, of consecutive positions.
+    pub samples: &'a [u32],
+    /// Position of `samples[0]`.
+    pub origin: u32,
+    /// The run of stripe pixels; it lies within `samples`, whose margin only the border cuts short.
+    pub candidate: Candidate,
+}
+
+impl Section<'_> {
+    /// Samples of the candidate.
+    pub fn run(&self) -> &[u32] {
+        let from = (self.candidate.first - self.origin) as usize;
+        &self.samples[from..from + self.candidate.len() as usize]
+    }
+}
+
+/// The extraction's parameters in the units of the blurred samples of one image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Levels {
+    /// Estimator.
+    pub method: Method,
+    /// Window of the improved gravity.
+    pub window: Window,
+    /// A pixel is stripe above this, blurred units.
+    pub segment_threshold: u32,
+    /// A sample counts towards the width above this, blurred units.
+    pub width_threshold: u32,
+    /// Full scale, sample units.
+    pub full_scale: u32,
+    /// Noise of a raw pixel.
+    pub noise: Noise,
+    /// Variance of the blur across the stripe, px².
+    pub blur_variance_px2: f64,
+}
+
+impl Levels {
+    /// Scales parameters given in grey levels of an 8-bit scale to samples of that full scale.
+    pub fn new(params: &ExtractionParams, kernel: &Kernel, full_scale: u32) -> Self {
+        let scale = f64::from(full_scale) / 255.0;
+        let units = |grey: f64| (grey * scale * f64::from(UNITS)).round() as u32;
+        let read_variance = (params.read_noise * scale).powi(2);
+        Self {
+            method: params.method,
+            window: params.window,
+            segment_threshold: units(params.segment_threshold),
+            width_threshold: units(params.width_threshold),
+            full_scale,
+            noise: Noise {
+                // Rounding to integers adds 1/12.
+                constant: (read_variance + 1.0 / 12.0) * kernel.noise_gain(),
+                per_level: params.shot_gain * scale * kernel.noise_gain(),
+            },
+            blur_variance_px2: kernel.variance_px2(),
+        }
+    }
+}
+
+/// Variance of a sample after the blur *along* the stripe, in sample units squared: `constant + per_level * level`.
+///
+/// The blur across the stripe is left out on purpose: it hardly changes what a window's centroid makes of the noise,
+/// because a blurred ramp is the same ramp.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Read noise and rounding.
+    pub constant: f64,
+    /// Shot noise.
+    pub per_level: f64,
+}
+
+impl Noise {
+    /// Variance at a sample of that level.
+    pub fn variance(&self, level: f64) -> f64 {
+        self.constant + self.per_level * level
+    }
+}
+
+/// The centre of a cross-section and how sure it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Centre {
+    /// Position, pixels.
+    pub position_px: f64,
+    /// One standard deviation from the stated noise, pixels.
+    pub sigma_px: f64,
+}
+
+/// Full width at half maximum, pixels: where the blurred samples fall below half their peak, interpolated linearly,
+/// and the blur's own width taken off in quadrature (exact for a Gaussian stripe). NaN where the border hides an edge.
+pub fn full_width_half_maximum(section: &Section<'_>, blur_variance_px2: f64) -> f64 {
+    let half = f64::from(section.candidate.peak) / 2.0;
+    let run_start = (section.candidate.first - section.origin) as usize;
+    let Some(peak) = section.run().iter().position(|&s| s == section.candidate.peak) else {
+        return f64::NAN;
+    };
+    let (below, above) = section.samples.split_at(run_start + peak);
+    // Distance from the peak to the crossing, over samples that lead away from it.
+    let edge = |samples: &mut dyn Iterator<Item = &u32>| {
+        let mut inner = f64::from(section.candidate.peak);
+        for (i, &sample) in samples.enumerate() {
+            let outer = f64::from(sample);
+            if outer < half {
+                return i as f64 + (inner - half) / (inner - outer);
+            }
+            inner = outer;
+        }
+        f64::NAN
+    };
+    let width = edge(&mut below.iter().rev()) + edge(&mut above[1..].iter());
+    // 8 ln 2: from a Gaussian's variance to its squared full width at half maximum.
+    (width * width - 8.0 * std::f64::consts::LN_2 * blur_variance_px2).max(0.0).sqrt()
+}

@@ -1,0 +1,170 @@
+//! The blurred image, computed only where it can matter.
+//!
+//! A blurred sample exceeds a threshold only if some sample under the kernel does: the weights sum to one. So the
+//! maximum of a tile of raw samples decides *exactly* whether blurring near it can be left out. Finding those maxima is
+//! one read of the image; everything after it grows with the stripe, not with the frame.
+
+use super::{
+    blur::{Kernel, Sample, UNITS, blur_span, blurred_at},
+    segment::Regions,
+};
+use crate::scanner::channel::Plane;
+use std::ops::Range;
+
+/// Rows of a tile.
+const ROWS: usize = 8;
+/// Columns of a tile: one cache line of bytes.
+const COLUMNS: usize = 64;
+
+/// Blurred samples of the tiles near bright pixels. Buffers are kept from frame to frame.
+#[derive(Debug)]
+pub struct BlurredTiles<S: Sample> {
+    width: usize,
+    height: usize,
+    /// Tiles in a row of tiles.
+    across: usize,
+    /// Whether a tile holds a raw sample above the threshold.
+    hot: Vec<bool>,
+    /// Whether a tile has been blurred.
+    blurred: Vec<bool>,
+    /// Blurred samples, row by row; only those in blurred tiles are of this frame.
+    samples: Vec<S::Sum>,
+    row_maxima: Vec<S>,
+    sums: Vec<S::Sum>,
+}
+
+impl<S: Sample> Default for BlurredTiles<S> {
+    fn default() -> Self {
+        Self {
+            width: 0,
+            height: 0,
+            across: 0,
+            hot: Vec::new(),
+            blurred: Vec::new(),
+            samples: Vec::new(),
+            row_maxima: Vec::new(),
+            sums: Vec::new(),
+        }
+    }
+}
+
+impl<S: Sample> BlurredTiles<S> {
+    /// Blurs every tile of `plane` in which a blurred sample above `threshold` (blurred units) can lie.
+    pub fn compute(&mut self, plane: &Plane<'_, S>, kernel: &Kernel, threshold: u32) {
+        self.resize(plane.width, plane.height);
+        self.find_hot(plane, threshold);
+        self.spread(kernel.radius());
+        for tile_row in 0..self.hot.len() / self.across {
+            let mut from = 0;
+            while let Some(span) =
+                next_span(&self.blurred[tile_row * self.across..][..self.across], from)
+            {
+                from = span.end;
+                let (x0, x1) = (span.start * COLUMNS, (span.end * COLUMNS).min(self.width));
+                for y in tile_row * ROWS..((tile_row + 1) * ROWS).min(self.height) {
+                    let out = &mut self.samples[y * self.width..][..self.width];
+                    blur_span(plane, kernel, (y, x0, x1), &mut self.sums, out);
+                }
+            }
+        }
+    }
+
+    /// Puts the runs of blurred samples above `threshold` into `regions`.
+    pub fn segment(&self, threshold: u32, regions: &mut Regions) {
+        regions.clear();
+        let threshold = S::narrow(threshold);
+        for y in 0..self.height {
+            regions.start_row();
+            let tiles = &self.blurred[y / ROWS * self.across..][..self.across];
+            let row = &self.samples[y * self.width..][..self.width];
+            let mut from = 0;
+            while let Some(span) = next_span(tiles, from) {
+                from = span.end;
+                let end = (span.end * COLUMNS).min(self.width);
+                let mut x = span.start * COLUMNS;
+                while let Some(start) =
+                    row[x..end].iter().position(|&s| s > threshold).map(|i| x + i)
+                {
+                    x = row[start..end]
+                        .iter()
+                        .position(|&s| s <= threshold)
+                        .map_or(end, |i| start + i);
+                    regions.push(y as u32, start as u32, x as u32);
+                    if x == end {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The blurred sample at a pixel of a tile that was blurred.
+    pub fn known(&self, x: usize, y: usize) -> u32 {
+        self.samples[y * self.width + x].into()
+    }
+
+    /// The blurred sample at any pixel; computed on the spot outside the blurred tiles.
+    pub fn at(&self, plane: &Plane<'_, S>, kernel: &Kernel, x: usize, y: usize) -> u32 {
+        if self.blurred[y / ROWS * self.across + x / COLUMNS] {
+            self.known(x, y)
+        } else {
+            blurred_at(plane, kernel, x, y)
+        }
+    }
+
+    fn resize(&mut self, width: usize, height: usize) {
+        if (self.width, self.height) == (width, height) {
+            return;
+        }
+        (self.width, self.height) = (width, height);
+        self.across = width.div_ceil(COLUMNS);
+        let tiles = self.across * height.div_ceil(ROWS);
+        self.hot.resize(tiles, false);
+        self.blurred.resize(tiles, false);
+        self.samples.resize(width * height, S::Sum::default());
+        self.row_maxima.resize(width, S::default());
+    }
+
+    /// The one read of the whole image.
+    fn find_hot(&mut self, plane: &Plane<'_, S>, threshold: u32) {
+        for (tile_row, hot) in self.hot.chunks_exact_mut(self.across).enumerate() {
+            let y0 = tile_row * ROWS;
+            self.row_maxima.copy_from_slice(plane.row(y0));
+            for y in y0 + 1..(y0 + ROWS).min(self.height) {
+                for (maximum, &sample) in self.row_maxima.iter_mut().zip(plane.row(y)) {
+                    *maximum = (*maximum).max(sample);
+                }
+            }
+            for (hot, tile) in hot.iter_mut().zip(self.row_maxima.chunks(COLUMNS)) {
+                let maximum: u32 = tile.iter().copied().max().unwrap_or_default().into();
+                *hot = u64::from(maximum) * u64::from(UNITS) > u64::from(threshold);
+            }
+        }
+    }
+
+    /// Marks the tiles that the kernel can reach from a hot one.
+    fn spread(&mut self, radius: usize) {
+        let down = self.hot.len() / self.across;
+        let (reach_x, reach_y) = (radius.div_ceil(COLUMNS), radius.div_ceil(ROWS));
+        self.blurred.fill(false);
+        for tile_y in 0..down {
+            for tile_x in 0..self.across {
+                if !self.hot[tile_y * self.across + tile_x] {
+                    continue;
+                }
+                let xs = tile_x.saturating_sub(reach_x)..(tile_x + reach_x + 1).min(self.across);
+                for y in tile_y.saturating_sub(reach_y)..(tile_y + reach_y + 1).min(down) {
+                    self.blurred[y * self.across + xs.start..y * self.across + xs.end].fill(true);
+                }
+            }
+        }
+    }
+}
+
+/// The next consecutive tiles that are set, at or after `from`.
+fn next_span(tiles: &[bool], from: usize) -> Option<Range<usize>> {
+    let start = from + tiles[from..].iter().position(|&set| set)?;
+    let end =
+        tiles[start..].iter().position(|&set| !set).map_or(tiles.len(), |length| start + length);
+    Some(start..end)
+}
