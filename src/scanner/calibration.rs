@@ -1,6 +1,6 @@
 //! Step 9: from pixels to metres. Measured values, and the one place where a camera model is chosen.
 
-use super::{params::StripeDirection, profile::Profile, stripe::Centerline};
+use super::{channel::Window, params::StripeDirection, profile::Profile, stripe::Centerline};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
@@ -91,28 +91,29 @@ impl Calibration {
             g.center_column_px,
             f64::from(g.height_sign),
         ];
-        values.iter().for_each(|value| hash.update(value.to_le_bytes()));
-        hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+        for value in values {
+            hash.update(value.to_le_bytes());
+        }
+        hash.finalize()[..8].iter().fold(String::new(), |id, byte| id + &format!("{byte:02x}"))
     }
 
-    /// Step 9: replaces `profile` by the centreline in metres, one entry for each of the `lines` searched columns
-    /// (rows, for a vertical stripe) from `first_line` on. A point that the geometry cannot place stays NaN.
+    /// Step 9: replaces `profile` by the centreline in metres, one entry a searched line. A point that the geometry
+    /// cannot place stays NaN. `full_scale` is the level of a saturated sample.
     pub fn triangulate(
         &self,
         centerline: &Centerline,
-        direction: StripeDirection,
-        (first_line, lines): (usize, usize),
+        lines: &Lines,
         full_scale: u32,
         profile: &mut Profile,
     ) {
         let Self::VerticalIncidence(geometry) = self;
-        profile.reset(lines);
-        let (along, across) = match direction {
+        profile.reset(lines.count);
+        let (along, across) = match lines.direction {
             StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
             StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
         };
         for i in 0..centerline.len() {
-            let entry = along[i] as usize - first_line;
+            let entry = along[i] as usize - lines.first;
             profile.intensity[entry] = (centerline.intensity[i] / full_scale as f32).min(1.0);
             profile.flags[entry] = centerline.flags[i];
             let Some(height) = geometry.height(f64::from(across[i])) else { continue };
@@ -122,6 +123,28 @@ impl Calibration {
                 (height.m_per_px.abs() * f64::from(centerline.sigma_px[i])) as f32;
             profile.valid_count += 1;
         }
+    }
+}
+
+/// The searched cross-sections: columns of the image for a horizontal stripe, rows for a vertical one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lines {
+    /// Which way the stripe runs.
+    pub direction: StripeDirection,
+    /// First searched column (row) of the image.
+    pub first: usize,
+    /// Searched columns (rows).
+    pub count: usize,
+}
+
+impl Lines {
+    /// The lines of a searched part of the image.
+    pub const fn new(direction: StripeDirection, searched: &Window) -> Self {
+        let (first, count) = match direction {
+            StripeDirection::Horizontal => (searched.x, searched.width),
+            StripeDirection::Vertical => (searched.y, searched.height),
+        };
+        Self { direction, first, count }
     }
 }
 

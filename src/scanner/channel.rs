@@ -130,7 +130,7 @@ impl Decoder {
                 let sample = |x: usize, y: usize| u32::from(mosaic.at(x, y));
                 self.eight.clear();
                 demosaic(image, window, pattern, sample, |rgb| {
-                    self.eight.push(select(channel, rgb) as u8)
+                    self.eight.push(select(channel, rgb) as u8);
                 });
                 AnyPlane::Eight(packed(&self.eight, window))
             }
@@ -142,7 +142,7 @@ impl Decoder {
                 };
                 self.sixteen.clear();
                 demosaic(image, window, pattern, sample, |rgb| {
-                    self.sixteen.push(select(channel, rgb) as u16)
+                    self.sixteen.push(select(channel, rgb) as u16);
                 });
                 AnyPlane::Sixteen(packed(&self.sixteen, window))
             }

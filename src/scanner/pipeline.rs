@@ -1,12 +1,12 @@
 //! The whole measurement on one screen: extract → triangulate → push.
 
 use super::{
-    calibration::Calibration,
+    calibration::{Calibration, Lines},
     channel::{Decoder, RoiError, window},
     height_map::HeightMap,
     image::Frame,
     motion::Motion,
-    params::{Params, StripeDirection},
+    params::Params,
     profile::Profile,
     scan::{Completed, Placed, Scan, Slice},
     stripe::{Centerline, Extractor},
@@ -66,17 +66,8 @@ impl Pipeline {
         let position_m = self.motion.position_m(index.frame_number, stamp_ns);
         let completed = match &self.calibration {
             Some(calibration) => {
-                let lines = match self.params.stripe_direction {
-                    StripeDirection::Horizontal => (searched.x, searched.width),
-                    StripeDirection::Vertical => (searched.y, searched.height),
-                };
-                calibration.triangulate(
-                    &self.centerline,
-                    self.params.stripe_direction,
-                    lines,
-                    full_scale,
-                    &mut self.profile,
-                );
+                let lines = Lines::new(self.params.stripe_direction, &searched);
+                calibration.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
                 self.scan.push(&Placed { profile: &self.profile, stamp_ns, position_m, index })
             }
             None => Completed::default(),

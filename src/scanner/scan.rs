@@ -128,20 +128,18 @@ impl Scan {
         let ends = self.growing.height > 0
             && (self.growing.width != width || self.growing.height >= self.max_profiles);
         let full = self.open.height >= self.slice_profiles;
-        let (had_slice, had_map) = (ends || full, ends);
-        if had_slice {
-            self.close_slice(ends);
-        }
-        if had_map {
-            self.close_map();
+        if ends {
+            self.end();
+        } else if full {
+            self.close_slice();
         }
         if self.growing.height == 0 {
             self.begin(width, placed);
         }
         self.add(placed);
         Completed {
-            slice: had_slice.then_some(&self.closed),
-            height_map: had_map.then_some(&self.finished),
+            slice: (ends || full).then_some(&self.closed),
+            height_map: ends.then_some(&self.finished),
         }
     }
 
@@ -153,8 +151,7 @@ impl Scan {
         let account = &mut self.open.account;
         account.frames_rejected += frames_rejected;
         account.frames_expected += frames_rejected;
-        self.close_slice(true);
-        self.close_map();
+        self.end();
         Completed { slice: Some(&self.closed), height_map: Some(&self.finished) }
     }
 
@@ -202,9 +199,8 @@ impl Scan {
         self.growing.z_m.extend_from_slice(&profile.z_m);
     }
 
-    fn close_slice(&mut self, last: bool) {
+    fn close_slice(&mut self) {
         let account = &mut self.open.account;
-        account.last_slice = last;
         if account.frames_missing + account.frames_rejected > 0 {
             account.state = account.state.max(SliceState::Gaps);
         }
@@ -220,7 +216,9 @@ impl Scan {
         self.open.account = next;
     }
 
-    fn close_map(&mut self) {
+    fn end(&mut self) {
+        self.open.account.last_slice = true;
+        self.close_slice();
         std::mem::swap(&mut self.growing, &mut self.finished);
         self.growing.z_m.clear();
         self.growing.height = 0;

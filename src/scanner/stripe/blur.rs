@@ -61,7 +61,7 @@ pub struct Kernel {
 impl Kernel {
     /// A Gaussian of standard deviation 0.3 (r - 1) + 0.8 pixels, 1.4 for the paper's r = 3; radius 0 changes nothing.
     ///
-    /// The paper prints a radius only; this is what OpenCV's `GaussianBlur` derives from the kernel's size.
+    /// The paper prints a radius only; this is what `GaussianBlur` of `OpenCV` derives from the kernel's size.
     pub fn gaussian(radius: u32) -> Self {
         if radius == 0 {
             return Self { weights: vec![UNITS as u16] };

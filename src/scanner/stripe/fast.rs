@@ -155,8 +155,8 @@ fn add_across<S: Sample>(
     tiles: &BlurredTiles<S>,
     selection: PeakSelection,
 ) {
-    for x in run.start as usize..run.end as usize {
-        let line = &mut lines[x];
+    let columns = run.start as usize..run.end as usize;
+    for (x, line) in columns.clone().zip(&mut lines[columns]) {
         let level = tiles.known(x, run.row as usize);
         if line.open.count > 0 && line.open.last + 1 == run.row {
             line.open.last = run.row;

@@ -16,7 +16,7 @@ pub fn coarse_peak(section: &Section<'_>, noise: &Noise) -> Centre {
     let run = section.run();
     let peak = run.iter().position(|&s| s == section.candidate.peak).unwrap_or(0);
     let brightest = f64::from(section.candidate.first) + peak as f64;
-    let half_length = f64::from(section.candidate.len()) / 2.0;
+    let half_length = f64::from(section.candidate.length()) / 2.0;
     let fallback = Centre { position_px: brightest, sigma_px: half_length };
     if run.len() < 3 {
         return fallback;

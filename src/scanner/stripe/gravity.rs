@@ -97,7 +97,7 @@ impl WindowSums {
             ((position - origin + 0.5).floor().max(0.0) as usize).min(section.samples.len() - 1)
         };
         let (from, to) = (index(low), index(high));
-        let middle = (low + high) / 2.0;
+        let middle = f64::midpoint(low, high);
         let mut sums = Self {
             level: 0.0,
             moment: 0.0,
@@ -110,7 +110,7 @@ impl WindowSums {
             let pixel = origin + i as f64;
             let (start, end) = (low.max(pixel - 0.5), high.min(pixel + 0.5));
             let part = end - start;
-            let at = 0.5 * (start + end);
+            let at = f64::midpoint(start, end);
             // Within a cut pixel the grey level is that of its covered part.
             let grey =
                 if part < 1.0 { interpolate(section.samples, at - origin) } else { level(i) };

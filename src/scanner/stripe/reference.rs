@@ -103,7 +103,9 @@ fn keep_large_regions(mask: &[bool], width: usize, min_area: u32) -> Vec<bool> {
             }
         }
         if region.len() > min_area as usize {
-            region.iter().for_each(|&pixel| kept[pixel] = true);
+            for pixel in region {
+                kept[pixel] = true;
+            }
         }
     }
     kept

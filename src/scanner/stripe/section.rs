@@ -21,13 +21,13 @@ pub struct Candidate {
 
 impl Candidate {
     /// Samples above the segment threshold.
-    pub const fn len(&self) -> u32 {
+    pub const fn length(&self) -> u32 {
         self.last - self.first + 1
     }
 
     /// Positions to either side of the run that [`measure`] looks at, at most.
     pub const fn margin(&self) -> u32 {
-        self.len() + 2
+        self.length() + 2
     }
 }
 
@@ -46,7 +46,7 @@ impl Section<'_> {
     /// Samples of the candidate.
     pub fn run(&self) -> &[u32] {
         let from = (self.candidate.first - self.origin) as usize;
-        &self.samples[from..from + self.candidate.len() as usize]
+        &self.samples[from..from + self.candidate.length() as usize]
     }
 }
 

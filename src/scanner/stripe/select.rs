@@ -18,7 +18,7 @@ impl Selected {
             PeakSelection::Brightest => candidate.peak > best.peak,
             PeakSelection::First => false,
             PeakSelection::Last => true,
-            PeakSelection::Widest => candidate.len() > best.len(),
+            PeakSelection::Widest => candidate.length() > best.length(),
         });
         if better {
             self.best = Some(candidate);
