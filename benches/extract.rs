@@ -13,17 +13,37 @@ use laser_profiler::{
 use std::{hint::black_box, time::Duration};
 
 fn extract(criterion: &mut Criterion) {
-    let scene = StripeScene { width: 2592, height: 2048, amplitude: 199.0, sigma_px: 2.2, read_noise: 2.0, ..StripeScene::default() };
+    let scene = StripeScene {
+        width: 2592,
+        height: 2048,
+        amplitude: 199.0,
+        sigma_px: 2.2,
+        read_noise: 2.0,
+        ..StripeScene::default()
+    };
     let mut samples = Vec::new();
     render_stripe(&scene, |column| 900.0 + 0.05 * f64::from(column), &mut samples);
-    let plane = AnyPlane::Eight(Plane { width: 2592, height: 2048, stride: 2592, samples: &samples });
-    let params = ExtractionParams { method: Method::ImprovedGravity, window: Window::Fractional, blur_radius: 3, segment_threshold: 35.0, min_segment_area: 500, width_threshold: 50.0, peak_selection: PeakSelection::Brightest, read_noise: 2.0, shot_gain: 0.0 };
+    let plane =
+        AnyPlane::Eight(Plane { width: 2592, height: 2048, stride: 2592, samples: &samples });
+    let params = ExtractionParams {
+        method: Method::ImprovedGravity,
+        window: Window::Fractional,
+        blur_radius: 3,
+        segment_threshold: 35.0,
+        min_segment_area: 500,
+        width_threshold: 50.0,
+        peak_selection: PeakSelection::Brightest,
+        read_noise: 2.0,
+        shot_gain: 0.0,
+    };
     let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
     let mut centerline = Centerline::default();
 
     let mut group = criterion.benchmark_group("frame_2592x2048");
     group.measurement_time(Duration::from_secs(5));
-    group.bench_function("read", |bencher| bencher.iter(|| black_box(&samples).iter().copied().max()));
+    group.bench_function("read", |bencher| {
+        bencher.iter(|| black_box(&samples).iter().copied().max())
+    });
     group.bench_function("extract", |bencher| {
         bencher.iter(|| extractor.extract(black_box(&plane), (0, 0), 255, &mut centerline));
     });

@@ -77,7 +77,7 @@ impl<S: Sample> FastExtractor<S> {
         let mut assembler = Assembler::new(centerline, self.direction, offset, length);
         for line in 0..self.lines.len() {
             if let Some(candidate) = self.lines[line].selected.take() {
-                let (section_start, raw_start) = self.gather(plane, line, candidate, length);
+                let (section_start, raw_start) = self.gather(plane, line, candidate, &levels);
                 let section = Section { samples: &self.samples, origin: section_start, candidate };
                 assembler.push(
                     line,
@@ -123,25 +123,28 @@ impl<S: Sample> FastExtractor<S> {
         plane: &Plane<'_, S>,
         line: usize,
         candidate: Candidate,
-        length: usize,
+        levels: &Levels,
     ) -> (u32, u32) {
+        let length = match self.direction {
+            StripeDirection::Horizontal => plane.height,
+            StripeDirection::Vertical => plane.width,
+        };
         let reach = |margin: u32| {
             let from = candidate.first.saturating_sub(margin) as usize;
             from..((candidate.last + margin) as usize + 1).min(length)
         };
-        let (wide, near) = (reach(candidate.margin()), reach(1));
+        let (wide, near) = (reach(levels.margin(&candidate)), reach(1));
         let starts = (wide.start as u32, near.start as u32);
-        let (tiles, kernel) = (&self.tiles, &self.kernel);
-        self.samples.clear();
         self.raw.clear();
         match self.direction {
             StripeDirection::Horizontal => {
-                self.samples.extend(wide.map(|y| tiles.at(plane, kernel, line, y)));
+                self.tiles.column(plane, &self.kernel, (line, wide), &mut self.samples);
                 self.raw.extend(near.map(|y| Into::<u32>::into(plane.at(line, y))));
             }
             StripeDirection::Vertical => {
-                self.samples.extend(wide.map(|x| tiles.at(plane, kernel, x, line)));
-                self.raw.extend(near.map(|x| Into::<u32>::into(plane.at(x, line))));
+                self.tiles.row(plane, &self.kernel, (line, wide), &mut self.samples);
+                self.raw
+                    .extend(plane.row(line)[near].iter().map(|&sample| Into::<u32>::into(sample)));
             }
         }
         starts

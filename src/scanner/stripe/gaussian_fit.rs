@@ -4,56 +4,92 @@ use super::{
     blur::UNITS,
     section::{Centre, Noise, Section},
 };
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, RowVector3, Vector3};
 
-/// Maximum of the Gaussian fitted to the candidate's samples.
+/// Maximum of the Gaussian fitted to the candidate's samples, pixels.
 ///
 /// The logarithm of a Gaussian is a parabola: ln G(t) = p₀ + p₁t + p₂t². Least squares in the logarithm, each sample
-/// weighted by G² because noise of ln G is that of G divided by G (Guo 2011, doi 10.1109/MSP.2011.941846, eq. 8). Its
-/// maximum lies at -p₁ / 2p₂; a parabola that opens upwards, or a maximum outside the candidate, gives the brightest
-/// sample's position instead. Its uncertainty follows from the derivative of that position by each sample.
-pub fn coarse_peak(section: &Section<'_>, noise: &Noise) -> Centre {
-    let run = section.run();
-    let peak = run.iter().position(|&s| s == section.candidate.peak).unwrap_or(0);
-    let brightest = f64::from(section.candidate.first) + peak as f64;
-    let half_length = f64::from(section.candidate.length()) / 2.0;
-    let fallback = Centre { position_px: brightest, sigma_px: half_length };
-    if run.len() < 3 {
-        return fallback;
-    }
-    let level = |sample: u32| f64::from(sample) / f64::from(UNITS);
-    let scale = 1.0 / level(section.candidate.peak);
-    let mut normal = Matrix3::zeros();
-    let mut right = Vector3::zeros();
-    let terms = || {
-        run.iter().enumerate().map(move |(i, &sample)| {
-            let t = i as f64 - peak as f64;
-            (level(sample), Vector3::new(1.0, t, t * t))
-        })
+/// weighted by G² because noise of ln G is that of G divided by G (Guo 2011, doi 10.1109/MSP.2011.941846). The maximum
+/// lies at -p₁ / 2p₂; for a parabola that opens upwards, or a maximum outside the candidate, the brightest sample stands
+/// in.
+pub fn coarse_peak(section: &Section<'_>) -> f64 {
+    let brightest = brightest(section);
+    fit(section, brightest)
+        .map_or(f64::from(section.candidate.first) + brightest as f64, |fit| fit.position_px)
+}
+
+/// The same as an estimator of its own, with its uncertainty: the derivative of the maximum by each sample times that
+/// sample's noise. Where the brightest sample stands in, the uncertainty is half the candidate.
+pub fn gaussian_fit(section: &Section<'_>, noise: &Noise) -> Centre {
+    let brightest = brightest(section);
+    let Some(fit) = fit(section, brightest) else {
+        return Centre {
+            position_px: f64::from(section.candidate.first) + brightest as f64,
+            sigma_px: f64::from(section.candidate.length()) / 2.0,
+        };
     };
-    for (grey, powers) in terms() {
-        let weight = (grey * scale).powi(2);
-        normal += powers * powers.transpose() * weight;
-        right += powers * (weight * (grey * scale).ln());
-    }
-    let Some(inverse) = normal.try_inverse() else { return fallback };
-    let parabola = inverse * right;
-    let offset = -parabola[1] / (2.0 * parabola[2]);
-    let position_px = brightest + offset;
-    let (first, last) = (f64::from(section.candidate.first), f64::from(section.candidate.last));
-    // Also false for NaN.
-    if !(parabola[2] < 0.0 && position_px >= first && position_px <= last) {
-        return fallback;
-    }
+    let Fit { normal, parabola, position_px } = fit;
     // d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂²
-    let gradient = Vector3::new(0.0, -0.5 / parabola[2], 0.5 * parabola[1] / parabola[2].powi(2))
-        .transpose()
-        * inverse;
-    let variance: f64 = terms()
-        .map(|(grey, powers)| {
-            let by_sample = (gradient * powers)[0] * grey * scale * scale;
-            by_sample * by_sample * noise.variance(grey)
-        })
-        .sum();
-    Centre { position_px, sigma_px: variance.sqrt() }
+    let by_coefficient =
+        RowVector3::new(0.0, -0.5 / parabola[2], 0.5 * parabola[1] / parabola[2].powi(2));
+    let Some(inverse) = normal.try_inverse() else {
+        return Centre { position_px, sigma_px: f64::INFINITY };
+    };
+    let gradient = by_coefficient * inverse;
+    let variance = section.run().iter().enumerate().map(|(i, &sample)| {
+        let t = i as f64 - brightest as f64;
+        let level = grey(sample);
+        let by_sample = (gradient * Vector3::new(1.0, t, t * t))[0] * level;
+        by_sample * by_sample * noise.variance(level)
+    });
+    Centre { position_px, sigma_px: variance.sum::<f64>().sqrt() }
+}
+
+/// A parabola through the logarithms, t = 0 at the brightest sample.
+struct Fit {
+    /// Of the normal equations, weights G².
+    normal: Matrix3<f64>,
+    /// p₀, p₁, p₂.
+    parabola: Vector3<f64>,
+    /// Its maximum, pixels; inside the candidate.
+    position_px: f64,
+}
+
+fn fit(section: &Section<'_>, brightest: usize) -> Option<Fit> {
+    // Σ w t^k and Σ w t^k ln G
+    let (mut powers, mut right) = ([0.0; 5], [0.0; 3]);
+    for (i, &sample) in section.run().iter().enumerate() {
+        let t = i as f64 - brightest as f64;
+        let level = grey(sample);
+        // Single precision is ample for a coarse peak and twice as fast.
+        let logarithm = f64::from((level as f32).ln());
+        let mut term = level * level;
+        for k in 0..5 {
+            powers[k] += term;
+            if k < 3 {
+                right[k] += term * logarithm;
+            }
+            term *= t;
+        }
+    }
+    let [s0, s1, s2, s3, s4] = powers;
+    let normal = Matrix3::new(s0, s1, s2, s1, s2, s3, s2, s3, s4);
+    let parabola = normal.cholesky()?.solve(&Vector3::from(right));
+    let position_px =
+        f64::from(section.candidate.first) + brightest as f64 - parabola[1] / (2.0 * parabola[2]);
+    let inside = f64::from(section.candidate.first)..=f64::from(section.candidate.last);
+    (parabola[2] < 0.0 && inside.contains(&position_px)).then_some(Fit {
+        normal,
+        parabola,
+        position_px,
+    })
+}
+
+/// Index of the (first) brightest sample in the candidate.
+fn brightest(section: &Section<'_>) -> usize {
+    section.run().iter().position(|&sample| sample == section.candidate.peak).unwrap_or(0)
+}
+
+fn grey(sample: u32) -> f64 {
+    f64::from(sample) / f64::from(UNITS)
 }

@@ -6,7 +6,7 @@ use super::{
 };
 
 /// Rounds of re-centring after which a window that does not stand still is left where it is.
-const MAX_ROUNDS: u32 = 20;
+const MAX_ROUNDS: u32 = 12;
 /// A window that moves by less stands still, pixels.
 const STANDSTILL_PX: f64 = 1e-4;
 
@@ -25,42 +25,44 @@ pub fn window_half_length_px(width_samples: u32) -> f64 {
 /// Locks the result to pixels (the project's accuracy tests show by how much); `window: fractional` does not.
 pub fn rounded_window_gravity(
     section: &Section<'_>,
-    coarse: &Centre,
+    coarse_px: f64,
     half_length_px: f64,
     noise: &Noise,
 ) -> Centre {
     let reach = half_length_px.round().max(1.0) + 0.5;
-    let middle = coarse.position_px.round();
+    let middle = coarse_px.round();
     let sums = WindowSums::of(section, middle - reach, middle + reach);
     Centre { position_px: sums.centroid(), sigma_px: sums.sigma(noise) }
 }
 
-/// Step 8 with a window whose ends may lie anywhere, centred on its own result until it stands still.
+/// Step 8 with a window whose ends may lie anywhere, centred on its own result.
 ///
 /// The window covers `2L + 1` pixels, as the rounded one does. A pixel that an end cuts counts with the part inside,
-/// the grey level along it interpolated linearly.
+/// at the grey level of that part's middle, interpolated linearly.
 pub fn fractional_window_gravity(
     section: &Section<'_>,
-    coarse: &Centre,
+    coarse_px: f64,
     half_length_px: f64,
     noise: &Noise,
 ) -> Centre {
     let reach = half_length_px.max(1.0) + 0.5;
     let (first, last) = (f64::from(section.candidate.first), f64::from(section.candidate.last));
-    let mut centre = coarse.position_px;
+    let mut centre = Centre { position_px: coarse_px, sigma_px: 0.0 };
     for _ in 0..MAX_ROUNDS {
-        let next =
-            WindowSums::of(section, centre - reach, centre + reach).centroid().clamp(first, last);
-        let moved = (next - centre).abs();
-        centre = next;
+        let (low, high) = (centre.position_px - reach, centre.position_px + reach);
+        let sums = WindowSums::of(section, low, high);
+        // The centroid f(c) of a window about c moves by f'(c) when the window moves: by what its ends take in.
+        let pull = (reach * (grey_at(section, low) + grey_at(section, high)) / sums.level).min(0.9);
+        // Newton's step towards c = f(c). Noise that moves f by δ moves that c by δ / (1 - f').
+        let step = (sums.centroid() - centre.position_px) / (1.0 - pull);
+        let next = (centre.position_px + step).clamp(first, last);
+        let moved = (next - centre.position_px).abs();
+        centre = Centre { position_px: next, sigma_px: sums.sigma(noise) / (1.0 - pull) };
         if moved < STANDSTILL_PX {
             break;
         }
     }
-    let sums = WindowSums::of(section, centre - reach, centre + reach);
-    // c = f(c) at rest, so noise that moves f by δ moves c by δ / (1 - f'(c)), and f'(c) is what the ends contribute.
-    let pull = (reach * sums.edge_levels / sums.level).min(0.95);
-    Centre { position_px: centre, sigma_px: sums.sigma(noise) / (1.0 - pull) }
+    centre
 }
 
 /// Formula 7 over the whole candidate: the plain grey-level centre of gravity.
@@ -73,72 +75,80 @@ pub fn gray_gravity(section: &Section<'_>, noise: &Noise) -> Centre {
     Centre { position_px: sums.centroid(), sigma_px: sums.sigma(noise) }
 }
 
-/// Σ G, Σ i·G and what else a centroid needs, over a window with ends between pixels. Pixel i covers [i - ½, i + ½].
-struct WindowSums {
+/// Σ G, Σ i·G over a window with ends between pixels. Pixel i covers [i - ½, i + ½].
+struct WindowSums<'a> {
+    section: &'a Section<'a>,
+    /// The ends, cut to what the section holds.
+    low: f64,
+    high: f64,
     level: f64,
+    /// Σ i·G, i relative to the middle of the window.
     moment: f64,
+    /// Σ i²·G, likewise.
     second: f64,
-    /// Σ G·(i - middle)², for shot noise.
-    weighted_second: f64,
-    /// Grey levels at the two ends, added.
-    edge_levels: f64,
-    /// What `moment` is relative to.
-    middle: f64,
 }
 
-impl WindowSums {
-    /// Formula 7's sums between two positions; what lies beyond the section's samples is left out.
-    fn of(section: &Section<'_>, low: f64, high: f64) -> Self {
+impl<'a> WindowSums<'a> {
+    /// Formula 7's sums between two positions: whole pixels in integers, then the two pixels that the ends cut.
+    fn of(section: &'a Section<'a>, low: f64, high: f64) -> Self {
+        let samples = section.samples;
         let origin = f64::from(section.origin);
-        let (low, high) =
-            (low.max(origin - 0.5), high.min(origin + section.samples.len() as f64 - 0.5));
-        let level = |i: usize| f64::from(section.samples[i]) / f64::from(UNITS);
-        let index = |position: f64| {
-            ((position - origin + 0.5).floor().max(0.0) as usize).min(section.samples.len() - 1)
-        };
-        let (from, to) = (index(low), index(high));
+        let (low, high) = (low.max(origin - 0.5), high.min(origin + samples.len() as f64 - 0.5));
         let middle = f64::midpoint(low, high);
-        let mut sums = Self {
-            level: 0.0,
-            moment: 0.0,
-            second: 0.0,
-            weighted_second: 0.0,
-            edge_levels: 0.0,
-            middle,
-        };
-        for i in from..=to {
-            let pixel = origin + i as f64;
-            let (start, end) = (low.max(pixel - 0.5), high.min(pixel + 0.5));
-            let part = end - start;
-            let at = f64::midpoint(start, end);
-            // Within a cut pixel the grey level is that of its covered part.
-            let grey =
-                if part < 1.0 { interpolate(section.samples, at - origin) } else { level(i) };
-            let distance = at - middle;
-            sums.level += grey * part;
-            sums.moment += grey * part * distance;
-            sums.second += part * distance * distance;
-            sums.weighted_second += part * grey * distance * distance;
+        let index = |position: f64| ((position - origin + 0.5) as usize).min(samples.len() - 1);
+        let (from, to) = (index(low), index(high));
+        let mut sums = Self { section, low, high, level: 0.0, moment: 0.0, second: 0.0 };
+        if from == to {
+            sums.add_cut(low, high, middle);
+            return sums;
         }
-        sums.edge_levels = interpolate(section.samples, low - origin)
-            + interpolate(section.samples, high - origin);
+        let (mut level, mut moment, mut second) = (0_u64, 0_u64, 0_u64);
+        for (k, &sample) in samples[from + 1..to].iter().enumerate() {
+            level += u64::from(sample);
+            moment += k as u64 * u64::from(sample);
+            second += (k * k) as u64 * u64::from(sample);
+        }
+        let first_whole = origin + (from + 1) as f64;
+        let [level, moment, second] =
+            [level, moment, second].map(|sum| sum as f64 / f64::from(UNITS));
+        let shift = first_whole - middle;
+        sums.level = level;
+        sums.moment = moment + shift * level;
+        sums.second = second + 2.0 * shift * moment + shift * shift * level;
+        sums.add_cut(low, first_whole - 0.5, middle);
+        sums.add_cut(origin + to as f64 - 0.5, high, middle);
         sums
     }
 
-    fn centroid(&self) -> f64 {
-        self.middle + self.moment / self.level
+    /// A part of one pixel, at the grey level of its own middle.
+    fn add_cut(&mut self, start: f64, end: f64, middle: f64) {
+        let at = f64::midpoint(start, end);
+        let level = (end - start) * grey_at(self.section, at);
+        self.level += level;
+        self.moment += level * (at - middle);
+        self.second += level * (at - middle).powi(2);
     }
 
-    /// Σ (i - c)² var(G) / (Σ G)²
+    fn centroid(&self) -> f64 {
+        f64::midpoint(self.low, self.high) + self.moment / self.level
+    }
+
+    /// Error propagation of formula 7: Σ (i - c)² var(G) / (Σ G)².
     fn sigma(&self, noise: &Noise) -> f64 {
-        (noise.constant * self.second + noise.per_level * self.weighted_second).sqrt() / self.level
+        let length = self.high - self.low;
+        // Σ (i - c)² over the pixels of a window of that length.
+        let squares = ((length.powi(3) - length) / 12.0).max(0.0);
+        let offset = self.moment / self.level;
+        let spread = (self.second - self.level * offset * offset).max(0.0);
+        (noise.constant * squares + noise.per_level * spread).sqrt() / self.level
     }
 }
 
 /// Grey level at a place between samples, linear; beyond the ends the nearest sample.
-fn interpolate(samples: &[u32], at: f64) -> f64 {
-    let at = at.clamp(0.0, (samples.len() - 1) as f64);
-    let left = at.floor() as usize;
+fn grey_at(section: &Section<'_>, position: f64) -> f64 {
+    let samples = section.samples;
+    let at = (position - f64::from(section.origin)).clamp(0.0, (samples.len() - 1) as f64);
+    let left = at as usize;
     let right = (left + 1).min(samples.len() - 1);
     let share = at - left as f64;
     (f64::from(samples[left]) * (1.0 - share) + f64::from(samples[right]) * share)

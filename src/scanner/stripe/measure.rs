@@ -2,7 +2,7 @@
 
 use super::{
     Centerline, flag,
-    gaussian_fit::coarse_peak,
+    gaussian_fit::{coarse_peak, gaussian_fit},
     gravity::{
         fractional_window_gravity, gray_gravity, rounded_window_gravity, width_samples,
         window_half_length_px,
@@ -15,17 +15,17 @@ use crate::scanner::params::{Method, StripeDirection, Window};
 pub fn centre(section: &Section<'_>, levels: &Levels) -> Centre {
     match levels.method {
         Method::GrayGravity => gray_gravity(section, &levels.noise),
-        Method::GaussianFit => coarse_peak(section, &levels.noise),
+        Method::GaussianFit => gaussian_fit(section, &levels.noise),
         Method::ImprovedGravity => {
-            let coarse = coarse_peak(section, &levels.noise);
+            let coarse_px = coarse_peak(section);
             let half_length_px =
                 window_half_length_px(width_samples(section, levels.width_threshold));
             match levels.window {
                 Window::Rounded => {
-                    rounded_window_gravity(section, &coarse, half_length_px, &levels.noise)
+                    rounded_window_gravity(section, coarse_px, half_length_px, &levels.noise)
                 }
                 Window::Fractional => {
-                    fractional_window_gravity(section, &coarse, half_length_px, &levels.noise)
+                    fractional_window_gravity(section, coarse_px, half_length_px, &levels.noise)
                 }
             }
         }

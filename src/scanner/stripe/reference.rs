@@ -54,13 +54,9 @@ pub fn extract<S: Sample>(
             let from = candidate.first.saturating_sub(margin) as usize;
             from..((candidate.last + margin) as usize + 1).min(length)
         };
-        let samples: Vec<u32> =
-            reach(candidate.margin()).map(|position| blurred[at(position)]).collect();
-        let section = Section {
-            samples: &samples,
-            origin: reach(candidate.margin()).start as u32,
-            candidate,
-        };
+        let margin = levels.margin(&candidate);
+        let samples: Vec<u32> = reach(margin).map(|position| blurred[at(position)]).collect();
+        let section = Section { samples: &samples, origin: reach(margin).start as u32, candidate };
         let raw: Vec<u32> = reach(1)
             .map(|position| {
                 let (x, y) = pixel(line, position);

@@ -24,11 +24,6 @@ impl Candidate {
     pub const fn length(&self) -> u32 {
         self.last - self.first + 1
     }
-
-    /// Positions to either side of the run that [`measure`] looks at, at most.
-    pub const fn margin(&self) -> u32 {
-        self.length() + 2
-    }
 }
 
 /// Blurred samples of a cross-section: the candidate and what lies around it.
@@ -101,6 +96,15 @@ pub struct Noise {
     pub constant: f64,
     /// Shot noise.
     pub per_level: f64,
+}
+
+impl Levels {
+    /// Positions to either side of a candidate that its section should hold: the window 2D/3 reaches at most so far, and
+    /// half the peak of a faint stripe lies outside the candidate.
+    pub const fn margin(&self, candidate: &Candidate) -> u32 {
+        let faint = candidate.peak / 2 <= self.segment_threshold;
+        (if faint { candidate.length() } else { 2 * candidate.length() / 3 }) + 3
+    }
 }
 
 impl Noise {

@@ -29,7 +29,6 @@ pub struct BlurredTiles<S: Sample> {
     blurred: Vec<bool>,
     /// Blurred samples, row by row; only those in blurred tiles are of this frame.
     samples: Vec<S::Sum>,
-    row_maxima: Vec<S>,
     sums: Vec<S::Sum>,
 }
 
@@ -42,7 +41,6 @@ impl<S: Sample> Default for BlurredTiles<S> {
             hot: Vec::new(),
             blurred: Vec::new(),
             samples: Vec::new(),
-            row_maxima: Vec::new(),
             sums: Vec::new(),
         }
     }
@@ -73,27 +71,27 @@ impl<S: Sample> BlurredTiles<S> {
     pub fn segment(&self, threshold: u32, regions: &mut Regions) {
         regions.clear();
         let threshold = S::narrow(threshold);
-        for y in 0..self.height {
-            regions.start_row();
-            let tiles = &self.blurred[y / ROWS * self.across..][..self.across];
-            let row = &self.samples[y * self.width..][..self.width];
-            let mut from = 0;
-            while let Some(span) = next_span(tiles, from) {
-                from = span.end;
-                let end = (span.end * COLUMNS).min(self.width);
-                let mut x = span.start * COLUMNS;
-                while let Some(start) =
-                    row[x..end].iter().position(|&s| s > threshold).map(|i| x + i)
-                {
-                    x = row[start..end]
-                        .iter()
-                        .position(|&s| s <= threshold)
-                        .map_or(end, |i| start + i);
-                    regions.push(y as u32, start as u32, x as u32);
-                    if x == end {
-                        break;
-                    }
+        for (tile_row, tiles) in self.blurred.chunks_exact(self.across).enumerate() {
+            let some = tiles.contains(&true);
+            for y in tile_row * ROWS..((tile_row + 1) * ROWS).min(self.height) {
+                regions.start_row();
+                if some {
+                    self.segment_row(y, tiles, threshold, regions);
                 }
+            }
+        }
+    }
+
+    fn segment_row(&self, y: usize, tiles: &[bool], threshold: S::Sum, regions: &mut Regions) {
+        let row = &self.samples[y * self.width..][..self.width];
+        let mut from = 0;
+        while let Some(span) = next_span(tiles, from) {
+            from = span.end;
+            let end = (span.end * COLUMNS).min(self.width);
+            let mut x = span.start * COLUMNS;
+            while let Some(start) = row[x..end].iter().position(|&s| s > threshold).map(|i| x + i) {
+                x = row[start..end].iter().position(|&s| s <= threshold).map_or(end, |i| start + i);
+                regions.push(y as u32, start as u32, x as u32);
             }
         }
     }
@@ -103,8 +101,37 @@ impl<S: Sample> BlurredTiles<S> {
         self.samples[y * self.width + x].into()
     }
 
+    /// Replaces `out` by the blurred samples of column `x` in `rows`, blurred tile or not.
+    pub fn column(
+        &self,
+        plane: &Plane<'_, S>,
+        kernel: &Kernel,
+        (x, rows): (usize, Range<usize>),
+        out: &mut Vec<u32>,
+    ) {
+        out.clear();
+        let mut tiles = rows.start / ROWS..=(rows.end - 1) / ROWS;
+        if tiles.all(|tile_row| self.blurred[tile_row * self.across + x / COLUMNS]) {
+            out.extend(rows.map(|y| self.known(x, y)));
+        } else {
+            out.extend(rows.map(|y| self.at(plane, kernel, x, y)));
+        }
+    }
+
+    /// Replaces `out` by the blurred samples of row `y` in `columns`, blurred tile or not.
+    pub fn row(
+        &self,
+        plane: &Plane<'_, S>,
+        kernel: &Kernel,
+        (y, columns): (usize, Range<usize>),
+        out: &mut Vec<u32>,
+    ) {
+        out.clear();
+        out.extend(columns.map(|x| self.at(plane, kernel, x, y)));
+    }
+
     /// The blurred sample at any pixel; computed on the spot outside the blurred tiles.
-    pub fn at(&self, plane: &Plane<'_, S>, kernel: &Kernel, x: usize, y: usize) -> u32 {
+    fn at(&self, plane: &Plane<'_, S>, kernel: &Kernel, x: usize, y: usize) -> u32 {
         if self.blurred[y / ROWS * self.across + x / COLUMNS] {
             self.known(x, y)
         } else {
@@ -122,22 +149,28 @@ impl<S: Sample> BlurredTiles<S> {
         self.hot.resize(tiles, false);
         self.blurred.resize(tiles, false);
         self.samples.resize(width * height, S::Sum::default());
-        self.row_maxima.resize(width, S::default());
     }
 
     /// The one read of the whole image.
     fn find_hot(&mut self, plane: &Plane<'_, S>, threshold: u32) {
+        let is_hot = |maximum: S| Into::<u32>::into(maximum) > threshold / UNITS;
         for (tile_row, hot) in self.hot.chunks_exact_mut(self.across).enumerate() {
-            let y0 = tile_row * ROWS;
-            self.row_maxima.copy_from_slice(plane.row(y0));
-            for y in y0 + 1..(y0 + ROWS).min(self.height) {
-                for (maximum, &sample) in self.row_maxima.iter_mut().zip(plane.row(y)) {
-                    *maximum = (*maximum).max(sample);
+            let rows = tile_row * ROWS..((tile_row + 1) * ROWS).min(plane.height);
+            let whole = plane.width / COLUMNS;
+            for (tile, hot) in hot[..whole].iter_mut().enumerate() {
+                // A fixed size: the maxima stay in vector registers.
+                let mut maxima = [S::default(); COLUMNS];
+                for y in rows.clone() {
+                    let samples = &plane.samples[y * plane.stride + tile * COLUMNS..][..COLUMNS];
+                    for (maximum, &sample) in maxima.iter_mut().zip(samples) {
+                        *maximum = (*maximum).max(sample);
+                    }
                 }
+                *hot = is_hot(maxima.into_iter().max().unwrap_or_default());
             }
-            for (hot, tile) in hot.iter_mut().zip(self.row_maxima.chunks(COLUMNS)) {
-                let maximum: u32 = tile.iter().copied().max().unwrap_or_default().into();
-                *hot = u64::from(maximum) * u64::from(UNITS) > u64::from(threshold);
+            if let Some(hot) = hot.get_mut(whole) {
+                let rest = rows.flat_map(|y| &plane.row(y)[whole * COLUMNS..]);
+                *hot = is_hot(rest.copied().max().unwrap_or_default());
             }
         }
     }
