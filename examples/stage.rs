@@ -34,7 +34,7 @@ fn main() {
     let mut ex = fast::FastExtractor::<u8>::new(params, StripeDirection::Horizontal);
     let mut cl = Centerline::default();
     let mut t = [vec![], vec![], vec![], vec![], vec![]];
-    for _ in 0..300 {
+    for _ in 0..20 {
         let a = Instant::now();
         tiles.compute(&plane, &kernel, 35 * 256);
         let b = Instant::now();
@@ -61,12 +61,12 @@ fn main() {
             StripeDirection::Horizontal,
         );
         let mut v = vec![];
-        for _ in 0..200 {
+        for _ in 0..3 {
             let d = Instant::now();
             ex.extract(&plane, (0, 0), 255, &mut cl);
             v.push(d.elapsed().as_secs_f64() * 1e6);
         }
         v.sort_by(f64::total_cmp);
-        println!("{m:?} {:.1} us", v[100]);
+        println!("{m:?} {:.1} us", v[1]);
     }
 }

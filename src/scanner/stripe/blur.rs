@@ -13,29 +13,45 @@ use std::{
 /// Blurred units a grey level.
 pub const UNITS: u32 = 256;
 
-/// Samples of an image and the integers that hold their weighted sums.
+/// An integer that holds weighted sums of samples.
+pub trait Number:
+    Copy + Ord + Default + Debug + Into<u32> + Add<Output = Self> + Mul<Output = Self> + Send
+{
+    /// The weight 0..=256.
+    fn from_weight(weight: u16) -> Self;
+}
+
+impl Number for u16 {
+    fn from_weight(weight: u16) -> Self {
+        weight
+    }
+}
+
+impl Number for u32 {
+    fn from_weight(weight: u16) -> Self {
+        weight.into()
+    }
+}
+
+/// A sample of an image.
 pub trait Sample:
     Copy + Ord + Default + Debug + Into<u32> + Into<Self::Sum> + Send + 'static
 {
-    /// Holds `256 * Self::MAX`: sums of one pass, and blurred samples.
-    type Sum: Copy
-        + Ord
-        + Default
-        + Debug
-        + Into<u32>
-        + Add<Output = Self::Sum>
-        + Mul<Output = Self::Sum>
-        + Send;
-    /// The weight 0..=256 as a sum.
-    fn weight(weight: u16) -> Self::Sum;
+    /// Holds `256 * Self::MAX + 255`: sums of one pass, and blurred samples.
+    type Sum: Number;
+    /// Half of 256, for rounding.
+    const HALF: Self::Sum;
+    /// Quotient and remainder by 256.
+    fn split(sum: Self::Sum) -> (Self::Sum, Self::Sum);
     /// A number that [`Self::Sum`] is known to hold.
     fn narrow(sum: u32) -> Self::Sum;
 }
 
 impl Sample for u8 {
     type Sum = u16;
-    fn weight(weight: u16) -> u16 {
-        weight
+    const HALF: u16 = 128;
+    fn split(sum: u16) -> (u16, u16) {
+        (sum >> 8, sum & 0xff)
     }
     fn narrow(sum: u32) -> u16 {
         sum as u16
@@ -44,8 +60,9 @@ impl Sample for u8 {
 
 impl Sample for u16 {
     type Sum = u32;
-    fn weight(weight: u16) -> u32 {
-        weight.into()
+    const HALF: u32 = 128;
+    fn split(sum: u32) -> (u32, u32) {
+        (sum >> 8, sum & 0xff)
     }
     fn narrow(sum: u32) -> u32 {
         sum
@@ -119,58 +136,80 @@ pub fn blurred_at<S: Sample>(plane: &Plane<'_, S>, kernel: &Kernel, x: usize, y:
     (sum + UNITS / 2) / UNITS
 }
 
+/// Scratch space of [`blur_span`], kept between calls.
+#[derive(Debug, Default)]
+pub struct Scratch<T> {
+    /// Sums of the first pass, divided by 256, and their remainders.
+    high: Vec<T>,
+    low: Vec<T>,
+    /// What the second pass makes of the remainders.
+    carried: Vec<T>,
+}
+
 /// Blurs the samples `x0..x1` of row `y` into `out[x0..x1]`: columns first, then along the row.
 ///
-/// `sums` is scratch space that is kept between calls.
+/// The second pass weighs quotients and remainders of the first pass's sums by 256 apart: `Σ w·s / 256 =
+/// Σ w·⌊s/256⌋ + Σ w·(s mod 256) / 256`. Both stay in the narrow integers that vector units are fastest with.
 pub fn blur_span<S: Sample>(
     plane: &Plane<'_, S>,
     kernel: &Kernel,
     (y, x0, x1): (usize, usize, usize),
-    sums: &mut Vec<S::Sum>,
+    scratch: &mut Scratch<S::Sum>,
     out: &mut [S::Sum],
 ) {
     let r = kernel.radius();
+    let Scratch { high, low, carried } = scratch;
+    let padded = x1 - x0 + 2 * r;
+    high.resize(padded, S::Sum::default());
+    low.resize(padded, S::Sum::default());
+    carried.resize(x1 - x0, S::Sum::default());
     let (from, to) = (x0.saturating_sub(r), (x1 + r).min(plane.width));
-    sums.clear();
-    sums.resize(x1 - x0 + 2 * r, S::Sum::default());
     let inner = from + r - x0..to + r - x0;
-    for (i, &weight) in kernel.weights.iter().enumerate() {
-        let weight = S::weight(weight);
-        let row = &plane.row((y + i).saturating_sub(r).min(plane.height - 1))[from..to];
-        for (sum, &sample) in sums[inner.clone()].iter_mut().zip(row) {
-            *sum = *sum + weight * sample.into();
-        }
+    let row = |i: usize| &plane.row((y + i).saturating_sub(r).min(plane.height - 1))[from..to];
+    let sums = &mut high[inner.clone()];
+    weigh_centre(kernel, row(r), sums);
+    for i in 0..r {
+        weigh_pair(kernel.weights[i], row(i), row(2 * r - i), sums);
     }
-    let (first, last) = (sums[inner.start], sums[inner.end - 1]);
-    sums[..inner.start].fill(first);
-    sums[inner.end..].fill(last);
-    along_row::<S>(kernel, sums, &mut out[x0..x1]);
+    let (first, last) = (high[inner.start], high[inner.end - 1]);
+    high[..inner.start].fill(first);
+    high[inner.end..].fill(last);
+    for (high, low) in high.iter_mut().zip(low.iter_mut()) {
+        (*high, *low) = S::split(*high);
+    }
+    let out = &mut out[x0..x1];
+    along_row(kernel, high, out);
+    along_row(kernel, low, carried);
+    for (out, carried) in out.iter_mut().zip(carried) {
+        *out = *out + S::split(*carried + S::HALF).0;
+    }
 }
 
-/// The second pass over a padded row of sums.
-fn along_row<S: Sample>(kernel: &Kernel, sums: &[S::Sum], out: &mut [S::Sum]) {
-    /// Samples at a time: their 32-bit sums stay in registers.
-    const BLOCK: usize = 16;
-    let weigh = |at: usize, length: usize, total: &mut [u32; BLOCK]| {
-        for (i, &weight) in kernel.weights.iter().enumerate() {
-            for (total, &sum) in total.iter_mut().zip(&sums[at + i..at + i + length]) {
-                *total += u32::from(weight) * Into::<u32>::into(sum);
-            }
-        }
-    };
-    let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
-    let done = blocks.len() * BLOCK;
-    for (block, out) in blocks.iter_mut().enumerate() {
-        let mut total = [UNITS / 2; BLOCK];
-        weigh(block * BLOCK, BLOCK, &mut total);
-        for (out, total) in out.iter_mut().zip(total) {
-            *out = S::narrow(total / UNITS);
-        }
+fn along_row<T: Number>(kernel: &Kernel, padded: &[T], out: &mut [T]) {
+    let (r, length) = (kernel.radius(), out.len());
+    weigh_centre::<T, T>(kernel, &padded[r..][..length], out);
+    for i in 0..r {
+        weigh_pair::<T, T>(
+            kernel.weights[i],
+            &padded[i..][..length],
+            &padded[2 * r - i..][..length],
+            out,
+        );
     }
-    let mut total = [UNITS / 2; BLOCK];
-    weigh(done, rest.len(), &mut total);
-    for (out, total) in rest.iter_mut().zip(total) {
-        *out = S::narrow(total / UNITS);
+}
+
+fn weigh_centre<T: Number, S: Copy + Into<T>>(kernel: &Kernel, samples: &[S], out: &mut [T]) {
+    let weight = T::from_weight(kernel.weights[kernel.radius()]);
+    for (out, &sample) in out.iter_mut().zip(samples) {
+        *out = weight * sample.into();
+    }
+}
+
+/// Two samples at the same distance from the centre share a weight.
+fn weigh_pair<T: Number, S: Copy + Into<T>>(weight: u16, left: &[S], right: &[S], out: &mut [T]) {
+    let weight = T::from_weight(weight);
+    for ((out, &left), &right) in out.iter_mut().zip(left).zip(right) {
+        *out = *out + weight * (left.into() + right.into());
     }
 }
 
@@ -206,7 +245,7 @@ mod tests {
         let plane = Plane { width: 8, height: 8, stride: 8, samples: &white };
         assert_eq!(blurred_at(&plane, &kernel, 4, 4), u32::from(u16::MAX) * UNITS);
         let mut out = vec![0; 8];
-        blur_span(&plane, &kernel, (4, 0, 8), &mut Vec::new(), &mut out);
+        blur_span(&plane, &kernel, (4, 0, 8), &mut Scratch::default(), &mut out);
         assert_eq!(out, vec![u32::from(u16::MAX) * UNITS; 8]);
     }
 }

@@ -84,8 +84,6 @@ struct WindowSums<'a> {
     level: f64,
     /// Σ i·G, i relative to the middle of the window.
     moment: f64,
-    /// Σ i²·G, likewise.
-    second: f64,
 }
 
 impl<'a> WindowSums<'a> {
@@ -97,24 +95,19 @@ impl<'a> WindowSums<'a> {
         let middle = f64::midpoint(low, high);
         let index = |position: f64| ((position - origin + 0.5) as usize).min(samples.len() - 1);
         let (from, to) = (index(low), index(high));
-        let mut sums = Self { section, low, high, level: 0.0, moment: 0.0, second: 0.0 };
+        let mut sums = Self { section, low, high, level: 0.0, moment: 0.0 };
         if from == to {
             sums.add_cut(low, high, middle);
             return sums;
         }
-        let (mut level, mut moment, mut second) = (0_u64, 0_u64, 0_u64);
+        let (mut level, mut moment) = (0.0, 0.0);
         for (k, &sample) in samples[from + 1..to].iter().enumerate() {
-            level += u64::from(sample);
-            moment += k as u64 * u64::from(sample);
-            second += (k * k) as u64 * u64::from(sample);
+            level += grey(sample);
+            moment += k as f64 * grey(sample);
         }
         let first_whole = origin + (from + 1) as f64;
-        let [level, moment, second] =
-            [level, moment, second].map(|sum| sum as f64 / f64::from(UNITS));
-        let shift = first_whole - middle;
         sums.level = level;
-        sums.moment = moment + shift * level;
-        sums.second = second + 2.0 * shift * moment + shift * shift * level;
+        sums.moment = moment + (first_whole - middle) * level;
         sums.add_cut(low, first_whole - 0.5, middle);
         sums.add_cut(origin + to as f64 - 0.5, high, middle);
         sums
@@ -126,7 +119,6 @@ impl<'a> WindowSums<'a> {
         let level = (end - start) * grey_at(self.section, at);
         self.level += level;
         self.moment += level * (at - middle);
-        self.second += level * (at - middle).powi(2);
     }
 
     fn centroid(&self) -> f64 {
@@ -138,9 +130,21 @@ impl<'a> WindowSums<'a> {
         let length = self.high - self.low;
         // Σ (i - c)² over the pixels of a window of that length.
         let squares = ((length.powi(3) - length) / 12.0).max(0.0);
-        let offset = self.moment / self.level;
-        let spread = (self.second - self.level * offset * offset).max(0.0);
-        (noise.constant * squares + noise.per_level * spread).sqrt() / self.level
+        let mut variance = noise.constant * squares;
+        if noise.per_level > 0.0 {
+            variance += noise.per_level * self.spread();
+        }
+        variance.sqrt() / self.level
+    }
+
+    /// Σ (i - c)² G over the whole pixels of the window.
+    fn spread(&self) -> f64 {
+        let origin = f64::from(self.section.origin);
+        let centre = self.centroid();
+        let from = (self.low - origin + 0.5) as usize;
+        let to = ((self.high - origin + 0.5) as usize).min(self.section.samples.len());
+        let terms = self.section.samples[from..to].iter().enumerate();
+        terms.map(|(i, &sample)| (origin + (from + i) as f64 - centre).powi(2) * grey(sample)).sum()
     }
 }
 
@@ -153,4 +157,8 @@ fn grey_at(section: &Section<'_>, position: f64) -> f64 {
     let share = at - left as f64;
     (f64::from(samples[left]) * (1.0 - share) + f64::from(samples[right]) * share)
         / f64::from(UNITS)
+}
+
+fn grey(sample: u32) -> f64 {
+    f64::from(sample) / f64::from(UNITS)
 }

@@ -5,7 +5,7 @@
 //! one read of the image; everything after it grows with the stripe, not with the frame.
 
 use super::{
-    blur::{Kernel, Sample, UNITS, blur_span, blurred_at},
+    blur::{Kernel, Sample, Scratch, UNITS, blur_span, blurred_at},
     segment::Regions,
 };
 use crate::scanner::channel::Plane;
@@ -29,7 +29,7 @@ pub struct BlurredTiles<S: Sample> {
     blurred: Vec<bool>,
     /// Blurred samples, row by row; only those in blurred tiles are of this frame.
     samples: Vec<S::Sum>,
-    sums: Vec<S::Sum>,
+    scratch: Scratch<S::Sum>,
 }
 
 impl<S: Sample> Default for BlurredTiles<S> {
@@ -41,7 +41,7 @@ impl<S: Sample> Default for BlurredTiles<S> {
             hot: Vec::new(),
             blurred: Vec::new(),
             samples: Vec::new(),
-            sums: Vec::new(),
+            scratch: Scratch::default(),
         }
     }
 }
@@ -61,7 +61,7 @@ impl<S: Sample> BlurredTiles<S> {
                 let (x0, x1) = (span.start * COLUMNS, (span.end * COLUMNS).min(self.width));
                 for y in tile_row * ROWS..((tile_row + 1) * ROWS).min(self.height) {
                     let out = &mut self.samples[y * self.width..][..self.width];
-                    blur_span(plane, kernel, (y, x0, x1), &mut self.sums, out);
+                    blur_span(plane, kernel, (y, x0, x1), &mut self.scratch, out);
                 }
             }
         }
@@ -157,16 +157,18 @@ impl<S: Sample> BlurredTiles<S> {
         for (tile_row, hot) in self.hot.chunks_exact_mut(self.across).enumerate() {
             let rows = tile_row * ROWS..((tile_row + 1) * ROWS).min(plane.height);
             let whole = plane.width / COLUMNS;
+            // Fixed sizes: the maxima stay in vector registers. Below the last row it is read again, which changes none.
+            let tiles: [&[[S; COLUMNS]]; ROWS] = std::array::from_fn(|i| {
+                plane.row((rows.start + i).min(rows.end - 1)).as_chunks().0
+            });
             for (tile, hot) in hot[..whole].iter_mut().enumerate() {
-                // A fixed size: the maxima stay in vector registers.
-                let mut maxima = [S::default(); COLUMNS];
-                for y in rows.clone() {
-                    let samples = &plane.samples[y * plane.stride + tile * COLUMNS..][..COLUMNS];
-                    for (maximum, &sample) in maxima.iter_mut().zip(samples) {
+                let mut maxima = tiles[0][tile];
+                for row in &tiles[1..] {
+                    for (maximum, sample) in maxima.iter_mut().zip(row[tile]) {
                         *maximum = (*maximum).max(sample);
                     }
                 }
-                *hot = is_hot(maxima.into_iter().max().unwrap_or_default());
+                *hot = is_hot(maxima.into_iter().fold(S::default(), S::max));
             }
             if let Some(hot) = hot.get_mut(whole) {
                 let rest = rows.flat_map(|y| &plane.row(y)[whole * COLUMNS..]);
