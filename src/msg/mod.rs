@@ -1,8 +1,21 @@
 //! ROS messages and their bytes. Pure: no I/O.
 //!
-//! One file a ROS package. [`schema`] holds the texts and hashes, [`cdr`] turns messages into bytes and back,
-//! [`convert`] translates between messages and the scanner's types.
+//! [`schema`] says what a message type is, [`cdr`] turns messages into bytes and back, [`convert`] translates between
+//! messages and the scanner's types. Between them stand the messages, one file a ROS package; fields and units are
+//! those of the `.msg` files. Arrays and text borrow where a copy would cost: a decoded message from its bytes, a
+//! published one from the scanner's buffers.
 
 pub mod schema;
 pub mod cdr;
+mod text;
+pub mod builtin_interfaces;
+pub mod std_msgs;
+pub mod sensor_msgs;
+pub mod unique_identifier_msgs;
+pub mod diagnostic_msgs;
+pub mod rosgraph_msgs;
+pub mod foxglove_msgs;
+pub mod laser_profiler_msgs;
 pub mod convert;
+#[cfg(test)]
+mod noise;

@@ -17,13 +17,53 @@ pub struct MessageType {
 
 impl MessageType {
     /// The schema as MCAP's `ros2msg` wants it: the text, then every dependency once behind a rule of 80 `=`.
+    ///
+    /// Dependencies stand in rosbag2's order: depth first, by name among those of one message.
     pub fn schema(&self) -> String {
-        todo!()
+        let mut schema = self.text.to_owned();
+        self.append_dependencies(&mut Vec::new(), &mut schema);
+        schema
+    }
+
+    fn append_dependencies(&self, seen: &mut Vec<&'static str>, schema: &mut String) {
+        let mut dependencies = self.dependencies.to_vec();
+        dependencies.sort_by_key(|dependency| dependency.name);
+        for dependency in dependencies {
+            if seen.contains(&dependency.name) {
+                continue;
+            }
+            seen.push(dependency.name);
+            schema.push('\n');
+            schema.push_str(&"=".repeat(80));
+            schema.push_str("\nMSG: ");
+            schema.push_str(&dependency.name.replace("/msg/", "/"));
+            schema.push('\n');
+            schema.push_str(dependency.text);
+            dependency.append_dependencies(seen, schema);
+        }
     }
 }
 
-/// A struct that is a ROS message.
+/// A struct that is a ROS message: its fields are those of the type's text, in that order.
 pub trait Message: Serialize {
     /// Its type.
     const TYPE: &'static MessageType;
 }
+
+/// Ties a struct to its type: name, text, hash and the messages among its fields.
+macro_rules! message {
+    ($message:ty, $name:literal, $text:expr, $hash:literal, [$($dependency:ty),*]) => {
+        impl $crate::msg::schema::Message for $message {
+            const TYPE: &'static $crate::msg::schema::MessageType = &$crate::msg::schema::MessageType {
+                name: $name,
+                text: $text,
+                dependencies: &[$(<$dependency as $crate::msg::schema::Message>::TYPE),*],
+                hash: $hash,
+            };
+        }
+    };
+}
+pub(super) use message;
+
+#[cfg(test)]
+mod tests;

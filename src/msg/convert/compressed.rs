@@ -1,0 +1,285 @@
+//! `sensor_msgs/CompressedImage` as the scanner's image, decoded into a buffer that is kept between frames.
+
+use std::{fmt, io::Cursor};
+
+use image::{
+    ColorType, ImageDecoder, ImageResult, Limits,
+    codecs::{jpeg::JpegDecoder, png::PngDecoder},
+};
+
+use super::frame::{FrameRejected, excerpt, pixel_format};
+use crate::{
+    msg::sensor_msgs::CompressedImage,
+    scanner::image::{ByteOrder, Image, PixelFormat},
+};
+
+/// How a picture is compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Codec {
+    /// JPEG, 8 bit.
+    Jpeg,
+    /// PNG, 8 or 16 bit.
+    Png,
+}
+
+impl fmt::Display for Codec {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Jpeg => "JPEG",
+            Self::Png => "PNG",
+        })
+    }
+}
+
+/// Byte order of the 16-bit samples that a decoder yields.
+const NATIVE: ByteOrder =
+    if cfg!(target_endian = "big") { ByteOrder::Big } else { ByteOrder::Little };
+
+/// What the PNG decoder may take for its own buffers, however small the limit: 64 KiB.
+const MIN_DECODER_BYTES: u64 = 1 << 16;
+
+/// Decodes a compressed image into `pixels`: grey as 8 or 16 bit grey (or the Bayer pattern that the format names),
+/// colour as `rgb8` or `rgba8`.
+///
+/// Nothing is allocated for pixels before the size in the file's header has passed `max_frame_bytes`; the decoders
+/// work in a small multiple of that.
+///
+/// # Errors
+/// A format other than JPEG and PNG, a size beyond the limit, a file that is damaged or of another kind than stated.
+pub fn image<'a>(
+    message: &CompressedImage<'_>,
+    max_frame_bytes: u64,
+    pixels: &'a mut Vec<u8>,
+) -> Result<Image<'a>, FrameRejected> {
+    let codec = codec(&message.format)
+        .ok_or_else(|| FrameRejected::Format { format: excerpt(&message.format) })?;
+    let source = message.format.split(';').next().unwrap_or_default().trim();
+    let file = File { codec, data: message.data, max_frame_bytes };
+    let reader = Cursor::new(message.data);
+    let (width, height, color) = match codec {
+        Codec::Jpeg if !ends_as_jpeg(message.data) => {
+            return Err(FrameRejected::Truncated { length: message.data.len() });
+        }
+        Codec::Jpeg => file.decode(JpegDecoder::new(reader), pixels)?,
+        Codec::Png => {
+            let mut limits = Limits::no_limits();
+            limits.max_alloc = Some(max_frame_bytes.max(MIN_DECODER_BYTES));
+            file.decode(PngDecoder::with_limits(reader, limits), pixels)?
+        }
+    };
+    let format = match (color, pixel_format(source, NATIVE)) {
+        (ColorType::L8, Some(bayer @ PixelFormat::Bayer8(_)))
+        | (ColorType::L16, Some(bayer @ PixelFormat::Bayer16(..))) => bayer,
+        (ColorType::L8, _) => PixelFormat::Mono8,
+        (ColorType::L16, _) => PixelFormat::Mono16(NATIVE),
+        (ColorType::Rgb8, _) => PixelFormat::Rgb8,
+        (ColorType::Rgba8, _) => PixelFormat::Rgba8,
+        _ => return Err(FrameRejected::Color { codec, color }),
+    };
+    let step = width.saturating_mul(format.bytes_per_pixel() as u32);
+    Ok(Image::new(width, height, step, format, pixels)?)
+}
+
+/// The codec of a format: its whole text, or the first word behind the `;` that `image_transport` writes.
+fn codec(format: &str) -> Option<Codec> {
+    let compression = format.rsplit(';').next()?;
+    match compression.split_ascii_whitespace().next()?.to_ascii_lowercase().as_str() {
+        "jpeg" | "jpg" => Some(Codec::Jpeg),
+        "png" => Some(Codec::Png),
+        _ => None,
+    }
+}
+
+/// Whether the end-of-image marker is there, perhaps padded: the decoder fills up truncated images unseen.
+fn ends_as_jpeg(data: &[u8]) -> bool {
+    let padding = data.iter().rev().take_while(|&&byte| byte == 0).count();
+    data[..data.len() - padding].ends_with(&[0xff, 0xd9])
+}
+
+/// A compressed picture and the most that its pixels may take.
+struct File<'a> {
+    codec: Codec,
+    data: &'a [u8],
+    max_frame_bytes: u64,
+}
+
+impl File<'_> {
+    /// Width, height and kind of the pixels that now fill `pixels`.
+    fn decode<D: ImageDecoder>(
+        &self,
+        decoder: ImageResult<D>,
+        pixels: &mut Vec<u8>,
+    ) -> Result<(u32, u32, ColorType), FrameRejected> {
+        let &Self { codec, data, max_frame_bytes } = self;
+        let broken = |reason| FrameRejected::Codec { codec, length: data.len(), reason };
+        let decoder = decoder.map_err(broken)?;
+        let (width, height) = decoder.dimensions();
+        let color = decoder.color_type();
+        let bytes = decoder.total_bytes();
+        if bytes > max_frame_bytes {
+            return Err(FrameRejected::TooLarge { width, height, bytes, max_frame_bytes });
+        }
+        // Zeroed, so that no pixel of an earlier frame can show through a partial one.
+        pixels.clear();
+        pixels.resize(bytes as usize, 0);
+        decoder.read_image(pixels).map_err(broken)?;
+        Ok((width, height, color))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
+    use super::*;
+    use crate::scanner::image::BayerPattern;
+
+    const LIMIT: u64 = 1 << 20;
+
+    fn png(width: u32, height: u32, pixels: &[u8], color: ExtendedColorType) -> Vec<u8> {
+        let mut file = Vec::new();
+        PngEncoder::new(&mut file).write_image(pixels, width, height, color).unwrap();
+        file
+    }
+
+    fn jpeg(width: u32, height: u32, pixels: &[u8], color: ExtendedColorType) -> Vec<u8> {
+        let mut file = Vec::new();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut file, 100)
+            .write_image(pixels, width, height, color)
+            .unwrap();
+        file
+    }
+
+    fn message<'a>(format: &'a str, data: &'a [u8]) -> CompressedImage<'a> {
+        CompressedImage { format: format.into(), data, ..Default::default() }
+    }
+
+    #[test]
+    fn png_gives_back_its_pixels() {
+        let grey: Vec<u8> = (0..6).collect();
+        let deep: Vec<u8> =
+            [1, 500, 65535, 256, 0, 7].iter().flat_map(|v: &u16| v.to_ne_bytes()).collect();
+        let color: Vec<u8> = (0..18).collect();
+        let alpha: Vec<u8> = (0..24).collect();
+        let bayer8 = PixelFormat::Bayer8(BayerPattern::Gbrg);
+        let mut pixels = vec![9; 100];
+        for (format, file, expected, samples) in [
+            ("png", png(3, 2, &grey, ExtendedColorType::L8), PixelFormat::Mono8, &grey),
+            (
+                "mono16; png compressed ",
+                png(3, 2, &deep, ExtendedColorType::L16),
+                PixelFormat::Mono16(NATIVE),
+                &deep,
+            ),
+            (
+                "bgr8; png compressed bgr8",
+                png(3, 2, &color, ExtendedColorType::Rgb8),
+                PixelFormat::Rgb8,
+                &color,
+            ),
+            ("PNG", png(3, 2, &alpha, ExtendedColorType::Rgba8), PixelFormat::Rgba8, &alpha),
+            (
+                "bayer_gbrg8; png compressed ",
+                png(3, 2, &grey, ExtendedColorType::L8),
+                bayer8,
+                &grey,
+            ),
+        ] {
+            let image = image(&message(format, &file), LIMIT, &mut pixels).unwrap();
+            assert_eq!(
+                (image.width(), image.height(), image.format()),
+                (3, 2, expected),
+                "{format}"
+            );
+            assert_eq!(image.data(), samples, "{format}");
+        }
+    }
+
+    #[test]
+    fn jpeg_gives_back_its_pixels_nearly() {
+        // 16 x 8: whole blocks, each of one colour.
+        let grey: Vec<u8> = (0..128).map(|i| if i % 16 < 8 { 40 } else { 200 }).collect();
+        let color: Vec<u8> = grey.iter().flat_map(|&v| [v, 100, 255 - v]).collect();
+        for (format, file, expected, samples) in [
+            ("jpeg", jpeg(16, 8, &grey, ExtendedColorType::L8), PixelFormat::Mono8, &grey),
+            (
+                "mono8; jpeg compressed ",
+                jpeg(16, 8, &grey, ExtendedColorType::L8),
+                PixelFormat::Mono8,
+                &grey,
+            ),
+            (
+                "rgb8; jpeg compressed bgr8",
+                jpeg(16, 8, &color, ExtendedColorType::Rgb8),
+                PixelFormat::Rgb8,
+                &color,
+            ),
+        ] {
+            let mut pixels = Vec::new();
+            let image = image(&message(format, &file), LIMIT, &mut pixels).unwrap();
+            assert_eq!(
+                (image.width(), image.height(), image.format()),
+                (16, 8, expected),
+                "{format}"
+            );
+            let farthest = image.data().iter().zip(samples).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(farthest.unwrap() <= 8, "{format}: {farthest:?}");
+        }
+    }
+
+    #[test]
+    fn lying_headers_are_refused_before_memory_is_taken() {
+        let mut lying_jpeg = jpeg(16, 8, &[0; 128], ExtendedColorType::L8);
+        let frame = lying_jpeg.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();
+        lying_jpeg[frame + 5..frame + 9].fill(0xff);
+        // Width and height of the header chunk, and its checksum (computed with zlib).
+        let mut lying_png = png(3, 2, &[0; 6], ExtendedColorType::L8);
+        lying_png[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
+        lying_png[29..33].copy_from_slice(&[0x93, 0x6e, 0x86, 0x8c]);
+        for (format, file) in [("jpeg", lying_jpeg), ("png", lying_png)] {
+            let mut pixels = Vec::new();
+            let error = image(&message(format, &file), LIMIT, &mut pixels).unwrap_err();
+            assert!(
+                matches!(error, FrameRejected::TooLarge { width: 65535, height: 65535, .. }),
+                "{format}: {error}"
+            );
+            assert_eq!(pixels.capacity(), 0, "{format}");
+        }
+    }
+
+    #[test]
+    fn damaged_and_unknown_files_are_refused_by_name() {
+        let grey: Vec<u8> = (0..128).collect();
+        let jpeg = jpeg(16, 8, &grey, ExtendedColorType::L8);
+        let png = png(16, 8, &grey, ExtendedColorType::L8);
+        let refused = |format: &str, data: &[u8]| {
+            image(&message(format, data), LIMIT, &mut Vec::new()).unwrap_err()
+        };
+        for length in 0..jpeg.len() {
+            let error = refused("jpeg", &jpeg[..length]);
+            assert!(matches!(error, FrameRejected::Truncated { .. }), "{length}: {error}");
+        }
+        for length in 0..png.len() - 16 {
+            let error = refused("png", &png[..length]);
+            assert!(
+                matches!(error, FrameRejected::Codec { codec: Codec::Png, .. }),
+                "{length}: {error}"
+            );
+        }
+        assert!(matches!(refused("jpeg", &[0xff, 0xd9]), FrameRejected::Codec { .. }));
+        assert!(matches!(refused("png", &jpeg), FrameRejected::Codec { .. }));
+        for format in ["", ";", "tiff", "16UC1; compressedDepth png", "rgb8; rvl"] {
+            assert!(matches!(refused(format, &png), FrameRejected::Format { .. }), "{format}");
+        }
+    }
+
+    #[test]
+    fn padded_jpeg_is_whole_and_colour_is_named() {
+        let mut padded = jpeg(16, 8, &[7; 128], ExtendedColorType::L8);
+        padded.extend([0; 5]);
+        assert!(image(&message("jpeg", &padded), LIMIT, &mut Vec::new()).is_ok());
+        let deep_color = png(1, 1, &[0; 6], ExtendedColorType::Rgb16);
+        let error = image(&message("png", &deep_color), LIMIT, &mut Vec::new()).unwrap_err();
+        assert!(matches!(error, FrameRejected::Color { color: ColorType::Rgb16, .. }), "{error}");
+    }
+}

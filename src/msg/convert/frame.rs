@@ -1,0 +1,246 @@
+//! `sensor_msgs/Image` as the scanner's image: checked once, never copied.
+
+use thiserror::Error;
+
+use super::compressed::Codec;
+use crate::{
+    msg::sensor_msgs,
+    scanner::image::{BayerPattern, ByteOrder, Image, ImageError, PixelFormat},
+};
+
+/// Encodings that the scanner reads.
+pub const ENCODINGS: &str = "mono8, mono16, 8UC1, 16UC1, rgb8, bgr8, rgba8, bgra8, \
+                             bayer_{rggb,bggr,gbrg,grbg}{8,16}";
+
+/// Why a camera's message is not a frame. The frame is skipped and counted; the stream goes on.
+#[derive(Debug, Error)]
+pub enum FrameRejected {
+    /// Size, step and data disagree.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// Pixels of an unknown kind.
+    #[error("encoding {encoding:?} is not one of {ENCODINGS}")]
+    Encoding {
+        /// As stated, cut after 32 characters.
+        encoding: String,
+    },
+    /// A compressed image of an unknown kind.
+    #[error("format {format:?} is none of jpeg, png")]
+    Format {
+        /// As stated, cut after 32 characters.
+        format: String,
+    },
+    /// More memory than a frame may take.
+    #[error(
+        "image of {width} x {height} pixels takes {bytes} bytes, at most {max_frame_bytes} are allowed"
+    )]
+    TooLarge {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Bytes of the pixels or of the buffer; `u64::MAX` where it is even more.
+        bytes: u64,
+        /// The limit.
+        max_frame_bytes: u64,
+    },
+    /// A compressed image with pixels of an unknown kind.
+    #[error("{codec} image has {color:?} pixels: 8 bit grey or colour, or 16 bit grey, is needed")]
+    Color {
+        /// The format stated.
+        codec: Codec,
+        /// What its header states.
+        color: image::ColorType,
+    },
+    /// A compressed image whose end is missing.
+    #[error("JPEG image of {length} bytes has no end-of-image marker at its end")]
+    Truncated {
+        /// Bytes there are.
+        length: usize,
+    },
+    /// A compressed image that cannot be decoded.
+    #[error("cannot decode {codec} image of {length} bytes: {reason}")]
+    Codec {
+        /// The format stated.
+        codec: Codec,
+        /// Bytes there are.
+        length: usize,
+        /// What the decoder says.
+        reason: image::ImageError,
+    },
+}
+
+/// Views an image message as an image.
+///
+/// # Errors
+/// An unknown encoding; more than `max_frame_bytes` bytes, stated or needed; size, step and data that disagree.
+pub fn image<'a>(
+    message: &sensor_msgs::Image<'a>,
+    max_frame_bytes: u64,
+) -> Result<Image<'a>, FrameRejected> {
+    let &sensor_msgs::Image { width, height, step, data, .. } = message;
+    let order = if message.is_bigendian == 0 { ByteOrder::Little } else { ByteOrder::Big };
+    let format = pixel_format(&message.encoding, order)
+        .ok_or_else(|| FrameRejected::Encoding { encoding: excerpt(&message.encoding) })?;
+    let pixel_bytes = u64::from(width)
+        .saturating_mul(u64::from(height))
+        .saturating_mul(format.bytes_per_pixel() as u64);
+    let bytes = pixel_bytes.max(u64::from(height) * u64::from(step));
+    if bytes > max_frame_bytes {
+        return Err(FrameRejected::TooLarge { width, height, bytes, max_frame_bytes });
+    }
+    Ok(Image::new(width, height, step, format, data)?)
+}
+
+/// The pixels of an encoding's name; `None` where the scanner cannot read them.
+pub(super) fn pixel_format(encoding: &str, order: ByteOrder) -> Option<PixelFormat> {
+    Some(match encoding {
+        "mono8" | "8UC1" => PixelFormat::Mono8,
+        "mono16" | "16UC1" => PixelFormat::Mono16(order),
+        "rgb8" => PixelFormat::Rgb8,
+        "bgr8" => PixelFormat::Bgr8,
+        "rgba8" => PixelFormat::Rgba8,
+        "bgra8" => PixelFormat::Bgra8,
+        _ => {
+            let (pattern, bits) = encoding.strip_prefix("bayer_")?.split_at_checked(4)?;
+            let pattern = match pattern {
+                "rggb" => BayerPattern::Rggb,
+                "bggr" => BayerPattern::Bggr,
+                "gbrg" => BayerPattern::Gbrg,
+                "grbg" => BayerPattern::Grbg,
+                _ => return None,
+            };
+            match bits {
+                "8" => PixelFormat::Bayer8(pattern),
+                "16" => PixelFormat::Bayer16(pattern, order),
+                _ => return None,
+            }
+        }
+    })
+}
+
+/// Enough of a stranger's text to recognise it by.
+pub(super) fn excerpt(text: &str) -> String {
+    text.chars().take(32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMIT: u64 = 1 << 20;
+
+    fn message<'a>(encoding: &'a str, step: u32, data: &'a [u8]) -> sensor_msgs::Image<'a> {
+        sensor_msgs::Image {
+            width: 3,
+            height: 2,
+            encoding: encoding.into(),
+            step,
+            data,
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn every_encoding_is_the_format_of_its_name() {
+        let (little, big) = (ByteOrder::Little, ByteOrder::Big);
+        let cases = [
+            ("mono8", 0, PixelFormat::Mono8),
+            ("8UC1", 1, PixelFormat::Mono8),
+            ("mono16", 0, PixelFormat::Mono16(little)),
+            ("16UC1", 1, PixelFormat::Mono16(big)),
+            ("rgb8", 0, PixelFormat::Rgb8),
+            ("bgr8", 0, PixelFormat::Bgr8),
+            ("rgba8", 0, PixelFormat::Rgba8),
+            ("bgra8", 0, PixelFormat::Bgra8),
+            ("bayer_rggb8", 0, PixelFormat::Bayer8(BayerPattern::Rggb)),
+            ("bayer_bggr8", 0, PixelFormat::Bayer8(BayerPattern::Bggr)),
+            ("bayer_gbrg16", 0, PixelFormat::Bayer16(BayerPattern::Gbrg, little)),
+            ("bayer_grbg16", 1, PixelFormat::Bayer16(BayerPattern::Grbg, big)),
+        ];
+        for (encoding, is_bigendian, format) in cases {
+            let step = 3 * format.bytes_per_pixel() as u32 + 5;
+            let data: Vec<u8> = (0..2 * step as u8).collect();
+            let message = sensor_msgs::Image { is_bigendian, ..message(encoding, step, &data) };
+            let image = image(&message, LIMIT).unwrap();
+            assert_eq!(image.format(), format, "{encoding}");
+            assert_eq!((image.width(), image.height(), image.step()), (3, 2, step as usize));
+            assert_eq!(image.data(), data);
+        }
+    }
+
+    #[test]
+    fn unknown_encodings_are_refused_with_what_is_known() {
+        let long = "x".repeat(10_000);
+        for encoding in [
+            "",
+            "yuv422",
+            "mono32",
+            "32FC1",
+            "bayer_",
+            "bayer_rgb8",
+            "bayer_rggb12",
+            "bayer_\u{e9}\u{e9}8",
+            "MONO8",
+            &long,
+        ] {
+            let error = image(&message(encoding, 3, &[0; 6]), LIMIT).unwrap_err();
+            assert!(matches!(error, FrameRejected::Encoding { .. }), "{encoding}: {error}");
+            let words = error.to_string();
+            assert!(words.contains("bayer_{rggb,bggr,gbrg,grbg}{8,16}") && words.len() < 300);
+        }
+    }
+
+    #[test]
+    fn the_limit_counts_stated_bytes_without_overflow() {
+        let data = [0; 6];
+        let fits = message("mono8", 3, &data);
+        assert!(image(&fits, 6).is_ok());
+        let step = sensor_msgs::Image { step: u32::MAX, ..fits.clone() };
+        let size = sensor_msgs::Image { width: 1 << 31, height: 1 << 31, ..fits.clone() };
+        let all = sensor_msgs::Image {
+            width: u32::MAX,
+            height: u32::MAX,
+            step: u32::MAX,
+            encoding: "rgba8".into(),
+            ..fits.clone()
+        };
+        for (message, limit, expected) in [
+            (fits, 5, 6),
+            (step, LIMIT, 2 * u64::from(u32::MAX)),
+            (size, LIMIT, 1 << 62),
+            (all, LIMIT, u64::MAX),
+        ] {
+            match image(&message, limit) {
+                Err(FrameRejected::TooLarge { bytes, .. }) => assert_eq!(bytes, expected),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn size_step_and_data_must_agree() {
+        let refused = |message: &sensor_msgs::Image<'_>| match image(message, LIMIT) {
+            Err(FrameRejected::Image(error)) => error,
+            other => panic!("{other:?}"),
+        };
+        let good = message("mono8", 4, &[0; 8]);
+        assert!(matches!(
+            refused(&sensor_msgs::Image { width: 0, ..good.clone() }),
+            ImageError::Empty { width: 0, height: 2 }
+        ));
+        assert!(matches!(
+            refused(&sensor_msgs::Image { step: 2, ..good.clone() }),
+            ImageError::Step { step: 2, needed: 3, .. }
+        ));
+        assert!(matches!(
+            refused(&sensor_msgs::Image { data: &[0; 7], ..good.clone() }),
+            ImageError::Length { actual: 7, needed: 8, .. }
+        ));
+        // A 16-bit image whose step is counted in pixels.
+        assert!(matches!(
+            refused(&sensor_msgs::Image { encoding: "mono16".into(), ..good }),
+            ImageError::Step { step: 4, needed: 6, .. }
+        ));
+    }
+}

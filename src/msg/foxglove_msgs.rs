@@ -1,0 +1,153 @@
+//! `foxglove_msgs`: drawings over an image, the form without `metadata` that ROS 2 distributions carry.
+//!
+//! Image coordinates have their origin at the *corner* of the top-left pixel, half a pixel from the scanner's.
+
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
+use super::{builtin_interfaces::Time, schema::message, text};
+
+/// Everything that is drawn over one image.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ImageAnnotations<'a> {
+    /// Circles.
+    pub circles: Vec<CircleAnnotation>,
+    /// Points and lines.
+    pub points: Vec<PointsAnnotation>,
+    /// Texts.
+    #[serde(borrow)]
+    pub texts: Vec<TextAnnotation<'a>>,
+}
+
+/// A circle over an image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CircleAnnotation {
+    /// Time of the image.
+    pub timestamp: Time,
+    /// Centre.
+    pub position: Point2,
+    /// Diameter, pixels.
+    pub diameter: f64,
+    /// Thickness of the line, pixels.
+    pub thickness: f64,
+    /// Colour of the area.
+    pub fill_color: Color,
+    /// Colour of the line.
+    pub outline_color: Color,
+}
+
+/// Points or lines over an image.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PointsAnnotation {
+    /// Time of the image.
+    pub timestamp: Time,
+    /// [`POINTS`](Self::POINTS) or one of the `LINE_` constants.
+    pub r#type: u8,
+    /// The points.
+    pub points: Vec<Point2>,
+    /// Colour of all lines.
+    pub outline_color: Color,
+    /// Colour of each point or line; may be empty.
+    pub outline_colors: Vec<Color>,
+    /// Colour of the enclosed area.
+    pub fill_color: Color,
+    /// Thickness of lines, pixels.
+    pub thickness: f64,
+}
+
+impl PointsAnnotation {
+    /// Nothing was chosen.
+    pub const UNKNOWN: u8 = 0;
+    /// Single points.
+    pub const POINTS: u8 = 1;
+    /// A closed line through all points.
+    pub const LINE_LOOP: u8 = 2;
+    /// An open line through all points.
+    pub const LINE_STRIP: u8 = 3;
+    /// A line for every pair of points.
+    pub const LINE_LIST: u8 = 4;
+}
+
+/// Text over an image.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TextAnnotation<'a> {
+    /// Time of the image.
+    pub timestamp: Time,
+    /// Bottom-left corner of the text.
+    pub position: Point2,
+    /// The text.
+    #[serde(borrow, with = "text")]
+    pub text: Cow<'a, str>,
+    /// Height of the letters, pixels.
+    pub font_size: f64,
+    /// Colour of the letters.
+    pub text_color: Color,
+    /// Colour behind them.
+    pub background_color: Color,
+}
+
+/// A point of an image, pixels from the corner of its top-left pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Point2 {
+    /// To the right.
+    pub x: f64,
+    /// Down.
+    pub y: f64,
+}
+
+/// A colour, parts from 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Color {
+    /// Red.
+    pub r: f64,
+    /// Green.
+    pub g: f64,
+    /// Blue.
+    pub b: f64,
+    /// Opacity.
+    pub a: f64,
+}
+
+message!(
+    ImageAnnotations<'_>,
+    "foxglove_msgs/msg/ImageAnnotations",
+    include_str!("definitions/foxglove_msgs/ImageAnnotations.msg"),
+    "RIHS01_47c6c0891ba263ec1b20d9b785c4261d4bc41051cbcc01668130e36aa2dcaee3",
+    [CircleAnnotation, PointsAnnotation, TextAnnotation<'_>]
+);
+message!(
+    CircleAnnotation,
+    "foxglove_msgs/msg/CircleAnnotation",
+    include_str!("definitions/foxglove_msgs/CircleAnnotation.msg"),
+    "RIHS01_d3d8a00505117be541fe8b4b601aa90d5088209a75f313e3779be54db324d15b",
+    [Time, Point2, Color]
+);
+message!(
+    PointsAnnotation,
+    "foxglove_msgs/msg/PointsAnnotation",
+    include_str!("definitions/foxglove_msgs/PointsAnnotation.msg"),
+    "RIHS01_61bd8dda01243d9c7232f00d9101577291b5a9bc1855b06ada4a29e0dc0496a7",
+    [Time, Point2, Color]
+);
+message!(
+    TextAnnotation<'_>,
+    "foxglove_msgs/msg/TextAnnotation",
+    include_str!("definitions/foxglove_msgs/TextAnnotation.msg"),
+    "RIHS01_c02ec64b79eb5682e73b2b2572f127a27baec868b6ad6acc085abc39355a5b2b",
+    [Time, Point2, Color]
+);
+message!(
+    Point2,
+    "foxglove_msgs/msg/Point2",
+    include_str!("definitions/foxglove_msgs/Point2.msg"),
+    "RIHS01_d85e823b78e2e88bc31629e305558bcdd2ecc9225f5f9390f96d91930f5696f0",
+    []
+);
+message!(
+    Color,
+    "foxglove_msgs/msg/Color",
+    include_str!("definitions/foxglove_msgs/Color.msg"),
+    "RIHS01_ed1b16da40c954e6456b950c2ef4559c179e5cb98f1363cb28c3b90c6ee14120",
+    []
+);

@@ -1,0 +1,301 @@
+//! `laser_profiler_msgs`: our own interface package, `msgs/laser_profiler_msgs`, where each field is explained at length.
+
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    builtin_interfaces::Time, schema::message, sensor_msgs::RegionOfInterest, std_msgs::Header,
+    text, unique_identifier_msgs::Uuid,
+};
+
+/// Which frame it is, what is missing before it, and where the axis was.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameTrace {
+    /// Frame counter, 64 bit.
+    pub frame_number: u64,
+    /// Where `frame_number` comes from, one of the `SOURCE_` constants.
+    pub frame_number_source: u8,
+    /// Frames known to be missing directly before this one.
+    pub frames_missing: u32,
+    /// Whether `frames_missing` can be known.
+    pub frames_missing_valid: bool,
+    /// Encoder, counts.
+    pub encoder: i64,
+    /// Position along the scan axis, metres.
+    pub position: f64,
+    /// Where `encoder` and `position` come from, one of the `SOURCE_` constants.
+    pub encoder_source: u8,
+    /// Bits of the `ENCODER_` constants.
+    pub encoder_status: u8,
+    /// Digital inputs at exposure, bit i = input i.
+    pub digital_inputs: u16,
+    /// Seconds; NaN: unknown.
+    pub exposure_time: f32,
+    /// When this host received the frame.
+    pub receive_stamp: Time,
+}
+
+impl FrameTrace {
+    /// Unknown; the value is 0.
+    pub const SOURCE_NONE: u8 = 0;
+    /// From the camera or sensor.
+    pub const SOURCE_DEVICE: u8 = 1;
+    /// Publication sequence number of the middleware.
+    pub const SOURCE_TRANSPORT: u8 = 2;
+    /// Counted, or interpolated, on this host.
+    pub const SOURCE_HOST: u8 = 3;
+    /// Step of the encoder larger than the configured limit.
+    pub const ENCODER_GAP: u8 = 1;
+    /// The encoder moved against the scan direction.
+    pub const ENCODER_REVERSED: u8 = 2;
+    /// No new sample of the encoder within the configured time.
+    pub const ENCODER_STALE: u8 = 4;
+    /// The encoder's value is extrapolated.
+    pub const ENCODER_EXTRAPOLATED: u8 = 8;
+}
+
+impl Default for FrameTrace {
+    /// Nothing is known of the frame: zeros, and NaN for the exposure time.
+    fn default() -> Self {
+        Self {
+            frame_number: 0,
+            frame_number_source: Self::SOURCE_NONE,
+            frames_missing: 0,
+            frames_missing_valid: false,
+            encoder: 0,
+            position: 0.0,
+            encoder_source: Self::SOURCE_NONE,
+            encoder_status: 0,
+            digital_inputs: 0,
+            exposure_time: f32::NAN,
+            receive_stamp: Time::default(),
+        }
+    }
+}
+
+/// The stripe's sub-pixel centreline in one frame; see [`stripe::Centerline`](crate::scanner::stripe::Centerline).
+///
+/// The per-point arrays `width` to `flags` are as long as `u` and `v`, or empty.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Centerline<'a> {
+    /// Copied from the image.
+    #[serde(borrow)]
+    pub header: Header<'a>,
+    /// Where the frame sits in the stream.
+    pub trace: FrameTrace,
+    /// Columns of the image.
+    pub image_width: u32,
+    /// Rows of the image.
+    pub image_height: u32,
+    /// Searched part of the image.
+    pub roi: RegionOfInterest,
+    /// Method, `/` and a hash of its parameters.
+    #[serde(borrow, with = "text")]
+    pub method: Cow<'a, str>,
+    /// Columns, pixels; pixel centres at integers.
+    pub u: Cow<'a, [f32]>,
+    /// Rows, pixels.
+    pub v: Cow<'a, [f32]>,
+    /// Index of the first point of each connected stripe.
+    pub stripe_start: Cow<'a, [u32]>,
+    /// Full width at half maximum, pixels.
+    pub width: Cow<'a, [f32]>,
+    /// Grey level at the centre, units of the image.
+    pub intensity: Cow<'a, [f32]>,
+    /// One standard deviation of the centre, pixels.
+    pub sigma: Cow<'a, [f32]>,
+    /// Bits of [`stripe::flag`](crate::scanner::stripe::flag).
+    #[serde(borrow, with = "serde_bytes")]
+    pub flags: Cow<'a, [u8]>,
+}
+
+/// One metric cross-section; see [`profile::Profile`](crate::scanner::profile::Profile).
+///
+/// The arrays `intensity` to `sigma_z` are as long as `x` and `z`, or empty.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Profile<'a> {
+    /// Stamp of the image, frame of the laser plane.
+    #[serde(borrow)]
+    pub header: Header<'a>,
+    /// Where the frame sits in the stream.
+    pub trace: FrameTrace,
+    /// Number of the stripe or laser, from 0.
+    pub stripe: u16,
+    /// Positions along the stripe, metres; NaN where not measured.
+    pub x: Cow<'a, [f32]>,
+    /// Heights, metres; NaN where not measured.
+    pub z: Cow<'a, [f32]>,
+    /// Grey levels as a share of full scale, 0 to 1.
+    pub intensity: Cow<'a, [f32]>,
+    /// Bits of [`stripe::flag`](crate::scanner::stripe::flag).
+    #[serde(borrow, with = "serde_bytes")]
+    pub flags: Cow<'a, [u8]>,
+    /// One standard deviation of `z`, metres.
+    pub sigma_z: Cow<'a, [f32]>,
+    /// Points with finite `x` and `z`.
+    pub valid_count: u32,
+    /// Hash of the calibration.
+    #[serde(borrow, with = "text")]
+    pub calibration_id: Cow<'a, str>,
+}
+
+/// What a slice covers and what is missing from it; see [`scan::SliceAccount`](crate::scanner::scan::SliceAccount).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SliceInfo<'a> {
+    /// That of the slice's cloud.
+    #[serde(borrow)]
+    pub header: Header<'a>,
+    /// Identity of the scan.
+    pub scan_id: Uuid,
+    /// Identity of the part.
+    #[serde(borrow, with = "text")]
+    pub part_id: Cow<'a, str>,
+    /// Number of the slice in its scan, from 0.
+    pub slice_index: u32,
+    /// Whether the scan ends with this slice.
+    pub last_slice: bool,
+    /// First frame.
+    pub first_frame: u64,
+    /// Last frame, inclusive.
+    pub last_frame: u64,
+    /// Position of the first profile, metres.
+    pub first_position: f64,
+    /// Position of the last profile, metres.
+    pub last_position: f64,
+    /// `frames_accepted + frames_missing + frames_rejected`.
+    pub frames_expected: u32,
+    /// Frames in the slice.
+    pub frames_accepted: u32,
+    /// Frames that never reached the node.
+    pub frames_missing: u32,
+    /// Frames that reached it and were not used.
+    pub frames_rejected: u32,
+    /// Accepted frames without a valid point.
+    pub profiles_empty: u32,
+    /// Valid points in the cloud.
+    pub points: u64,
+    /// Worst state in the slice: [`COMPLETE`](Self::COMPLETE) to [`ABORTED`](Self::ABORTED).
+    pub state: u8,
+}
+
+impl SliceInfo<'_> {
+    /// Every expected frame is in.
+    pub const COMPLETE: u8 = 0;
+    /// Frames are missing or rejected; positions are right.
+    pub const GAPS: u8 = 1;
+    /// Positions are in doubt.
+    pub const DEGRADED: u8 = 2;
+    /// The scan ended early.
+    pub const ABORTED: u8 = 3;
+}
+
+/// Counters since activation; they never decrease while `session_id` is unchanged.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StreamStatus<'a> {
+    /// Time of the counters.
+    #[serde(borrow)]
+    pub header: Header<'a>,
+    /// Identity of the session.
+    pub session_id: Uuid,
+    /// Input topic, fully resolved.
+    #[serde(borrow, with = "text")]
+    pub topic: Cow<'a, str>,
+    /// Frames taken from the source.
+    pub frames_received: u64,
+    /// Frames measured.
+    pub frames_processed: u64,
+    /// Frames whose results went out.
+    pub frames_published: u64,
+    /// Gaps in the camera's frame counter.
+    pub lost_upstream: u64,
+    /// Gaps in the middleware's sequence number.
+    pub lost_transport: u64,
+    /// Taken, but discarded because the queue was full.
+    pub dropped_overload: u64,
+    /// Size, step, encoding or CDR not valid.
+    pub rejected_malformed: u64,
+    /// Came twice.
+    pub rejected_duplicate: u64,
+    /// Older than its predecessor.
+    pub rejected_out_of_order: u64,
+    /// Processed, but not recorded.
+    pub recorder_dropped: u64,
+    /// Bytes recorded.
+    pub recorder_bytes: u64,
+    /// Frames received per second, over the last second.
+    pub rate: f32,
+    /// Median of stamp to publish, seconds, over the last second.
+    pub latency_p50: f32,
+    /// 99th percentile of stamp to publish, seconds.
+    pub latency_p99: f32,
+    /// Maximum of stamp to publish, seconds.
+    pub latency_max: f32,
+    /// Frames waiting.
+    pub queue_depth: u32,
+    /// Frames that can wait.
+    pub queue_capacity: u32,
+}
+
+/// Encoder sample of one axis.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct EncoderStamped<'a> {
+    /// Latch time.
+    #[serde(borrow)]
+    pub header: Header<'a>,
+    /// Raw counts, unwrapped to 64 bit.
+    pub counts: i64,
+    /// Metres per count, signed; 0: not calibrated.
+    pub scale: f64,
+    /// Counts at the last index pulse.
+    pub index_counts: i64,
+    /// Whether `index_counts` is valid.
+    pub index_valid: bool,
+    /// Metres a second; NaN: not measured.
+    pub velocity: f32,
+    /// 0: in order; otherwise bits of the device.
+    pub error: u32,
+}
+
+message!(
+    FrameTrace,
+    "laser_profiler_msgs/msg/FrameTrace",
+    include_str!("../../msgs/laser_profiler_msgs/msg/FrameTrace.msg"),
+    "RIHS01_8c47b55c0143779382deace35fd0635dcb126dccabc3ce94f3fe0e8ad33d605c",
+    [Time]
+);
+message!(
+    Centerline<'_>,
+    "laser_profiler_msgs/msg/Centerline",
+    include_str!("../../msgs/laser_profiler_msgs/msg/Centerline.msg"),
+    "RIHS01_eafe1b149cb3fd484d32b1f3d09b1224978420c17b5d5257dd9a2d83e2452799",
+    [Header<'_>, FrameTrace, RegionOfInterest]
+);
+message!(
+    Profile<'_>,
+    "laser_profiler_msgs/msg/Profile",
+    include_str!("../../msgs/laser_profiler_msgs/msg/Profile.msg"),
+    "RIHS01_6ae9c3a296bad0a4be78cf73576c8a554044f25f2fb0d33e021a3b74d0342220",
+    [Header<'_>, FrameTrace]
+);
+message!(
+    SliceInfo<'_>,
+    "laser_profiler_msgs/msg/SliceInfo",
+    include_str!("../../msgs/laser_profiler_msgs/msg/SliceInfo.msg"),
+    "RIHS01_7aef36e2a4092a794b598b8f578b7010732d796ac352684a1ba7dc339cf804ff",
+    [Header<'_>, Uuid]
+);
+message!(
+    StreamStatus<'_>,
+    "laser_profiler_msgs/msg/StreamStatus",
+    include_str!("../../msgs/laser_profiler_msgs/msg/StreamStatus.msg"),
+    "RIHS01_355d7da1400ef992c455bce1a45973391bd0b3b4fae8cc5df0b2249fb275efb6",
+    [Header<'_>, Uuid]
+);
+message!(
+    EncoderStamped<'_>,
+    "laser_profiler_msgs/msg/EncoderStamped",
+    include_str!("../../msgs/laser_profiler_msgs/msg/EncoderStamped.msg"),
+    "RIHS01_cc9bc4f8a4424bc85c975d3d7d6bafc75edb6aa1e6d04fb6983536c2af1b749e",
+    [Header<'_>]
+);
