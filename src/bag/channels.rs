@@ -49,7 +49,15 @@ impl Channels {
                 encoding: schema.encoding.clone(),
                 data: schema.data.to_vec(),
             });
-            (*id, Arc::new(topic(&channel.topic, &channel.message_encoding, schema.as_ref(), &channel.metadata)))
+            (
+                *id,
+                Arc::new(topic(
+                    &channel.topic,
+                    &channel.message_encoding,
+                    schema.as_ref(),
+                    &channel.metadata,
+                )),
+            )
         });
         Self { schemas: schemas.collect(), topics: topics.collect() }
     }
@@ -62,21 +70,35 @@ impl Channels {
         }
         match mcap::parse_record(opcode, body).map_err(|error| error.to_string())? {
             Record::Schema { header, data } => {
-                let new = Schema { name: header.name, encoding: header.encoding, data: data.into_owned() };
+                let new = Schema {
+                    name: header.name,
+                    encoding: header.encoding,
+                    data: data.into_owned(),
+                };
                 let schema = self.schemas.entry(header.id).or_insert_with(|| new.clone());
                 if *schema != new {
-                    return Err(format!("schema {} is defined twice, by {} and {}", header.id, schema.name, new.name));
+                    return Err(format!(
+                        "schema {} is defined twice, by {} and {}",
+                        header.id, schema.name, new.name
+                    ));
                 }
             }
             Record::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id);
                 if schema.is_none() && channel.schema_id != 0 {
-                    return Err(format!("{}: its schema {} is missing", channel.topic, channel.schema_id));
+                    return Err(format!(
+                        "{}: its schema {} is missing",
+                        channel.topic, channel.schema_id
+                    ));
                 }
-                let new = topic(&channel.topic, &channel.message_encoding, schema, &channel.metadata);
+                let new =
+                    topic(&channel.topic, &channel.message_encoding, schema, &channel.metadata);
                 let topic = self.topics.entry(channel.id).or_insert_with(|| Arc::new(new.clone()));
                 if **topic != new {
-                    return Err(format!("channel {} is defined twice, as {} and {}", channel.id, topic.name, new.name));
+                    return Err(format!(
+                        "channel {} is defined twice, as {} and {}",
+                        channel.id, topic.name, new.name
+                    ));
                 }
             }
             _ => {}
@@ -85,7 +107,12 @@ impl Channels {
     }
 }
 
-fn topic(name: &str, encoding: &str, schema: Option<&Schema>, metadata: &BTreeMap<String, String>) -> Topic {
+fn topic(
+    name: &str,
+    encoding: &str,
+    schema: Option<&Schema>,
+    metadata: &BTreeMap<String, String>,
+) -> Topic {
     let entry = |key| metadata.get(key).cloned().unwrap_or_default();
     Topic {
         name: name.into(),

@@ -27,8 +27,10 @@ impl ChunkDecoder {
     ) -> Result<(), BagError> {
         let is_cut = chunk.span.end > source.len_bytes;
         if chunk.uncompressed_bytes.max(chunk.compressed_bytes) > source.limit_bytes {
-            let (size, limit) = (chunk.uncompressed_bytes.max(chunk.compressed_bytes), source.limit_bytes);
-            return Err(source.damaged(&chunk.span, format!("a chunk of {size} bytes, the limit is {limit}")));
+            let (size, limit) =
+                (chunk.uncompressed_bytes.max(chunk.compressed_bytes), source.limit_bytes);
+            return Err(source
+                .damaged(&chunk.span, format!("a chunk of {size} bytes, the limit is {limit}")));
         }
         if is_cut {
             // The checksum cannot be formed, and what a cut leaves is whole.
@@ -57,7 +59,9 @@ impl ChunkDecoder {
         visit: &mut dyn FnMut(u8, &[u8]),
     ) -> Result<(), Fault> {
         let available = (chunk.span.end.min(source.len_bytes) - chunk.span.offset) as usize;
-        source.read_exact_at(chunk.span.offset, self.reader.insert(available)).map_err(Fault::Io)?;
+        source
+            .read_exact_at(chunk.span.offset, self.reader.insert(available))
+            .map_err(Fault::Io)?;
         self.reader.notify_read(available);
         let mut shown_bytes = 0;
         while let Some(event) = self.reader.next_event() {
@@ -67,7 +71,9 @@ impl ChunkDecoder {
                     visit(opcode, data);
                 }
                 // It has the whole chunk: it is through, or a record claims more than the chunk holds.
-                Ok(LinearReadEvent::ReadRequest(_)) if shown_bytes == chunk.uncompressed_bytes => return Ok(()),
+                Ok(LinearReadEvent::ReadRequest(_)) if shown_bytes == chunk.uncompressed_bytes => {
+                    return Ok(());
+                }
                 Ok(LinearReadEvent::ReadRequest(_)) => break,
                 Err(error) => return Err(Fault::Content(error.to_string())),
             }

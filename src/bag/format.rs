@@ -39,13 +39,17 @@ impl Source {
 
     /// Refuses what does not begin as an MCAP file does.
     pub(super) fn check_magic(&mut self) -> Result<(), BagError> {
-        let not_mcap = |path: &Path, why: &str| BagError::NotMcap { path: path.into(), why: why.into() };
+        let not_mcap =
+            |path: &Path, why: &str| BagError::NotMcap { path: path.into(), why: why.into() };
         if self.len_bytes == 0 {
             return Err(not_mcap(&self.path, "the file is empty"));
         }
         let mut magic = [0; MAGIC.len()];
         if self.len_bytes < magic.len() as u64 {
-            return Err(not_mcap(&self.path, "the file is shorter than the first eight bytes of one"));
+            return Err(not_mcap(
+                &self.path,
+                "the file is shorter than the first eight bytes of one",
+            ));
         }
         self.read_exact_at(0, &mut magic)?;
         if magic != MAGIC {
@@ -71,7 +75,10 @@ impl Source {
     }
 
     /// The record at `offset`; `None` at the end of the file; in the inner error what is wrong with it.
-    pub(super) fn record_at(&mut self, offset: u64) -> Result<Result<Option<RecordSpan>, String>, BagError> {
+    pub(super) fn record_at(
+        &mut self,
+        offset: u64,
+    ) -> Result<Result<Option<RecordSpan>, String>, BagError> {
         let remaining = self.len_bytes.saturating_sub(offset);
         if remaining == 0 {
             return Ok(Ok(None));
@@ -85,14 +92,19 @@ impl Source {
         if !is_known {
             return Ok(Err(format!("no record begins with {opcode:#04x}")));
         }
-        let Some(end) = offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes)) else {
+        let Some(end) =
+            offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes))
+        else {
             return Ok(Err(format!("a record of {body_bytes} bytes")));
         };
         Ok(Ok(Some(RecordSpan { opcode, offset, end })))
     }
 
     /// The header of the chunk at `offset`, when the bytes there are one.
-    pub(super) fn chunk_at(&mut self, offset: u64) -> Result<Result<ChunkHeader, String>, BagError> {
+    pub(super) fn chunk_at(
+        &mut self,
+        offset: u64,
+    ) -> Result<Result<ChunkHeader, String>, BagError> {
         Ok(ChunkHeader::parse(&self.read_padded::<{ CHUNK_START_BYTES as usize }>(offset)?, offset))
     }
 
@@ -106,21 +118,36 @@ impl Source {
     }
 
     /// Refuses a length that the file does not hold or that is beyond the limit.
-    pub(super) fn check_length(&self, span: &RecordSpan, in_memory_bytes: u64) -> Result<(), BagError> {
+    pub(super) fn check_length(
+        &self,
+        span: &RecordSpan,
+        in_memory_bytes: u64,
+    ) -> Result<(), BagError> {
         if span.end > self.len_bytes {
             let missing = span.end - self.len_bytes;
-            return Err(self.damaged(span, format!("the file ends {missing} bytes before the end of this record")));
+            return Err(self.damaged(
+                span,
+                format!("the file ends {missing} bytes before the end of this record"),
+            ));
         }
         if in_memory_bytes > self.limit_bytes {
             let limit = self.limit_bytes;
-            return Err(self.damaged(span, format!("{in_memory_bytes} bytes in one record, the limit is {limit}")));
+            return Err(self.damaged(
+                span,
+                format!("{in_memory_bytes} bytes in one record, the limit is {limit}"),
+            ));
         }
         Ok(())
     }
 
     /// Damage of a whole record.
     pub(super) fn damaged(&self, span: &RecordSpan, what: String) -> BagError {
-        BagError::Damaged { path: self.path.clone(), offset: span.offset, end: span.end.min(self.len_bytes), what }
+        BagError::Damaged {
+            path: self.path.clone(),
+            offset: span.offset,
+            end: span.end.min(self.len_bytes),
+            what,
+        }
     }
 }
 
@@ -146,7 +173,10 @@ pub(super) struct ChunkHeader {
 
 impl ChunkHeader {
     /// Reads the start of a chunk record. Its lengths must agree with one another, which random bytes do not.
-    pub(super) fn parse(start: &[u8; CHUNK_START_BYTES as usize], offset: u64) -> Result<Self, String> {
+    pub(super) fn parse(
+        start: &[u8; CHUNK_START_BYTES as usize],
+        offset: u64,
+    ) -> Result<Self, String> {
         if start[0] != op::CHUNK {
             return Err(format!("no chunk begins with {:#04x}", start[0]));
         }
@@ -160,7 +190,9 @@ impl ChunkHeader {
         let uncompressed_bytes = u64_at(start, 25);
         let expected = compressed_bytes.checked_add(CHUNK_HEADER_BYTES + name_bytes as u64);
         if expected != Some(body_bytes) {
-            return Err(format!("a chunk record of {body_bytes} bytes around {compressed_bytes} bytes of content"));
+            return Err(format!(
+                "a chunk record of {body_bytes} bytes around {compressed_bytes} bytes of content"
+            ));
         }
         if !["", "lz4", "zstd"].contains(&compression.as_str()) {
             return Err(format!("unknown compression {compression:?}"));

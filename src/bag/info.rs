@@ -112,7 +112,8 @@ pub fn describe(path: &Path, bag: &BagReader, verify: bool) -> Result<BagInfo, B
     };
     let bounds = statistics.values().filter_map(|topic| topic.bounds_ns);
     let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
-    let topics: Vec<_> = bag.topics().iter().map(|topic| topic_info(topic, &statistics, verified)).collect();
+    let topics: Vec<_> =
+        bag.topics().iter().map(|topic| topic_info(topic, &statistics, verified)).collect();
     let mut files = Vec::new();
     for (path, layout) in bag.layouts() {
         files.push(file_info(path, layout)?);
@@ -183,14 +184,17 @@ fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
                 return Ok(None);
             }
             for &(channel, offset) in &part.message_indexes {
-                let Some(times) = message_index(&mut source, channel, offset)? else { return Ok(None) };
+                let Some(times) = message_index(&mut source, channel, offset)? else {
+                    return Ok(None);
+                };
                 let Some(topic) = layout.channels.get(channel) else { return Ok(None) };
                 *counts.entry(channel).or_default() += times.len() as u64;
                 let topic = statistics.entry(Arc::clone(topic)).or_default();
                 times.into_iter().for_each(|time_ns| topic.add_time(time_ns));
             }
         }
-        let stated = layout.counts.clone().unwrap_or_default().into_iter().filter(|(_, count)| *count > 0);
+        let stated =
+            layout.counts.clone().unwrap_or_default().into_iter().filter(|(_, count)| *count > 0);
         if counts != stated.collect() {
             return Ok(None);
         }
@@ -199,9 +203,15 @@ fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
 }
 
 /// Times in a message index record, in their order; `None` when there is no such record.
-fn message_index(source: &mut Source, channel: u16, offset: u64) -> Result<Option<Vec<i64>>, BagError> {
+fn message_index(
+    source: &mut Source,
+    channel: u16,
+    offset: u64,
+) -> Result<Option<Vec<i64>>, BagError> {
     let Ok(Some(span)) = source.record_at(offset)? else { return Ok(None) };
-    if span.opcode != op::MESSAGE_INDEX || source.check_length(&span, span.end - span.offset - PREFIX_BYTES).is_err() {
+    if span.opcode != op::MESSAGE_INDEX
+        || source.check_length(&span, span.end - span.offset - PREFIX_BYTES).is_err()
+    {
         return Ok(None);
     }
     let body = source.body(&span)?;
@@ -231,8 +241,11 @@ fn topic_info(topic: &Topic, statistics: &ByTopic, verified: bool) -> TopicInfo 
 }
 
 fn file_info(path: &Path, layout: &Layout) -> Result<FileInfo, BagError> {
-    let bytes = std::fs::metadata(path).map_err(|source| BagError::Io { path: path.into(), source })?.len();
-    let name = |compression: &String| if compression.is_empty() { "none".into() } else { compression.clone() };
+    let bytes =
+        std::fs::metadata(path).map_err(|source| BagError::Io { path: path.into(), source })?.len();
+    let name = |compression: &String| {
+        if compression.is_empty() { "none".into() } else { compression.clone() }
+    };
     let compression = layout.compressions.iter().map(name).collect();
     Ok(FileInfo { path: path.into(), bytes, indexed: layout.is_indexed, compression })
 }
@@ -242,7 +255,10 @@ fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>
     for attachment in bag.attachments() {
         match attachment {
             Ok(attachment) => infos.push(AttachmentInfo {
-                sha256: Sha256::digest(&attachment.data).iter().map(|byte| format!("{byte:02x}")).collect(),
+                sha256: Sha256::digest(&attachment.data)
+                    .iter()
+                    .map(|byte| format!("{byte:02x}"))
+                    .collect(),
                 bytes: attachment.data.len() as u64,
                 name: attachment.name,
                 media_type: attachment.media_type,
@@ -253,7 +269,10 @@ fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>
     Ok(infos)
 }
 
-fn metadata(bag: &BagReader, found: &mut Found) -> Result<BTreeMap<String, BTreeMap<String, String>>, BagError> {
+fn metadata(
+    bag: &BagReader,
+    found: &mut Found,
+) -> Result<BTreeMap<String, BTreeMap<String, String>>, BagError> {
     let mut records = BTreeMap::new();
     for record in bag.metadata() {
         match record {

@@ -68,7 +68,9 @@ impl Layout {
             Ok(_) => scan::scan(source, seed)?,
             Err(why) => {
                 let mut layout = scan::scan(source, seed)?;
-                layout.notes.insert(0, format!("{}: {why}; read from end to end", source.path.display()));
+                layout
+                    .notes
+                    .insert(0, format!("{}: {why}; read from end to end", source.path.display()));
                 layout
             }
         };
@@ -82,7 +84,8 @@ impl Layout {
         if summary.chunk_indexes.is_empty() && message_count > 0 {
             return Err("it has no index of chunks".into());
         }
-        let mut layout = Self { channels: Channels::from_summary(summary), is_indexed: true, ..Self::default() };
+        let mut layout =
+            Self { channels: Channels::from_summary(summary), is_indexed: true, ..Self::default() };
         for chunk in &summary.chunk_indexes {
             let Some(end) = chunk.chunk_start_offset.checked_add(chunk.chunk_length) else {
                 return Err(format!("the index puts a chunk at byte {}", chunk.chunk_start_offset));
@@ -92,12 +95,17 @@ impl Layout {
                 offset: chunk.chunk_start_offset,
                 end,
                 start_time: chunk.message_start_time,
-                message_indexes: chunk.message_index_offsets.iter().map(|(id, at)| (*id, *at)).collect(),
+                message_indexes: chunk
+                    .message_index_offsets
+                    .iter()
+                    .map(|(id, at)| (*id, *at))
+                    .collect(),
             });
             layout.compressions.push(chunk.compression.clone());
         }
         let span = |opcode, offset: u64, length| {
-            let end = offset.checked_add(length).ok_or("the index puts a record beyond any file")?;
+            let end =
+                offset.checked_add(length).ok_or("the index puts a record beyond any file")?;
             Ok::<_, String>(RecordSpan { opcode, offset, end })
         };
         for index in &summary.attachment_indexes {
@@ -108,7 +116,8 @@ impl Layout {
         }
         if let Some(stats) = &summary.stats {
             layout.counts = Some(stats.channel_message_counts.clone());
-            layout.bounds = (stats.message_count > 0).then_some((stats.message_start_time, stats.message_end_time));
+            layout.bounds = (stats.message_count > 0)
+                .then_some((stats.message_start_time, stats.message_end_time));
         }
         layout.sort();
         Ok(layout)

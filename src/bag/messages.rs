@@ -1,7 +1,7 @@
 //! The messages of a bag, one after another in order of time. Memory: one chunk, and those that overlap it in time.
 
-use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use std::sync::Arc;
 
 use mcap::records::op;
@@ -54,7 +54,13 @@ impl Messages {
         filter: Filter,
         options: ReadOptions,
     ) -> Self {
-        Self { files: files.into_iter().collect(), filter, options, current: None, spare: Vec::new() }
+        Self {
+            files: files.into_iter().collect(),
+            filter,
+            options,
+            current: None,
+            spare: Vec::new(),
+        }
     }
 
     /// Takes back the buffer of a message that is done with, for one of the next.
@@ -192,8 +198,11 @@ impl FileMessages {
             return true;
         }
         if std::mem::take(&mut self.is_sorted) {
-            let error =
-                BagError::Unsorted { path: self.source.path.clone(), offset: part.offset, limit_bytes };
+            let error = BagError::Unsorted {
+                path: self.source.path.clone(),
+                offset: part.offset,
+                limit_bytes,
+            };
             self.wait((first.key.0, first.key.1, 0), Err(error));
         }
         false
@@ -230,7 +239,10 @@ impl FileMessages {
     fn read_chunk(&mut self, part: &Part) -> Result<(), BagError> {
         let chunk = match self.source.chunk_at(part.offset)? {
             Ok(chunk) if !self.may_rescan || chunk.span.end == part.end => chunk,
-            Ok(_) => return self.rescan(format!("the chunk at byte {} has another length", part.offset)),
+            Ok(_) => {
+                return self
+                    .rescan(format!("the chunk at byte {} has another length", part.offset));
+            }
             Err(_) => return self.rescan(format!("there is no chunk at byte {}", part.offset)),
         };
         if !self.read_offsets.insert(part.offset) {
@@ -254,11 +266,18 @@ impl FileMessages {
                 Err(what) => drop(faults.insert(what)),
             }
         });
-        let last_time = messages.iter().map(|message| message.log_time_ns as u64).max().unwrap_or(part.start_time);
+        let last_time = messages
+            .iter()
+            .map(|message| message.log_time_ns as u64)
+            .max()
+            .unwrap_or(part.start_time);
         for (number, message) in messages.into_iter().enumerate() {
             self.wait((message.log_time_ns as u64, part.offset, number as u64), Ok(message));
         }
-        let faults = faults.into_iter().map(|what| self.source.damaged(&chunk.span, what)).collect::<Vec<_>>();
+        let faults = faults
+            .into_iter()
+            .map(|what| self.source.damaged(&chunk.span, what))
+            .collect::<Vec<_>>();
         let errors = faults.into_iter().chain(decoded.err());
         for (number, error) in errors.enumerate() {
             self.wait((last_time, part.offset, u64::MAX / 2 + number as u64), Err(error));
@@ -294,11 +313,17 @@ impl FileMessages {
     fn rescan(&mut self, what: String) -> Result<(), BagError> {
         if !std::mem::take(&mut self.may_rescan) {
             let end = self.source.len_bytes;
-            return Err(BagError::Damaged { path: self.source.path.clone(), offset: end, end, what });
+            return Err(BagError::Damaged {
+                path: self.source.path.clone(),
+                offset: end,
+                end,
+                what,
+            });
         }
         let layout = scan::scan(&mut self.source, self.channels.clone())?;
         self.channels = layout.channels;
-        let unread = layout.parts.into_iter().filter(|part| !self.read_offsets.contains(&part.offset));
+        let unread =
+            layout.parts.into_iter().filter(|part| !self.read_offsets.contains(&part.offset));
         self.parts = unread.collect();
         Err(BagError::Index { path: self.source.path.clone(), what })
     }
@@ -306,11 +331,13 @@ impl FileMessages {
     /// At the end: fewer messages than the file says there are, once. The index may be at fault, or the file.
     fn missing(&mut self) -> Option<BagError> {
         let expected = self.expected.as_ref()?;
-        let (channel, expected_count, found_count) = expected.iter().find_map(|(channel, &expected)| {
-            let found = self.found.get(channel).copied().unwrap_or(0);
-            let is_taken = self.channels.get(*channel).is_some_and(|topic| self.filter.takes(&topic.name));
-            (is_taken && found < expected).then_some((*channel, expected, found))
-        })?;
+        let (channel, expected_count, found_count) =
+            expected.iter().find_map(|(channel, &expected)| {
+                let found = self.found.get(channel).copied().unwrap_or(0);
+                let is_taken =
+                    self.channels.get(*channel).is_some_and(|topic| self.filter.takes(&topic.name));
+                (is_taken && found < expected).then_some((*channel, expected, found))
+            })?;
         let topic = self.channels.get(channel).map_or("", |topic| &topic.name);
         let what = format!("{topic}: {found_count} messages of {expected_count}");
         if self.has_loss {
@@ -339,12 +366,19 @@ fn message(
     if !filter.takes(&topic.name) {
         return Ok(None);
     }
-    let time_ns = |time: u64| i64::try_from(time).map_err(|_| format!("{}: a time beyond the year 2262", topic.name));
+    let time_ns = |time: u64| {
+        i64::try_from(time).map_err(|_| format!("{}: a time beyond the year 2262", topic.name))
+    };
     let (log_time_ns, publish_time_ns) = (time_ns(header.log_time)?, time_ns(header.publish_time)?);
     let mut buffer = spare.pop().unwrap_or_default();
     buffer.clear();
     buffer.extend_from_slice(data);
-    let message =
-        RawMessage { topic: Arc::clone(topic), log_time_ns, publish_time_ns, sequence: header.sequence, data: buffer };
+    let message = RawMessage {
+        topic: Arc::clone(topic),
+        log_time_ns,
+        publish_time_ns,
+        sequence: header.sequence,
+        data: buffer,
+    };
     Ok(Some((header.channel, message)))
 }

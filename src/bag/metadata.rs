@@ -121,10 +121,12 @@ impl BagInformation {
     /// The description of a bag with one file.
     pub(super) fn of(recorded: &Recorded<'_>) -> Self {
         let message_count = recorded.topics.iter().map(|(_, count)| count).sum();
-        let starting_time =
-            SinceEpoch { nanoseconds_since_epoch: recorded.bounds_ns.map_or(i64::MAX, |(first, _)| first) };
-        let duration =
-            Nanoseconds { nanoseconds: recorded.bounds_ns.map_or(0, |(first, last)| last.saturating_sub(first)) };
+        let starting_time = SinceEpoch {
+            nanoseconds_since_epoch: recorded.bounds_ns.map_or(i64::MAX, |(first, _)| first),
+        };
+        let duration = Nanoseconds {
+            nanoseconds: recorded.bounds_ns.map_or(0, |(first, last)| last.saturating_sub(first)),
+        };
         Self {
             version: 9,
             storage_identifier: "mcap".into(),
@@ -135,7 +137,12 @@ impl BagInformation {
             compression_format: String::new(),
             compression_mode: String::new(),
             relative_file_paths: vec![recorded.file.into()],
-            files: vec![FileInformation { path: recorded.file.into(), starting_time, duration, message_count }],
+            files: vec![FileInformation {
+                path: recorded.file.into(),
+                starting_time,
+                duration,
+                message_count,
+            }],
             custom_data: None,
             // No ROS distribution wrote it; rosbags names itself here, too.
             ros_distro: Some(env!("CARGO_PKG_NAME").into()),
@@ -160,7 +167,9 @@ impl TopicCount {
                 name: topic.name.clone(),
                 type_name: topic.type_name.clone(),
                 serialization_format: topic.message_encoding.clone(),
-                offered_qos_profiles: OfferedQos::Profiles(qos::parse(&topic.qos).unwrap_or_default()),
+                offered_qos_profiles: OfferedQos::Profiles(
+                    qos::parse(&topic.qos).unwrap_or_default(),
+                ),
                 type_description_hash: topic.type_hash.clone(),
             },
             message_count: *message_count,

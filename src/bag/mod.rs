@@ -10,6 +10,7 @@ pub mod place;
 mod format;
 mod channels;
 mod chunk;
+mod content;
 mod summary;
 mod scan;
 mod layout;
@@ -57,7 +58,10 @@ impl Topic {
         if self.message_encoding == "cdr" {
             return Ok(());
         }
-        Err(BagError::Encoding { topic: self.name.clone(), encoding: self.message_encoding.clone() })
+        Err(BagError::Encoding {
+            topic: self.name.clone(),
+            encoding: self.message_encoding.clone(),
+        })
     }
 }
 
@@ -99,3 +103,6 @@ pub struct MetadataRecord {
     /// Keys and values.
     pub entries: std::collections::BTreeMap<String, String>,
 }
+
+#[cfg(test)]
+mod tests;

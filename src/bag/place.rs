@@ -31,7 +31,10 @@ pub(super) fn find(path: &Path) -> Result<Files, BagError> {
         return Err(BagError::NoBag(path.into()));
     }
     paths.sort_by_cached_key(|path| natural_key(path));
-    Ok(Files { paths, notes: vec![format!("{}: {why}; taking its .mcap files in order of name", path.display())] })
+    Ok(Files {
+        paths,
+        notes: vec![format!("{}: {why}; taking its .mcap files in order of name", path.display())],
+    })
 }
 
 /// Refuses an output that is the input, or that holds it: to replace the one would delete the other.
@@ -57,7 +60,9 @@ pub(super) fn replaceable(directory: &Path, name: &str) -> io::Result<Option<Vec
     match read_metadata(&metadata_path) {
         Ok(information) => {
             let entries = information.relative_file_paths.iter();
-            let listed = entries.filter(|entry| stays_inside(Path::new(entry))).map(|entry| directory.join(entry));
+            let listed = entries
+                .filter(|entry| stays_inside(Path::new(entry)))
+                .map(|entry| directory.join(entry));
             own.extend(listed.filter(|path| is_mcap(path)));
             own.push(metadata_path);
         }
@@ -79,19 +84,31 @@ fn read_metadata(path: &Path) -> io::Result<BagInformation> {
     fs::File::open(path)?.take(METADATA_LIMIT_BYTES).read_to_string(&mut text)?;
     let invalid = |error: serde_saphyr::Error| {
         let message = error.to_string();
-        io::Error::new(io::ErrorKind::InvalidData, message.lines().next().unwrap_or_default().to_owned())
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            message.lines().next().unwrap_or_default().to_owned(),
+        )
     };
     let file: MetadataFile = serde_saphyr::from_str(&text).map_err(invalid)?;
     Ok(file.rosbag2_bagfile_information)
 }
 
-fn listed(directory: &Path, metadata_path: &Path, information: &BagInformation) -> Result<Files, BagError> {
+fn listed(
+    directory: &Path,
+    metadata_path: &Path,
+    information: &BagInformation,
+) -> Result<Files, BagError> {
     let unsupported = |what| Err(BagError::Unsupported { path: metadata_path.into(), what });
     if information.storage_identifier != "mcap" {
         return unsupported(format!("storage {:?} is not read", information.storage_identifier));
     }
-    if !information.compression_mode.is_empty() && !information.compression_mode.eq_ignore_ascii_case("none") {
-        return unsupported(format!("compression mode {:?} is not read", information.compression_mode));
+    if !information.compression_mode.is_empty()
+        && !information.compression_mode.eq_ignore_ascii_case("none")
+    {
+        return unsupported(format!(
+            "compression mode {:?} is not read",
+            information.compression_mode
+        ));
     }
     let mut paths = Vec::new();
     for entry in &information.relative_file_paths {
@@ -137,7 +154,8 @@ fn natural_key(path: &Path) -> (String, u64, PathBuf) {
 
 fn is_numbered(path: &Path, name: &str) -> bool {
     let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
-    let number = stem.strip_prefix(name).and_then(|rest| rest.strip_prefix('_')).unwrap_or_default();
+    let number =
+        stem.strip_prefix(name).and_then(|rest| rest.strip_prefix('_')).unwrap_or_default();
     !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
 }
 
@@ -202,14 +220,27 @@ mod tests {
     fn only_the_files_of_a_bag_are_replaceable() {
         let names = |directory: &Path, name| {
             let files = replaceable(directory, name).unwrap()?;
-            Some(files.iter().map(|path| path.file_name().unwrap().to_str().unwrap().to_owned()).collect::<Vec<_>>())
+            Some(
+                files
+                    .iter()
+                    .map(|path| path.file_name().unwrap().to_str().unwrap().to_owned())
+                    .collect::<Vec<_>>(),
+            )
         };
-        let listed = bag(&[("metadata.yaml", &metadata("mcap", "x.mcap")), ("x.mcap", ""), ("y.mcap", ""), ("z", "")]);
+        let listed = bag(&[
+            ("metadata.yaml", &metadata("mcap", "x.mcap")),
+            ("x.mcap", ""),
+            ("y.mcap", ""),
+            ("z", ""),
+        ]);
         assert_eq!(names(listed.path(), "out").unwrap(), ["metadata.yaml", "x.mcap"]);
         let cut_short = bag(&[("out_0.mcap", ""), ("out_x.mcap", ""), ("other_0.mcap", "")]);
         assert_eq!(names(cut_short.path(), "out").unwrap(), ["out_0.mcap"]);
         assert_eq!(names(bag(&[("thesis.tex", "")]).path(), "out"), None);
-        assert_eq!(names(bag(&[("metadata.yaml", "title: of another program")]).path(), "out"), None);
+        assert_eq!(
+            names(bag(&[("metadata.yaml", "title: of another program")]).path(), "out"),
+            None
+        );
     }
 
     #[test]

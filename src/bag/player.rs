@@ -23,7 +23,11 @@ impl Pacer {
     /// # Errors
     /// A rate that is not a positive finite number.
     pub fn new(rate: f64) -> Result<Self, RateError> {
-        if rate.is_finite() && rate > 0.0 { Ok(Self { rate, start_ns: None }) } else { Err(RateError(rate)) }
+        if rate.is_finite() && rate > 0.0 {
+            Ok(Self { rate, start_ns: None })
+        } else {
+            Err(RateError(rate))
+        }
     }
 
     /// How long to wait at `now_ns` (any monotonic clock) before sending the message of `message_time_ns`; `None`
@@ -47,10 +51,13 @@ mod tests {
     #[test]
     fn every_message_waits_for_its_distance_from_the_first() {
         let mut pacer = Pacer::new(2.0).unwrap();
-        let waits: Vec<_> = [(5_000, 100), (5_040, 100), (5_040, 120), (5_100, 130), (5_060, 140), (5_300, 500)]
-            .iter()
-            .map(|&(message_ms, now_ms)| pacer.wait(message_ms * MS, now_ms * MS).map(|wait| wait.as_millis()))
-            .collect();
+        let waits: Vec<_> =
+            [(5_000, 100), (5_040, 100), (5_040, 120), (5_100, 130), (5_060, 140), (5_300, 500)]
+                .iter()
+                .map(|&(message_ms, now_ms)| {
+                    pacer.wait(message_ms * MS, now_ms * MS).map(|wait| wait.as_millis())
+                })
+                .collect();
         assert_eq!(waits, [None, Some(20), None, Some(20), None, None]);
     }
 

@@ -4,11 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mcap::records::{Record, op};
-
 use super::format::{RecordSpan, Source};
 use super::layout::Layout;
-use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, place};
+use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, place};
 
 /// How a bag is read.
 #[derive(Clone, Copy, Debug)]
@@ -47,10 +45,17 @@ impl BagReader {
         let mut files = Vec::new();
         let mut topics = BTreeSet::new();
         for path in paths {
-            let layout = Layout::of(&mut Source::open(&path, options.record_limit_bytes)?, options.use_index)?;
+            let layout = Layout::of(
+                &mut Source::open(&path, options.record_limit_bytes)?,
+                options.use_index,
+            )?;
             notes.extend(layout.notes.iter().cloned());
             if layout.profile != "ros2" {
-                notes.push(format!("{}: the profile is {:?}, not \"ros2\"", path.display(), layout.profile));
+                notes.push(format!(
+                    "{}: the profile is {:?}, not \"ros2\"",
+                    path.display(),
+                    layout.profile
+                ));
             }
             topics.extend(layout.channels.iter().map(|(_, topic)| Arc::clone(topic)));
             files.push((path, Arc::new(layout)));
@@ -84,7 +89,8 @@ impl BagReader {
         for (_, layout) in &self.files {
             let by_channel = layout.counts.as_ref()?;
             for (channel, topic) in layout.channels.iter() {
-                *counts.entry(topic.name.as_str()).or_default() += by_channel.get(&channel).copied().unwrap_or(0);
+                *counts.entry(topic.name.as_str()).or_default() +=
+                    by_channel.get(&channel).copied().unwrap_or(0);
             }
         }
         Some(counts)
@@ -97,12 +103,12 @@ impl BagReader {
 
     /// The attachments, one after another; each may be damaged by itself.
     pub fn attachments(&self) -> impl Iterator<Item = Result<Attachment, BagError>> {
-        self.records(|layout| &layout.attachments, attachment)
+        self.records(|layout| &layout.attachments, content::attachment)
     }
 
     /// The metadata records, one after another; each may be damaged by itself.
     pub fn metadata(&self) -> impl Iterator<Item = Result<MetadataRecord, BagError>> {
-        self.records(|layout| &layout.metadata, metadata)
+        self.records(|layout| &layout.metadata, content::metadata)
     }
 
     fn records<T>(
@@ -117,7 +123,10 @@ impl BagReader {
                     Ok(Some(found)) if found == *span => {
                         parse(&source.body(span)?).map_err(|what| source.damaged(span, what))
                     }
-                    _ => Err(source.damaged(span, "the index names a record that is not there".into())),
+                    _ => {
+                        Err(source
+                            .damaged(span, "the index names a record that is not there".into()))
+                    }
                 }
             })
         })
@@ -129,35 +138,5 @@ impl BagReader {
 
     pub(super) fn options(&self) -> &ReadOptions {
         &self.options
-    }
-}
-
-fn attachment(body: &[u8]) -> Result<Attachment, String> {
-    // The crate cuts four bytes of checksum off without looking whether they are there.
-    const SHORTEST_BYTES: usize = 8 + 8 + 4 + 4 + 8 + 4;
-    let name_bytes = [16, 20].iter().try_fold(0_usize, |total, at| {
-        let length = body.get(at + total..)?.first_chunk().map(|bytes| u32::from_le_bytes(*bytes))?;
-        total.checked_add(length as usize)
-    });
-    if name_bytes.and_then(|bytes| bytes.checked_add(SHORTEST_BYTES)).is_none_or(|shortest| body.len() < shortest) {
-        return Err("an attachment shorter than its header".into());
-    }
-    match mcap::parse_record(op::ATTACHMENT, body) {
-        Ok(Record::Attachment { header, data, .. }) => {
-            let time_ns = |time: u64| i64::try_from(time).map_err(|_| format!("{}: a time of {time} ns", header.name));
-            let (log_time_ns, create_time_ns) = (time_ns(header.log_time)?, time_ns(header.create_time)?);
-            let (name, media_type, data) = (header.name, header.media_type, data.into_owned());
-            Ok(Attachment { name, media_type, log_time_ns, create_time_ns, data })
-        }
-        Ok(_) => Err("no attachment".into()),
-        Err(error) => Err(error.to_string()),
-    }
-}
-
-fn metadata(body: &[u8]) -> Result<MetadataRecord, String> {
-    match mcap::parse_record(op::METADATA, body) {
-        Ok(Record::Metadata(metadata)) => Ok(MetadataRecord { name: metadata.name, entries: metadata.metadata }),
-        Ok(_) => Err("no metadata".into()),
-        Err(error) => Err(error.to_string()),
     }
 }

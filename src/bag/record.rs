@@ -107,7 +107,7 @@ impl Recorder {
         Ok(recorder)
     }
 
-    fn on(
+    pub(super) fn on(
         output: Box<dyn io::Write + Send>,
         directory: &Path,
         file_name: String,
@@ -172,12 +172,17 @@ impl Recorder {
         let mut metadata = BTreeMap::new();
         // Version 9 has words where older recordings have numbers; what is neither stays as it is.
         let words = qos::parse(&topic.qos).filter(|profiles| !profiles.is_empty());
-        metadata.insert(QOS_KEY.into(), words.map_or_else(|| topic.qos.clone(), |profiles| qos::to_yaml(&profiles)));
+        metadata.insert(
+            QOS_KEY.into(),
+            words.map_or_else(|| topic.qos.clone(), |profiles| qos::to_yaml(&profiles)),
+        );
         metadata.insert(TYPE_HASH_KEY.into(), topic.type_hash.clone());
         let channel = self.write_with(|writer| {
             let has_schema = !topic.type_name.is_empty();
             let schema = match has_schema {
-                true => writer.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?,
+                true => {
+                    writer.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?
+                }
                 false => 0,
             };
             writer.add_channel(schema, &topic.name, &topic.message_encoding, &metadata)
@@ -192,8 +197,13 @@ impl Recorder {
     /// # Errors
     /// A time before the epoch; a failing disk.
     pub fn write(&mut self, topic: TopicId, times: Times, data: &[u8]) -> Result<(), RecordError> {
-        let (Some(&channel_id), Some((known, _))) = (self.channels.get(topic.0), self.topics.get(topic.0)) else {
-            return Err(RecordError::Format { path: self.path(), what: "a topic of another recorder".into() });
+        let (Some(&channel_id), Some((known, _))) =
+            (self.channels.get(topic.0), self.topics.get(topic.0))
+        else {
+            return Err(RecordError::Format {
+                path: self.path(),
+                what: "a topic of another recorder".into(),
+            });
         };
         let header = MessageHeader {
             channel_id,
@@ -232,7 +242,8 @@ impl Recorder {
             let what = format!("the metadata record {OWN_RECORD:?} is written at the end");
             return Err(RecordError::Format { path: self.path(), what });
         }
-        let record = mcap::records::Metadata { name: record.name.clone(), metadata: record.entries.clone() };
+        let record =
+            mcap::records::Metadata { name: record.name.clone(), metadata: record.entries.clone() };
         self.write_with(|writer| writer.write_metadata(&record))
     }
 
@@ -259,11 +270,14 @@ impl Recorder {
     /// # Errors
     /// A failing disk.
     pub fn finish(mut self) -> Result<RecordSummary, RecordError> {
-        let recorded = Recorded { file: &self.file_name, bounds_ns: self.bounds_ns, topics: &self.topics };
+        let recorded =
+            Recorded { file: &self.file_name, bounds_ns: self.bounds_ns, topics: &self.topics };
         let information = BagInformation::of(&recorded);
         let path = self.path();
-        let no_yaml =
-            |error: serde_saphyr::ser::Error| RecordError::Format { path: path.clone(), what: error.to_string() };
+        let no_yaml = |error: serde_saphyr::ser::Error| RecordError::Format {
+            path: path.clone(),
+            what: error.to_string(),
+        };
         let serialized = information.to_yaml().map_err(no_yaml)?;
         let entries = BTreeMap::from([("serialized_metadata".to_owned(), serialized)]);
         let own = mcap::records::Metadata { name: OWN_RECORD.into(), metadata: entries };
@@ -273,7 +287,8 @@ impl Recorder {
             Ok(())
         })?;
         // `finish` does not flush, and the writer must not be asked for more after it.
-        let topics: Vec<_> = self.topics.iter().map(|(topic, count)| (topic.name.clone(), *count)).collect();
+        let topics: Vec<_> =
+            self.topics.iter().map(|(topic, count)| (topic.name.clone(), *count)).collect();
         let summary = RecordSummary {
             messages: topics.iter().map(|(_, count)| count).sum(),
             topics,
@@ -283,7 +298,10 @@ impl Recorder {
         };
         let flushed = io::Write::flush(self.writer.into_inner().get_mut());
         flushed.map_err(|source| RecordError::Io { path: path.clone(), source })?;
-        write_whole(&summary.directory.join("metadata.yaml"), &information.into_file().map_err(no_yaml)?)?;
+        write_whole(
+            &summary.directory.join("metadata.yaml"),
+            &information.into_file().map_err(no_yaml)?,
+        )?;
         Ok(summary)
     }
 
@@ -310,7 +328,8 @@ fn fault(path: &Path, error: McapError) -> RecordError {
 }
 
 fn since_epoch(what: &str, time_ns: i64) -> Result<u64, RecordError> {
-    u64::try_from(time_ns).map_err(|_negative| RecordError::NegativeTime { what: what.into(), time_ns })
+    u64::try_from(time_ns)
+        .map_err(|_negative| RecordError::NegativeTime { what: what.into(), time_ns })
 }
 
 /// Makes the directory, or frees it of the bag that is in it.

@@ -7,7 +7,10 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::record::{OWN_RECORD, RecordSummary};
-use super::{BagError, BagReader, Compression, Filter, ReadOptions, RecordError, RecordOptions, Recorder, Times, place};
+use super::{
+    BagError, BagReader, Compression, Filter, ReadOptions, RecordError, RecordOptions, Recorder,
+    Times, place,
+};
 
 /// Why nothing was recovered.
 #[derive(Debug, Error)]
@@ -134,7 +137,10 @@ fn copy_messages(
 }
 
 fn compression_of(bag: &BagReader) -> Compression {
-    let has = |name| bag.layouts().any(|(_, layout)| layout.compressions.iter().any(|compression| compression == name));
+    let has = |name| {
+        bag.layouts()
+            .any(|(_, layout)| layout.compressions.iter().any(|compression| compression == name))
+    };
     if has("zstd") {
         Compression::Zstd
     } else if has("lz4") {

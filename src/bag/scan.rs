@@ -4,15 +4,19 @@ use std::collections::BTreeMap;
 
 use mcap::records::{Record, op};
 
-use super::BagError;
 use super::channels::Channels;
 use super::chunk::ChunkDecoder;
-use super::format::{CHUNK_START_BYTES, ChunkHeader, MessageHeader, PREFIX_BYTES, RecordSpan, Source, u32_at};
+use super::format::{
+    CHUNK_START_BYTES, ChunkHeader, MessageHeader, PREFIX_BYTES, RecordSpan, Source, u32_at,
+};
 use super::layout::{Layout, Part, PartKind};
+use super::{BagError, content};
 
 /// Bytes that are searched at a time for the next chunk.
 const SEARCH_BLOCK_BYTES: u64 = 1 << 20;
-/// A `DataEnd` record up to its checksum: opcode and length.
+/// A `DataEnd` record: opcode, length, checksum.
+const DATA_END_BYTES: u64 = PREFIX_BYTES + 4;
+/// The same up to its checksum.
 const DATA_END: [u8; PREFIX_BYTES as usize] = [op::DATA_END, 4, 0, 0, 0, 0, 0, 0, 0];
 
 /// Profile in the file's header record; empty when there is no such record.
@@ -32,14 +36,19 @@ pub(super) fn profile(source: &mut Source) -> Result<String, BagError> {
 pub(super) fn scan(source: &mut Source, channels: Channels) -> Result<Layout, BagError> {
     let layout = Layout { channels, ..Layout::default() };
     let decoder = ChunkDecoder::new(source.limit_bytes);
-    let mut scan = Scan { source, decoder, layout, counts: BTreeMap::new(), unknown_bytes: 0 };
+    let mut scan =
+        Scan { source, decoder, layout, counts: BTreeMap::new(), suspect: None, unknown_bytes: 0 };
     let mut offset = mcap::MAGIC.len() as u64;
     while let Some(next) = scan.step(offset)? {
         offset = next;
     }
     scan.layout.counts = Some(scan.counts);
     if scan.unknown_bytes > 0 {
-        let note = format!("{}: {} bytes in records of unknown kinds", scan.source.path.display(), scan.unknown_bytes);
+        let note = format!(
+            "{}: {} bytes in records of unknown kinds",
+            scan.source.path.display(),
+            scan.unknown_bytes
+        );
         scan.layout.notes.push(note);
     }
     scan.layout.sort();
@@ -51,7 +60,15 @@ struct Scan<'a> {
     decoder: ChunkDecoder,
     layout: Layout,
     counts: BTreeMap<u16, u64>,
+    /// The last record, when nothing but what follows tells whether its length is right.
+    suspect: Option<Suspect>,
     unknown_bytes: u64,
+}
+
+struct Suspect {
+    offset: u64,
+    /// Of a message.
+    channel: Option<u16>,
 }
 
 impl Scan<'_> {
@@ -72,11 +89,11 @@ impl Scan<'_> {
                 Err(what) => self.resume_behind(offset, what),
             };
         }
-        if span.opcode == op::DATA_END {
-            return Ok(None);
-        }
         if let Err(BagError::Damaged { what, .. }) = self.source.check_length(&span, 0) {
             return self.resume_behind(offset, what);
+        }
+        if span.opcode == op::DATA_END && span.end - span.offset == DATA_END_BYTES {
+            return Ok(None);
         }
         match self.record(&span) {
             Err(BagError::Damaged { what, .. }) => self.resume_behind(offset, what),
@@ -86,15 +103,22 @@ impl Scan<'_> {
     }
 
     fn record(&mut self, span: &RecordSpan) -> Result<(), BagError> {
+        self.suspect = Some(Suspect { offset: span.offset, channel: None });
         match span.opcode {
             op::MESSAGE => {
                 let body = self.source.body(span)?;
                 let Some((header, _)) = MessageHeader::split(&body) else {
-                    return Err(self.source.damaged(span, "a message record shorter than its header".into()));
+                    return Err(self
+                        .source
+                        .damaged(span, "a message record shorter than its header".into()));
                 };
-                self.count(&header);
+                self.suspect = Some(Suspect { offset: span.offset, channel: Some(header.channel) });
+                *self.counts.entry(header.channel).or_default() += 1;
+                self.widen(header.log_time, header.log_time);
                 match self.layout.parts.last_mut() {
-                    Some(part) if matches!(part.kind, PartKind::Loose) && part.end == span.offset => {
+                    Some(part)
+                        if matches!(part.kind, PartKind::Loose) && part.end == span.offset =>
+                    {
                         part.end = span.end;
                     }
                     _ => self.part(PartKind::Loose, span, header.log_time),
@@ -102,15 +126,32 @@ impl Scan<'_> {
             }
             op::SCHEMA | op::CHANNEL => {
                 let body = self.source.body(span)?;
-                self.layout.channels.add(span.opcode, &body).map_err(|what| self.source.damaged(span, what))?;
+                self.layout
+                    .channels
+                    .add(span.opcode, &body)
+                    .map_err(|what| self.source.damaged(span, what))?;
             }
-            op::ATTACHMENT => self.layout.attachments.push(*span),
-            op::METADATA => self.layout.metadata.push(*span),
+            op::ATTACHMENT => {
+                let body = self.source.body(span)?;
+                content::attachment(&body).map_err(|what| self.source.damaged(span, what))?;
+                self.layout.attachments.push(*span);
+                self.suspect = None;
+            }
+            op::METADATA => {
+                let body = self.source.body(span)?;
+                content::metadata(&body).map_err(|what| self.source.damaged(span, what))?;
+                self.layout.metadata.push(*span);
+                self.suspect = None;
+            }
             // A chunk whose opcode has changed must not pass for one of these.
             op::MESSAGE_INDEX => self.check_message_index(span)?,
             op::HEADER if span.offset == mcap::MAGIC.len() as u64 => {}
             0x80.. => self.unknown_bytes += span.end - span.offset,
-            opcode => return Err(self.source.damaged(span, format!("a record {opcode:#04x} among the data"))),
+            opcode => {
+                return Err(self
+                    .source
+                    .damaged(span, format!("a record {opcode:#04x} among the data")));
+            }
         }
         Ok(())
     }
@@ -123,8 +164,11 @@ impl Scan<'_> {
             self.source.read_exact_at(span.offset + PREFIX_BYTES, &mut start)?;
         }
         if u64::from(u32_at(&start, 2)).checked_add(6) != Some(body_bytes) {
-            return Err(self.source.damaged(span, format!("a message index of {body_bytes} bytes")));
+            return Err(self
+                .source
+                .damaged(span, format!("a message index of {body_bytes} bytes")));
         }
+        self.suspect = None;
         Ok(())
     }
 
@@ -148,14 +192,10 @@ impl Scan<'_> {
         if let Some((first, last)) = times {
             self.widen(first, last);
         }
+        self.suspect = None;
         self.layout.compressions.push(chunk.compression.clone());
         self.part(PartKind::Chunk, &chunk.span, times.map_or(chunk.start_time, |(first, _)| first));
         Ok((chunk.span.end <= self.source.len_bytes).then_some(chunk.span.end))
-    }
-
-    fn count(&mut self, header: &MessageHeader) {
-        *self.counts.entry(header.channel).or_default() += 1;
-        self.widen(header.log_time, header.log_time);
     }
 
     fn widen(&mut self, first: u64, last: u64) {
@@ -177,9 +217,21 @@ impl Scan<'_> {
 
     /// Notes damage from `offset` to the next place where a chunk or the end of the data begins.
     fn resume_behind(&mut self, offset: u64, what: String) -> Result<Option<u64>, BagError> {
+        let offset = self.drop_suspect().unwrap_or(offset);
         let next = self.find_landmark(offset + 1)?;
         self.damage(offset, next.unwrap_or(self.source.len_bytes), what);
         Ok(next)
+    }
+
+    /// Forgets a record whose length has led astray; where it began.
+    fn drop_suspect(&mut self) -> Option<u64> {
+        let Suspect { offset, channel } = self.suspect.take()?;
+        if let (Some(channel), Some(part)) = (channel, self.layout.parts.last_mut()) {
+            part.end = offset;
+            self.counts.entry(channel).and_modify(|count| *count -= 1);
+            self.layout.parts.pop_if(|part| part.offset == part.end);
+        }
+        Some(offset)
     }
 
     fn find_landmark(&mut self, from: u64) -> Result<Option<u64>, BagError> {
@@ -190,7 +242,9 @@ impl Scan<'_> {
             self.source.read_exact_at(start, &mut block[..length])?;
             block[length..].fill(0);
             let searched = length.min(SEARCH_BLOCK_BYTES as usize);
-            if let Some(at) = (0..searched).find(|&at| self.is_landmark(&block[at..], start + at as u64)) {
+            if let Some(at) =
+                (0..searched).find(|&at| self.is_landmark(&block[at..], start + at as u64))
+            {
                 return Ok(Some(start + at as u64));
             }
             start += searched as u64;
@@ -201,8 +255,10 @@ impl Scan<'_> {
     fn is_landmark(&self, bytes: &[u8], offset: u64) -> bool {
         match bytes[0] {
             op::CHUNK => bytes.first_chunk().is_some_and(|start| {
-                ChunkHeader::parse(start, offset)
-                    .is_ok_and(|chunk| chunk.uncompressed_bytes <= self.source.limit_bytes && chunk.start_time <= chunk.end_time)
+                ChunkHeader::parse(start, offset).is_ok_and(|chunk| {
+                    chunk.uncompressed_bytes <= self.source.limit_bytes
+                        && chunk.start_time <= chunk.end_time
+                })
             }),
             op::DATA_END => bytes.starts_with(&DATA_END),
             _ => false,

@@ -40,7 +40,11 @@ impl Write for Sink {
             if sink.buffer.len() + bytes.len() > BUFFER_BYTES {
                 sink.empty_buffer()?;
             }
-            if bytes.len() > BUFFER_BYTES { sink.inner.write_all(bytes) } else { sink.buffer.write_all(bytes) }
+            if bytes.len() > BUFFER_BYTES {
+                sink.inner.write_all(bytes)
+            } else {
+                sink.buffer.write_all(bytes)
+            }
         })?;
         self.written_bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         Ok(bytes.len())

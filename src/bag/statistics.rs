@@ -69,6 +69,9 @@ mod tests {
         let mut statistics = Statistics::default();
         assert_eq!(statistics.rate_hz(), None);
         statistics.add_time(5);
-        assert_eq!((statistics.rate_hz(), statistics.largest_gap_ns, statistics.bounds_ns), (None, None, Some((5, 5))));
+        assert_eq!(
+            (statistics.rate_hz(), statistics.largest_gap_ns, statistics.bounds_ns),
+            (None, None, Some((5, 5)))
+        );
     }
 }

@@ -32,7 +32,8 @@ pub(super) fn read(source: &mut Source) -> Result<Result<mcap::Summary, String>,
                 reader.notify_seeked(position);
             }
             Ok(SummaryReadEvent::ReadRequest(wanted_bytes)) => {
-                let available = source.len_bytes.saturating_sub(position).min(wanted_bytes as u64) as usize;
+                let available =
+                    source.len_bytes.saturating_sub(position).min(wanted_bytes as u64) as usize;
                 source.read_exact_at(position, &mut reader.insert(wanted_bytes)[..available])?;
                 reader.notify_read(available);
                 position += available as u64;

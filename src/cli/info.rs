@@ -62,17 +62,29 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
     for file in &info.files {
         let compression = file.compression.join("+");
         let index = if file.indexed { "" } else { "  no index" };
-        writeln!(out, "  file      {}  {}  {compression}{index}", file.path.display(), bytes(file.bytes))?;
+        writeln!(
+            out,
+            "  file      {}  {}  {compression}{index}",
+            file.path.display(),
+            bytes(file.bytes)
+        )?;
     }
     if let Some(start_ns) = info.start_ns {
-        writeln!(out, "Start       {}  ({}.{:09} s)", date(start_ns), start_ns / NS, start_ns % NS)?;
+        writeln!(
+            out,
+            "Start       {}  ({}.{:09} s)",
+            date(start_ns),
+            start_ns / NS,
+            start_ns % NS
+        )?;
     }
     writeln!(out, "Duration    {:.3} s", info.duration_s)?;
     let how = if info.verified { "every one read" } else { "by the index" };
     writeln!(out, "Messages    {}  ({how})", info.messages)?;
     print_topics(&info.topics, out)?;
     for attachment in &info.attachments {
-        let (name, media_type, size) = (&attachment.name, &attachment.media_type, bytes(attachment.bytes));
+        let (name, media_type, size) =
+            (&attachment.name, &attachment.media_type, bytes(attachment.bytes));
         writeln!(out, "Attachment  {name}  {media_type}  {size}  sha256 {}", attachment.sha256)?;
     }
     for (name, entries) in &info.metadata {
@@ -84,7 +96,14 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
         }
     }
     for range in &info.damaged {
-        writeln!(out, "Damaged     {}: bytes {} to {}: {}", range.file.display(), range.offset, range.end, range.what)?;
+        writeln!(
+            out,
+            "Damaged     {}: bytes {} to {}: {}",
+            range.file.display(),
+            range.offset,
+            range.end,
+            range.what
+        )?;
     }
     for note in &info.notes {
         writeln!(out, "Note        {note}")?;
@@ -95,8 +114,11 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
 const NS: i64 = 1_000_000_000;
 
 fn print_topics(topics: &[TopicInfo], out: &mut dyn Write) -> io::Result<()> {
-    let heads = ["Topic", "Type", "Messages", "Hz", "Largest gap", "Skipped", "Size"].map(String::from);
-    let number = |value: Option<f64>, unit: &str| value.map_or("-".into(), |value| format!("{value:.3}{unit}"));
+    let heads =
+        ["Topic", "Type", "Messages", "Hz", "Largest gap", "Skipped", "Size"].map(String::from);
+    let number = |value: Option<f64>, unit: &str| {
+        value.map_or("-".into(), |value| format!("{value:.3}{unit}"))
+    };
     let mut rows = vec![heads];
     rows.extend(topics.iter().map(|topic| {
         [
@@ -109,7 +131,8 @@ fn print_topics(topics: &[TopicInfo], out: &mut dyn Write) -> io::Result<()> {
             topic.bytes.map_or("-".into(), bytes),
         ]
     }));
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let width =
+        |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<_> = (0..rows[0].len()).map(width).collect();
     writeln!(out)?;
     for row in &rows {
@@ -144,13 +167,19 @@ fn date(time_ns: i64) -> String {
     // Days since 0000-03-01 in eras of 400 years: H. Hinnant, "chrono-compatible low-level date algorithms".
     let shifted = days + 719_468;
     let (era, day_of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let year_of_era =
+        (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let month_from_march = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
     let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
     let year = year_of_era + era * 400 + i64::from(month <= 2);
-    format!("{year:04}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC", second / 3600, second / 60 % 60, second % 60)
+    format!(
+        "{year:04}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC",
+        second / 3600,
+        second / 60 % 60,
+        second % 60
+    )
 }
 
 #[cfg(test)]

@@ -97,7 +97,8 @@ fn print_text(recovery: &Recovery, out: &mut dyn Write) -> io::Result<()> {
     for note in &recovery.notes {
         writeln!(out, "note: {note}")?;
     }
-    let (messages, attachments, metadata) = (output.messages, recovery.num_attachments, recovery.num_metadata);
+    let (messages, attachments, metadata) =
+        (output.messages, recovery.num_attachments, recovery.num_metadata);
     writeln!(
         out,
         "recovered {messages} messages, {attachments} attachments, {metadata} metadata records into {} ({})",
