@@ -1,9 +1,37 @@
 //! Recordings: rosbag2 directories and bare MCAP files, read and written. Edge: does I/O.
+//!
+//! Nothing in a file is trusted: every length is checked against the file and against a limit before memory is
+//! taken, every chunk against its checksum before a message leaves it. What is damaged is reported and passed over.
+
+pub mod error;
+pub mod qos;
+pub mod metadata;
+pub mod place;
+mod format;
+mod channels;
+mod chunk;
+mod content;
+mod summary;
+mod scan;
+mod layout;
+pub mod messages;
+pub mod read;
+mod sink;
+pub mod record;
+pub mod recover;
+pub mod statistics;
+pub mod info;
+pub mod player;
 
 use std::sync::Arc;
 
+pub use error::{BagError, RecordError};
+pub use messages::{Filter, Messages};
+pub use read::{BagReader, ReadOptions};
+pub use record::{Compression, RecordOptions, RecordSummary, Recorder, Times, TopicId};
+
 /// A topic of a recording, and all that a reader needs to understand it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Topic {
     /// Fully resolved name, as in `/camera/image_raw`.
     pub name: String,
@@ -17,12 +45,28 @@ pub struct Topic {
     pub schema: Vec<u8>,
     /// `RIHS01_…`, empty where the recording states none.
     pub type_hash: String,
-    /// `offered_qos_profiles` as YAML, empty where the recording states none.
+    /// `offered_qos_profiles` as a YAML list (see [`qos`]), empty where the recording states none.
     pub qos: String,
 }
 
+impl Topic {
+    /// Whether the messages are what ROS 2 writes; tells why not.
+    ///
+    /// # Errors
+    /// Messages that are not CDR, as in recordings of ROS 1.
+    pub fn require_cdr(&self) -> Result<(), BagError> {
+        if self.message_encoding == "cdr" {
+            return Ok(());
+        }
+        Err(BagError::Encoding {
+            topic: self.name.clone(),
+            encoding: self.message_encoding.clone(),
+        })
+    }
+}
+
 /// One stored message.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawMessage {
     /// Where it belongs.
     pub topic: Arc<Topic>,
@@ -35,3 +79,30 @@ pub struct RawMessage {
     /// CDR bytes with their header.
     pub data: Vec<u8>,
 }
+
+/// A file inside the recording, as in `calibration.yaml`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Attachment {
+    /// File name.
+    pub name: String,
+    /// MIME type, as in `application/yaml`.
+    pub media_type: String,
+    /// When it was recorded, nanoseconds since the epoch; an argument, so that the same input gives the same bytes.
+    pub log_time_ns: i64,
+    /// When it was made, nanoseconds since the epoch; 0 where unknown.
+    pub create_time_ns: i64,
+    /// Content.
+    pub data: Vec<u8>,
+}
+
+/// Named text pairs inside the recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MetadataRecord {
+    /// Name of the record, as in `laser_profiler`.
+    pub name: String,
+    /// Keys and values.
+    pub entries: std::collections::BTreeMap<String, String>,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,98 @@
+//! The records inside one chunk, decompressed and checked.
+
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use super::BagError;
+use super::format::{ChunkHeader, PREFIX_BYTES, Source};
+
+/// Decodes chunks, keeping its buffers from one to the next.
+pub(super) struct ChunkDecoder {
+    reader: LinearReader,
+    limit_bytes: usize,
+}
+
+impl ChunkDecoder {
+    pub(super) fn new(limit_bytes: u64) -> Self {
+        let limit_bytes = usize::try_from(limit_bytes).unwrap_or(usize::MAX);
+        Self { reader: reader(limit_bytes, true), limit_bytes }
+    }
+
+    /// Shows every record of the chunk to `visit`, in order. A checksum that does not fit is found before the first
+    /// one; a chunk that the end of the file cuts is shown as far as it goes.
+    pub(super) fn decode(
+        &mut self,
+        source: &mut Source,
+        chunk: &ChunkHeader,
+        visit: &mut dyn FnMut(u8, &[u8]),
+    ) -> Result<(), BagError> {
+        let is_cut = chunk.span.end > source.len_bytes;
+        if chunk.uncompressed_bytes.max(chunk.compressed_bytes) > source.limit_bytes {
+            let (size, limit) =
+                (chunk.uncompressed_bytes.max(chunk.compressed_bytes), source.limit_bytes);
+            return Err(source
+                .damaged(&chunk.span, format!("a chunk of {size} bytes, the limit is {limit}")));
+        }
+        if is_cut {
+            // The checksum cannot be formed, and what a cut leaves is whole.
+            self.reader = reader(self.limit_bytes, false);
+        }
+        let result = self.feed(source, chunk, visit);
+        if is_cut || result.is_err() {
+            self.reader = reader(self.limit_bytes, true);
+        }
+        match result {
+            Err(Fault::Io(error)) => Err(error),
+            _ if is_cut => {
+                let missing = chunk.span.end - source.len_bytes;
+                let what = format!("the file ends {missing} bytes before the end of this chunk");
+                Err(source.damaged(&chunk.span, what))
+            }
+            Ok(()) => Ok(()),
+            Err(Fault::Content(what)) => Err(source.damaged(&chunk.span, what)),
+        }
+    }
+
+    fn feed(
+        &mut self,
+        source: &mut Source,
+        chunk: &ChunkHeader,
+        visit: &mut dyn FnMut(u8, &[u8]),
+    ) -> Result<(), Fault> {
+        let available = (chunk.span.end.min(source.len_bytes) - chunk.span.offset) as usize;
+        source
+            .read_exact_at(chunk.span.offset, self.reader.insert(available))
+            .map_err(Fault::Io)?;
+        self.reader.notify_read(available);
+        let mut shown_bytes = 0;
+        while let Some(event) = self.reader.next_event() {
+            match event {
+                Ok(LinearReadEvent::Record { opcode, data }) => {
+                    shown_bytes += PREFIX_BYTES + data.len() as u64;
+                    visit(opcode, data);
+                }
+                // It has the whole chunk: it is through, or a record claims more than the chunk holds.
+                Ok(LinearReadEvent::ReadRequest(_)) if shown_bytes == chunk.uncompressed_bytes => {
+                    return Ok(());
+                }
+                Ok(LinearReadEvent::ReadRequest(_)) => break,
+                Err(error) => return Err(Fault::Content(error.to_string())),
+            }
+        }
+        Err(Fault::Content("the chunk ends in the middle of a record".into()))
+    }
+}
+
+enum Fault {
+    Io(BagError),
+    Content(String),
+}
+
+/// A reader that starts at a record.
+fn reader(limit_bytes: usize, has_checksum: bool) -> LinearReader {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(has_checksum)
+        .with_record_length_limit(limit_bytes);
+    LinearReader::new_with_options(options)
+}

@@ -1,0 +1,247 @@
+//! The outer shape of an MCAP file: records one after another, each an opcode, a length and a body. Lengths are
+//! checked against the file and the limit here, so that nobody else has to.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use mcap::MAGIC;
+use mcap::records::op;
+
+use super::BagError;
+
+/// Bytes of a record before its body: the opcode and the length.
+pub(super) const PREFIX_BYTES: u64 = 9;
+/// Bytes of a chunk's header without the name of its compression: times, sizes, checksum.
+const CHUNK_HEADER_BYTES: u64 = 40;
+/// Bytes that hold any chunk's prefix and header: no compression has a longer name than `lz4` and `zstd`.
+pub(super) const CHUNK_START_BYTES: u64 = PREFIX_BYTES + CHUNK_HEADER_BYTES + 4;
+/// Bytes of a message record before the message.
+pub(super) const MESSAGE_HEADER_BYTES: usize = 22;
+
+/// A file that is read at given places.
+#[derive(Debug)]
+pub(super) struct Source {
+    file: File,
+    pub(super) path: PathBuf,
+    pub(super) len_bytes: u64,
+    /// Longest record, and longest chunk, that is taken into memory.
+    pub(super) limit_bytes: u64,
+}
+
+impl Source {
+    pub(super) fn open(path: &Path, limit_bytes: usize) -> Result<Self, BagError> {
+        let io_error = |source| BagError::Io { path: path.into(), source };
+        let file = File::open(path).map_err(io_error)?;
+        let len_bytes = file.metadata().map_err(io_error)?.len();
+        Ok(Self { file, path: path.into(), len_bytes, limit_bytes: limit_bytes as u64 })
+    }
+
+    /// Refuses what does not begin as an MCAP file does.
+    pub(super) fn check_magic(&mut self) -> Result<(), BagError> {
+        let not_mcap =
+            |path: &Path, why: &str| BagError::NotMcap { path: path.into(), why: why.into() };
+        if self.len_bytes == 0 {
+            return Err(not_mcap(&self.path, "the file is empty"));
+        }
+        let mut magic = [0; MAGIC.len()];
+        if self.len_bytes < magic.len() as u64 {
+            return Err(not_mcap(
+                &self.path,
+                "the file is shorter than the first eight bytes of one",
+            ));
+        }
+        self.read_exact_at(0, &mut magic)?;
+        if magic != MAGIC {
+            return Err(not_mcap(&self.path, "the first eight bytes differ"));
+        }
+        Ok(())
+    }
+
+    pub(super) fn read_exact_at(&mut self, offset: u64, buffer: &mut [u8]) -> Result<(), BagError> {
+        let mut read = |file: &mut File| {
+            file.seek(SeekFrom::Start(offset))?;
+            file.read_exact(buffer)
+        };
+        read(&mut self.file).map_err(|source| BagError::Io { path: self.path.clone(), source })
+    }
+
+    /// The `LEN` bytes at `offset`, zeros beyond the end of the file.
+    fn read_padded<const LEN: usize>(&mut self, offset: u64) -> Result<[u8; LEN], BagError> {
+        let mut bytes = [0; LEN];
+        let available = self.len_bytes.saturating_sub(offset).min(LEN as u64) as usize;
+        self.read_exact_at(offset, &mut bytes[..available])?;
+        Ok(bytes)
+    }
+
+    /// The record at `offset`; `None` at the end of the file; in the inner error what is wrong with it.
+    pub(super) fn record_at(
+        &mut self,
+        offset: u64,
+    ) -> Result<Result<Option<RecordSpan>, String>, BagError> {
+        let remaining = self.len_bytes.saturating_sub(offset);
+        if remaining == 0 {
+            return Ok(Ok(None));
+        }
+        if remaining < PREFIX_BYTES {
+            return Ok(Err(format!("the file ends after {remaining} bytes of a record")));
+        }
+        let prefix = self.read_padded::<{ PREFIX_BYTES as usize }>(offset)?;
+        let (opcode, body_bytes) = (prefix[0], u64_at(&prefix, 1));
+        let is_known = matches!(opcode, op::HEADER..=op::DATA_END | 0x80..);
+        if !is_known {
+            return Ok(Err(format!("no record begins with {opcode:#04x}")));
+        }
+        let Some(end) =
+            offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes))
+        else {
+            return Ok(Err(format!("a record of {body_bytes} bytes")));
+        };
+        Ok(Ok(Some(RecordSpan { opcode, offset, end })))
+    }
+
+    /// The header of the chunk at `offset`, when the bytes there are one.
+    pub(super) fn chunk_at(
+        &mut self,
+        offset: u64,
+    ) -> Result<Result<ChunkHeader, String>, BagError> {
+        Ok(ChunkHeader::parse(&self.read_padded::<{ CHUNK_START_BYTES as usize }>(offset)?, offset))
+    }
+
+    /// Body of a record other than a chunk.
+    pub(super) fn body(&mut self, span: &RecordSpan) -> Result<Vec<u8>, BagError> {
+        let body_bytes = span.end - span.offset - PREFIX_BYTES;
+        self.check_length(span, body_bytes)?;
+        let mut body = vec![0; body_bytes as usize];
+        self.read_exact_at(span.offset + PREFIX_BYTES, &mut body)?;
+        Ok(body)
+    }
+
+    /// Refuses a length that the file does not hold or that is beyond the limit.
+    pub(super) fn check_length(
+        &self,
+        span: &RecordSpan,
+        in_memory_bytes: u64,
+    ) -> Result<(), BagError> {
+        if span.end > self.len_bytes {
+            let missing = span.end - self.len_bytes;
+            return Err(self.damaged(
+                span,
+                format!("the file ends {missing} bytes before the end of this record"),
+            ));
+        }
+        if in_memory_bytes > self.limit_bytes {
+            let limit = self.limit_bytes;
+            return Err(self.damaged(
+                span,
+                format!("{in_memory_bytes} bytes in one record, the limit is {limit}"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Damage of a whole record.
+    pub(super) fn damaged(&self, span: &RecordSpan, what: String) -> BagError {
+        BagError::Damaged {
+            path: self.path.clone(),
+            offset: span.offset,
+            end: span.end.min(self.len_bytes),
+            what,
+        }
+    }
+}
+
+/// Where a record lies, bytes from the start of the file. The end may be beyond the file's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct RecordSpan {
+    pub(super) opcode: u8,
+    pub(super) offset: u64,
+    pub(super) end: u64,
+}
+
+/// A chunk record's header, consistent in itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct ChunkHeader {
+    pub(super) span: RecordSpan,
+    pub(super) start_time: u64,
+    pub(super) end_time: u64,
+    pub(super) uncompressed_bytes: u64,
+    pub(super) compressed_bytes: u64,
+    /// Empty for none.
+    pub(super) compression: String,
+}
+
+impl ChunkHeader {
+    /// Reads the start of a chunk record. Its lengths must agree with one another, which random bytes do not.
+    pub(super) fn parse(
+        start: &[u8; CHUNK_START_BYTES as usize],
+        offset: u64,
+    ) -> Result<Self, String> {
+        if start[0] != op::CHUNK {
+            return Err(format!("no chunk begins with {:#04x}", start[0]));
+        }
+        let body_bytes = u64_at(start, 1);
+        let name_bytes = u32_at(start, 37) as usize;
+        let Some(name) = start[41..].get(..name_bytes).filter(|_| name_bytes <= 4) else {
+            return Err(format!("a compression whose name has {name_bytes} bytes"));
+        };
+        let compression = String::from_utf8_lossy(name).into_owned();
+        let compressed_bytes = u64_at(start, 41 + name_bytes);
+        let uncompressed_bytes = u64_at(start, 25);
+        let expected = compressed_bytes.checked_add(CHUNK_HEADER_BYTES + name_bytes as u64);
+        if expected != Some(body_bytes) {
+            return Err(format!(
+                "a chunk record of {body_bytes} bytes around {compressed_bytes} bytes of content"
+            ));
+        }
+        if !["", "lz4", "zstd"].contains(&compression.as_str()) {
+            return Err(format!("unknown compression {compression:?}"));
+        }
+        if compression.is_empty() && compressed_bytes != uncompressed_bytes {
+            return Err(format!("{uncompressed_bytes} uncompressed bytes in {compressed_bytes}"));
+        }
+        let end = offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes));
+        let Some(end) = end else { return Err(format!("a chunk of {body_bytes} bytes")) };
+        Ok(Self {
+            span: RecordSpan { opcode: op::CHUNK, offset, end },
+            start_time: u64_at(start, 9),
+            end_time: u64_at(start, 17),
+            uncompressed_bytes,
+            compressed_bytes,
+            compression,
+        })
+    }
+}
+
+/// Fixed part of a message record.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MessageHeader {
+    pub(super) channel: u16,
+    pub(super) sequence: u32,
+    pub(super) log_time: u64,
+    pub(super) publish_time: u64,
+}
+
+impl MessageHeader {
+    /// Splits a message record's body into header and message.
+    pub(super) fn split(body: &[u8]) -> Option<(Self, &[u8])> {
+        let (header, data) = body.split_at_checked(MESSAGE_HEADER_BYTES)?;
+        let channel = u16::from_le_bytes([header[0], header[1]]);
+        let (log_time, publish_time) = (u64_at(header, 6), u64_at(header, 14));
+        Some((Self { channel, sequence: u32_at(header, 2), log_time, publish_time }, data))
+    }
+}
+
+/// Little-endian number in `bytes`, which must reach there.
+pub(super) fn u64_at(bytes: &[u8], at: usize) -> u64 {
+    let mut number = [0; 8];
+    number.copy_from_slice(&bytes[at..at + 8]);
+    u64::from_le_bytes(number)
+}
+
+/// Little-endian number in `bytes`, which must reach there.
+pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    let mut number = [0; 4];
+    number.copy_from_slice(&bytes[at..at + 4]);
+    u32::from_le_bytes(number)
+}

@@ -1,0 +1,289 @@
+//! What a bag holds, for people and for scripts.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::records::op;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use super::format::{PREFIX_BYTES, Source, u64_at};
+use super::layout::{Layout, PartKind};
+use super::record::OWN_RECORD;
+use super::recover::DamagedRange;
+use super::statistics::Statistics;
+use super::{BagError, BagReader, Filter, Topic};
+
+/// Everything that `info` tells. The field names are those of `info --json`.
+#[derive(Debug, Serialize)]
+pub struct BagInfo {
+    /// The bag.
+    pub path: PathBuf,
+    /// Its files in their order.
+    pub files: Vec<FileInfo>,
+    /// Length of all files.
+    pub bytes: u64,
+    /// Time of the first message, nanoseconds since the epoch.
+    pub start_ns: Option<i64>,
+    /// Time of the last message, nanoseconds since the epoch.
+    pub end_ns: Option<i64>,
+    /// From the first to the last message, seconds.
+    pub duration_s: f64,
+    /// Number of messages.
+    pub messages: u64,
+    /// Topics by name.
+    pub topics: Vec<TopicInfo>,
+    /// Files inside the recording.
+    pub attachments: Vec<AttachmentInfo>,
+    /// Metadata records by name, without rosbag2's own.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    /// Whether every message was read and its checksum tested; otherwise the index was believed.
+    pub verified: bool,
+    /// What cannot be read. Empty when not verified and the index is sound.
+    pub damaged: Vec<DamagedRange>,
+    /// What else is worth saying.
+    pub notes: Vec<String>,
+}
+
+/// One file of a bag.
+#[derive(Debug, Serialize)]
+pub struct FileInfo {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its length.
+    pub bytes: u64,
+    /// Whether it has a sound index.
+    pub indexed: bool,
+    /// Compressions of its chunks: `none`, `lz4`, `zstd`.
+    pub compression: Vec<String>,
+}
+
+/// One topic.
+#[derive(Debug, Serialize)]
+pub struct TopicInfo {
+    /// Its name.
+    pub name: String,
+    /// Type, as in `sensor_msgs/msg/Image`.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Encoding of the messages: `cdr`.
+    pub encoding: String,
+    /// `RIHS01_…`, or empty.
+    pub type_hash: String,
+    /// Number of messages.
+    pub messages: u64,
+    /// Messages a second.
+    pub rate_hz: Option<f64>,
+    /// Longest time between two messages, seconds.
+    pub largest_gap_s: Option<f64>,
+    /// When that began, nanoseconds since the epoch.
+    pub largest_gap_at_ns: Option<i64>,
+    /// Messages that the writer's counter skips; only when verified.
+    pub skipped: Option<u64>,
+    /// Bytes of all messages; only when verified.
+    pub bytes: Option<u64>,
+}
+
+/// A file inside the recording.
+#[derive(Debug, Serialize)]
+pub struct AttachmentInfo {
+    /// File name.
+    pub name: String,
+    /// MIME type.
+    pub media_type: String,
+    /// Its length.
+    pub bytes: u64,
+    /// Hash of its content, hexadecimal.
+    pub sha256: String,
+}
+
+/// Describes a bag by its index, or by reading all of it: when `verify` asks for that, or when the index does not do.
+///
+/// # Errors
+/// A bag that cannot be read further: the operating system's refusal.
+pub fn describe(path: &Path, bag: &BagReader, verify: bool) -> Result<BagInfo, BagError> {
+    let mut found = Found { notes: bag.notes().to_vec(), ..Found::default() };
+    let by_index = if verify { None } else { by_index(bag)? };
+    let verified = by_index.is_none();
+    let statistics = match by_index {
+        Some(statistics) => statistics,
+        None => by_reading(bag, &mut found)?,
+    };
+    let bounds = statistics.values().filter_map(|topic| topic.bounds_ns);
+    let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
+    let topics: Vec<_> =
+        bag.topics().iter().map(|topic| topic_info(topic, &statistics, verified)).collect();
+    let mut files = Vec::new();
+    for (path, layout) in bag.layouts() {
+        files.push(file_info(path, layout)?);
+    }
+    let attachments = attachments(bag, &mut found)?;
+    let metadata = metadata(bag, &mut found)?;
+    Ok(BagInfo {
+        path: path.into(),
+        bytes: files.iter().map(|file| file.bytes).sum(),
+        files,
+        start_ns: bounds_ns.map(|(first, _)| first),
+        end_ns: bounds_ns.map(|(_, last)| last),
+        duration_s: bounds_ns.map_or(0.0, |(first, last)| seconds(last.saturating_sub(first))),
+        messages: statistics.values().map(|topic| topic.count).sum(),
+        topics,
+        attachments,
+        metadata,
+        verified,
+        damaged: found.damaged,
+        notes: found.notes,
+    })
+}
+
+/// What was found wrong on the way.
+#[derive(Default)]
+struct Found {
+    damaged: Vec<DamagedRange>,
+    notes: Vec<String>,
+}
+
+impl Found {
+    fn take(&mut self, error: BagError) -> Result<(), BagError> {
+        match DamagedRange::of(&error) {
+            Some(range) => self.damaged.push(range),
+            None if error.is_loss() => return Err(error),
+            None => self.notes.push(error.to_string()),
+        }
+        Ok(())
+    }
+}
+
+type ByTopic = BTreeMap<Arc<Topic>, Statistics>;
+
+fn by_reading(bag: &BagReader, found: &mut Found) -> Result<ByTopic, BagError> {
+    let mut statistics = ByTopic::new();
+    let mut messages = bag.messages(&Filter::all());
+    while let Some(item) = messages.next() {
+        match item {
+            Ok(message) => {
+                let topic = statistics.entry(Arc::clone(&message.topic)).or_default();
+                topic.add_message(message.log_time_ns, message.sequence, message.data.len());
+                messages.recycle(message.data);
+            }
+            Err(error) => found.take(error)?,
+        }
+    }
+    Ok(statistics)
+}
+
+/// From the message indexes, without opening a chunk; `None` where they do not do.
+fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
+    let mut statistics = ByTopic::new();
+    for (path, layout) in bag.layouts() {
+        let mut source = Source::open(path, bag.options().record_limit_bytes)?;
+        let mut counts = BTreeMap::<u16, u64>::new();
+        for part in &layout.parts {
+            if !layout.is_indexed || !matches!(part.kind, PartKind::Chunk) {
+                return Ok(None);
+            }
+            for &(channel, offset) in &part.message_indexes {
+                let Some(times) = message_index(&mut source, channel, offset)? else {
+                    return Ok(None);
+                };
+                let Some(topic) = layout.channels.get(channel) else { return Ok(None) };
+                *counts.entry(channel).or_default() += times.len() as u64;
+                let topic = statistics.entry(Arc::clone(topic)).or_default();
+                times.into_iter().for_each(|time_ns| topic.add_time(time_ns));
+            }
+        }
+        let stated =
+            layout.counts.clone().unwrap_or_default().into_iter().filter(|(_, count)| *count > 0);
+        if counts != stated.collect() {
+            return Ok(None);
+        }
+    }
+    Ok(Some(statistics))
+}
+
+/// Times in a message index record, in their order; `None` when there is no such record.
+fn message_index(
+    source: &mut Source,
+    channel: u16,
+    offset: u64,
+) -> Result<Option<Vec<i64>>, BagError> {
+    let Ok(Some(span)) = source.record_at(offset)? else { return Ok(None) };
+    if span.opcode != op::MESSAGE_INDEX
+        || source.check_length(&span, span.end - span.offset - PREFIX_BYTES).is_err()
+    {
+        return Ok(None);
+    }
+    let body = source.body(&span)?;
+    let Some((head, entries)) = body.split_at_checked(6) else { return Ok(None) };
+    if head[..2] != channel.to_le_bytes() || entries.len() % 16 != 0 {
+        return Ok(None);
+    }
+    let mut times: Vec<_> = entries.chunks_exact(16).map(|entry| u64_at(entry, 0) as i64).collect();
+    times.sort_unstable();
+    Ok(Some(times))
+}
+
+fn topic_info(topic: &Topic, statistics: &ByTopic, verified: bool) -> TopicInfo {
+    let found = statistics.get(topic).copied().unwrap_or_default();
+    TopicInfo {
+        name: topic.name.clone(),
+        type_name: topic.type_name.clone(),
+        encoding: topic.message_encoding.clone(),
+        type_hash: topic.type_hash.clone(),
+        messages: found.count,
+        rate_hz: found.rate_hz(),
+        largest_gap_s: found.largest_gap_ns.map(|(gap_ns, _)| seconds(gap_ns)),
+        largest_gap_at_ns: found.largest_gap_ns.map(|(_, at_ns)| at_ns),
+        skipped: verified.then_some(found.num_skipped),
+        bytes: verified.then_some(found.bytes),
+    }
+}
+
+fn file_info(path: &Path, layout: &Layout) -> Result<FileInfo, BagError> {
+    let bytes =
+        std::fs::metadata(path).map_err(|source| BagError::Io { path: path.into(), source })?.len();
+    let name = |compression: &String| {
+        if compression.is_empty() { "none".into() } else { compression.clone() }
+    };
+    let compression = layout.compressions.iter().map(name).collect();
+    Ok(FileInfo { path: path.into(), bytes, indexed: layout.is_indexed, compression })
+}
+
+fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>, BagError> {
+    let mut infos = Vec::new();
+    for attachment in bag.attachments() {
+        match attachment {
+            Ok(attachment) => infos.push(AttachmentInfo {
+                sha256: Sha256::digest(&attachment.data)
+                    .iter()
+                    .map(|byte| format!("{byte:02x}"))
+                    .collect(),
+                bytes: attachment.data.len() as u64,
+                name: attachment.name,
+                media_type: attachment.media_type,
+            }),
+            Err(error) => found.take(error)?,
+        }
+    }
+    Ok(infos)
+}
+
+fn metadata(
+    bag: &BagReader,
+    found: &mut Found,
+) -> Result<BTreeMap<String, BTreeMap<String, String>>, BagError> {
+    let mut records = BTreeMap::new();
+    for record in bag.metadata() {
+        match record {
+            Ok(record) if record.name == OWN_RECORD => {}
+            Ok(record) => drop(records.insert(record.name, record.entries)),
+            Err(error) => found.take(error)?,
+        }
+    }
+    Ok(records)
+}
+
+fn seconds(time_ns: i64) -> f64 {
+    time_ns as f64 / 1e9
+}

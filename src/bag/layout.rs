@@ -1,0 +1,132 @@
+//! Where in a file the messages, attachments and metadata lie: by its index, or found by walking through it.
+
+use std::collections::BTreeMap;
+
+use mcap::records::op;
+
+use super::channels::Channels;
+use super::format::{RecordSpan, Source};
+use super::{BagError, scan, summary};
+
+/// One file's content, without the messages themselves.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Layout {
+    pub(super) channels: Channels,
+    /// In order of time, ties in order of place.
+    pub(super) parts: Vec<Part>,
+    pub(super) attachments: Vec<RecordSpan>,
+    pub(super) metadata: Vec<RecordSpan>,
+    /// Number of messages a channel, where known.
+    pub(super) counts: Option<BTreeMap<u16, u64>>,
+    /// The same as the file itself states it.
+    pub(super) stated_counts: Option<BTreeMap<u16, u64>>,
+    /// Times of the first and the last message, where known.
+    pub(super) bounds: Option<(u64, u64)>,
+    /// From the file's own index; otherwise found by walking.
+    pub(super) is_indexed: bool,
+    /// Names of the compressions of its chunks, sorted.
+    pub(super) compressions: Vec<String>,
+    /// Profile in the header: `ros2`.
+    pub(super) profile: String,
+    /// What had to be said.
+    pub(super) notes: Vec<String>,
+}
+
+/// A stretch of the file that holds messages, or should.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    pub(super) kind: PartKind,
+    /// Bytes from the start of the file.
+    pub(super) offset: u64,
+    /// Bytes from the start of the file.
+    pub(super) end: u64,
+    /// Time of the earliest message.
+    pub(super) start_time: u64,
+    /// Channels in a chunk and the places of their message indexes; empty where unknown.
+    pub(super) message_indexes: Vec<(u16, u64)>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum PartKind {
+    Chunk,
+    /// Message records outside chunks, one after another.
+    Loose,
+    /// Nothing readable: what is wrong.
+    Damage(String),
+}
+
+impl Layout {
+    /// The layout of a file, by its index when that can and may be used.
+    pub(super) fn of(source: &mut Source, use_index: bool) -> Result<Self, BagError> {
+        source.check_magic()?;
+        let summary = summary::read(source)?;
+        let seed = summary.as_ref().map(Channels::from_summary).unwrap_or_default();
+        let stats = summary.as_ref().ok().and_then(|summary| summary.stats.as_ref());
+        let stated_counts = stats.map(|stats| stats.channel_message_counts.clone());
+        let mut layout = match summary.and_then(|summary| Self::by_index(&summary)) {
+            Ok(layout) if use_index => layout,
+            Ok(_) => scan::scan(source, seed)?,
+            Err(why) => {
+                let mut layout = scan::scan(source, seed)?;
+                layout
+                    .notes
+                    .insert(0, format!("{}: {why}; read from end to end", source.path.display()));
+                layout
+            }
+        };
+        layout.profile = scan::profile(source)?;
+        layout.stated_counts = stated_counts;
+        Ok(layout)
+    }
+
+    fn by_index(summary: &mcap::Summary) -> Result<Self, String> {
+        let message_count = summary.stats.as_ref().map_or(u64::MAX, |stats| stats.message_count);
+        if summary.chunk_indexes.is_empty() && message_count > 0 {
+            return Err("it has no index of chunks".into());
+        }
+        let mut layout =
+            Self { channels: Channels::from_summary(summary), is_indexed: true, ..Self::default() };
+        for chunk in &summary.chunk_indexes {
+            let Some(end) = chunk.chunk_start_offset.checked_add(chunk.chunk_length) else {
+                return Err(format!("the index puts a chunk at byte {}", chunk.chunk_start_offset));
+            };
+            layout.parts.push(Part {
+                kind: PartKind::Chunk,
+                offset: chunk.chunk_start_offset,
+                end,
+                start_time: chunk.message_start_time,
+                message_indexes: chunk
+                    .message_index_offsets
+                    .iter()
+                    .map(|(id, at)| (*id, *at))
+                    .collect(),
+            });
+            layout.compressions.push(chunk.compression.clone());
+        }
+        let span = |opcode, offset: u64, length| {
+            let end =
+                offset.checked_add(length).ok_or("the index puts a record beyond any file")?;
+            Ok::<_, String>(RecordSpan { opcode, offset, end })
+        };
+        for index in &summary.attachment_indexes {
+            layout.attachments.push(span(op::ATTACHMENT, index.offset, index.length)?);
+        }
+        for index in &summary.metadata_indexes {
+            layout.metadata.push(span(op::METADATA, index.offset, index.length)?);
+        }
+        if let Some(stats) = &summary.stats {
+            layout.counts = Some(stats.channel_message_counts.clone());
+            layout.bounds = (stats.message_count > 0)
+                .then_some((stats.message_start_time, stats.message_end_time));
+        }
+        layout.sort();
+        Ok(layout)
+    }
+
+    /// Brings the parts into order of time.
+    pub(super) fn sort(&mut self) {
+        self.parts.sort_by_key(|part| (part.start_time, part.offset));
+        self.compressions.sort();
+        self.compressions.dedup();
+    }
+}

@@ -1,0 +1,384 @@
+//! The messages of a bag, one after another in order of time. Memory: one chunk, and those that overlap it in time.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
+use std::sync::Arc;
+
+use mcap::records::op;
+
+use super::channels::Channels;
+use super::chunk::ChunkDecoder;
+use super::format::{MessageHeader, RecordSpan, Source};
+use super::layout::{Layout, Part, PartKind};
+use super::{BagError, RawMessage, ReadOptions, scan};
+
+/// Buffers of delivered messages that are kept for the next ones.
+const SPARE_BUFFERS: usize = 8;
+
+/// Which messages are read.
+#[derive(Clone, Debug, Default)]
+pub struct Filter {
+    topics: Option<BTreeSet<String>>,
+}
+
+impl Filter {
+    /// Every topic.
+    pub fn all() -> Self {
+        Self::default()
+    }
+
+    /// These topics. Chunks without them are not opened when the file's index tells so.
+    pub fn topics<Name: Into<String>>(names: impl IntoIterator<Item = Name>) -> Self {
+        Self { topics: Some(names.into_iter().map(Into::into).collect()) }
+    }
+
+    fn takes(&self, topic: &str) -> bool {
+        self.topics.as_ref().is_none_or(|topics| topics.contains(topic))
+    }
+}
+
+/// Iterator over the messages of a bag: file after file, within a file in order of `log_time_ns`, ties in order of
+/// place. An error tells of one damaged place and stands where the messages are missing; the iteration goes on
+/// behind it.
+pub struct Messages {
+    files: VecDeque<(std::path::PathBuf, Arc<Layout>)>,
+    filter: Filter,
+    options: ReadOptions,
+    current: Option<FileMessages>,
+    spare: Vec<Vec<u8>>,
+}
+
+impl Messages {
+    pub(super) fn new(
+        files: impl IntoIterator<Item = (std::path::PathBuf, Arc<Layout>)>,
+        filter: Filter,
+        options: ReadOptions,
+    ) -> Self {
+        Self {
+            files: files.into_iter().collect(),
+            filter,
+            options,
+            current: None,
+            spare: Vec::new(),
+        }
+    }
+
+    /// Takes back the buffer of a message that is done with, for one of the next.
+    pub fn recycle(&mut self, buffer: Vec<u8>) {
+        let spare = self.current.as_mut().map_or(&mut self.spare, |file| &mut file.spare);
+        if spare.len() < SPARE_BUFFERS {
+            spare.push(buffer);
+        }
+    }
+}
+
+impl Iterator for Messages {
+    type Item = Result<RawMessage, BagError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(file) = &mut self.current {
+                if let Some(item) = file.next() {
+                    return Some(item);
+                }
+                self.spare = std::mem::take(&mut file.spare);
+                self.current = None;
+            }
+            let (path, layout) = self.files.pop_front()?;
+            match Source::open(&path, self.options.record_limit_bytes) {
+                Ok(source) => {
+                    let mut file = FileMessages::new(source, &layout, self.filter.clone());
+                    file.spare = std::mem::take(&mut self.spare);
+                    self.current = Some(file);
+                }
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+}
+
+/// What waits for its turn: a message, or an error at its place.
+struct Waiting {
+    /// Time, place of the chunk, number in the chunk.
+    key: (u64, u64, u64),
+    item: Result<RawMessage, BagError>,
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.key == other.key
+    }
+}
+impl Eq for Waiting {}
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.key.cmp(&other.key)
+    }
+}
+
+/// The messages of one file.
+struct FileMessages {
+    source: Source,
+    decoder: ChunkDecoder,
+    channels: Channels,
+    filter: Filter,
+    /// Still to be read, in order of time.
+    parts: VecDeque<Part>,
+    /// Places of the parts that have been read, for when the index proves wrong.
+    read_offsets: BTreeSet<u64>,
+    waiting: BinaryHeap<Reverse<Waiting>>,
+    waiting_bytes: usize,
+    /// Messages found so far by channel, and what the file says there are.
+    found: BTreeMap<u16, u64>,
+    expected: Option<BTreeMap<u16, u64>>,
+    may_rescan: bool,
+    has_loss: bool,
+    is_sorted: bool,
+    spare: Vec<Vec<u8>>,
+}
+
+impl FileMessages {
+    fn new(source: Source, layout: &Layout, filter: Filter) -> Self {
+        let takes_any = |part: &&Part| {
+            part.message_indexes.is_empty()
+                || part.message_indexes.iter().any(|(channel, _)| {
+                    layout.channels.get(*channel).is_none_or(|topic| filter.takes(&topic.name))
+                })
+        };
+        Self {
+            decoder: ChunkDecoder::new(source.limit_bytes),
+            source,
+            channels: layout.channels.clone(),
+            parts: layout.parts.iter().filter(takes_any).cloned().collect(),
+            filter,
+            read_offsets: BTreeSet::new(),
+            waiting: BinaryHeap::new(),
+            waiting_bytes: 0,
+            found: BTreeMap::new(),
+            expected: layout.stated_counts.clone(),
+            may_rescan: layout.is_indexed,
+            has_loss: false,
+            is_sorted: true,
+            spare: Vec::new(),
+        }
+    }
+
+    fn next(&mut self) -> Option<Result<RawMessage, BagError>> {
+        loop {
+            if self.must_read_first() {
+                match self.read_part() {
+                    Ok(()) => {}
+                    Err(error) => return Some(Err(error)),
+                }
+            } else if let Some(Reverse(first)) = self.waiting.pop() {
+                if let Ok(message) = &first.item {
+                    self.waiting_bytes -= message.data.len();
+                }
+                return Some(first.item);
+            } else {
+                return self.missing().map(Err);
+            }
+        }
+    }
+
+    /// Whether the next part may hold something earlier than all that waits.
+    fn must_read_first(&mut self) -> bool {
+        let Some(part) = self.parts.front() else { return false };
+        let Some(Reverse(first)) = self.waiting.peek() else { return true };
+        if (part.start_time, part.offset) >= (first.key.0, first.key.1) {
+            return false;
+        }
+        let limit_bytes = usize::try_from(self.source.limit_bytes).unwrap_or(usize::MAX);
+        if self.waiting_bytes <= limit_bytes {
+            return true;
+        }
+        if std::mem::take(&mut self.is_sorted) {
+            let error = BagError::Unsorted {
+                path: self.source.path.clone(),
+                offset: part.offset,
+                limit_bytes,
+            };
+            self.wait((first.key.0, first.key.1, 0), Err(error));
+        }
+        false
+    }
+
+    fn wait(&mut self, key: (u64, u64, u64), item: Result<RawMessage, BagError>) {
+        if let Ok(message) = &item {
+            self.waiting_bytes += message.data.len();
+        }
+        self.has_loss |= item.as_ref().is_err_and(BagError::is_loss);
+        self.waiting.push(Reverse(Waiting { key, item }));
+    }
+
+    /// Reads the next part. An error of the operating system ends the file.
+    fn read_part(&mut self) -> Result<(), BagError> {
+        let Some(part) = self.parts.pop_front() else { return Ok(()) };
+        let result = match &part.kind {
+            PartKind::Damage(what) => {
+                let span = RecordSpan { opcode: 0, offset: part.offset, end: part.end };
+                let error = self.source.damaged(&span, what.clone());
+                self.wait((part.start_time, part.offset, 0), Err(error));
+                Ok(())
+            }
+            PartKind::Loose => self.read_loose(part),
+            PartKind::Chunk => self.read_chunk(&part),
+        };
+        if matches!(result, Err(BagError::Io { .. })) {
+            self.parts.clear();
+            self.expected = None;
+        }
+        result
+    }
+
+    fn read_chunk(&mut self, part: &Part) -> Result<(), BagError> {
+        let chunk = match self.source.chunk_at(part.offset)? {
+            Ok(chunk) if !self.may_rescan || chunk.span.end == part.end => chunk,
+            Ok(_) => {
+                return self
+                    .rescan(format!("the chunk at byte {} has another length", part.offset));
+            }
+            Err(_) => return self.rescan(format!("there is no chunk at byte {}", part.offset)),
+        };
+        if !self.read_offsets.insert(part.offset) {
+            return Ok(());
+        }
+        let mut faults = BTreeSet::new();
+        let mut messages = Vec::new();
+        let (channels, filter) = (&mut self.channels, &self.filter);
+        let (found, spare) = (&mut self.found, &mut self.spare);
+        let decoded = self.decoder.decode(&mut self.source, &chunk, &mut |opcode, body| {
+            if opcode != op::MESSAGE {
+                faults.extend(channels.add(opcode, body).err());
+                return;
+            }
+            match message(channels, filter, body, spare) {
+                Ok(Some((channel, message))) => {
+                    *found.entry(channel).or_default() += 1;
+                    messages.push(message);
+                }
+                Ok(None) => {}
+                Err(what) => drop(faults.insert(what)),
+            }
+        });
+        let last_time = messages
+            .iter()
+            .map(|message| message.log_time_ns as u64)
+            .max()
+            .unwrap_or(part.start_time);
+        for (number, message) in messages.into_iter().enumerate() {
+            self.wait((message.log_time_ns as u64, part.offset, number as u64), Ok(message));
+        }
+        let faults = faults
+            .into_iter()
+            .map(|what| self.source.damaged(&chunk.span, what))
+            .collect::<Vec<_>>();
+        let errors = faults.into_iter().chain(decoded.err());
+        for (number, error) in errors.enumerate() {
+            self.wait((last_time, part.offset, u64::MAX / 2 + number as u64), Err(error));
+        }
+        Ok(())
+    }
+
+    /// Reads one message of a run outside chunks, and puts the rest back.
+    fn read_loose(&mut self, mut part: Part) -> Result<(), BagError> {
+        self.read_offsets.insert(part.offset);
+        let Ok(Some(span)) = self.source.record_at(part.offset)? else { return Ok(()) };
+        let body = self.source.body(&span)?;
+        match message(&self.channels, &self.filter, &body, &mut self.spare) {
+            Ok(Some((channel, message))) => {
+                *self.found.entry(channel).or_default() += 1;
+                part.start_time = message.log_time_ns as u64;
+                self.wait((part.start_time, part.offset, 0), Ok(message));
+            }
+            Ok(None) => {}
+            Err(what) => {
+                let error = self.source.damaged(&span, what);
+                self.wait((part.start_time, part.offset, 0), Err(error));
+            }
+        }
+        part.offset = span.end;
+        if part.offset < part.end {
+            self.parts.push_front(part);
+        }
+        Ok(())
+    }
+
+    /// Goes on without the index: every part of the file that has not been read yet.
+    fn rescan(&mut self, what: String) -> Result<(), BagError> {
+        if !std::mem::take(&mut self.may_rescan) {
+            let end = self.source.len_bytes;
+            return Err(BagError::Damaged {
+                path: self.source.path.clone(),
+                offset: end,
+                end,
+                what,
+            });
+        }
+        let layout = scan::scan(&mut self.source, self.channels.clone())?;
+        self.channels = layout.channels;
+        let unread =
+            layout.parts.into_iter().filter(|part| !self.read_offsets.contains(&part.offset));
+        self.parts = unread.collect();
+        Err(BagError::Index { path: self.source.path.clone(), what })
+    }
+
+    /// At the end: fewer messages than the file says there are, once. The index may be at fault, or the file.
+    fn missing(&mut self) -> Option<BagError> {
+        let expected = self.expected.as_ref()?;
+        let (channel, expected_count, found_count) =
+            expected.iter().find_map(|(channel, &expected)| {
+                let found = self.found.get(channel).copied().unwrap_or(0);
+                let is_taken =
+                    self.channels.get(*channel).is_some_and(|topic| self.filter.takes(&topic.name));
+                (is_taken && found < expected).then_some((*channel, expected, found))
+            })?;
+        let topic = self.channels.get(channel).map_or("", |topic| &topic.name);
+        let what = format!("{topic}: {found_count} messages of {expected_count}");
+        if self.has_loss {
+            return None;
+        }
+        if !self.may_rescan {
+            self.expected = None;
+        }
+        self.rescan(what).err()
+    }
+}
+
+/// The message in a record's body with its channel, when the filter takes it.
+fn message(
+    channels: &Channels,
+    filter: &Filter,
+    body: &[u8],
+    spare: &mut Vec<Vec<u8>>,
+) -> Result<Option<(u16, RawMessage)>, String> {
+    let Some((header, data)) = MessageHeader::split(body) else {
+        return Err("a message record shorter than its header".into());
+    };
+    let Some(topic) = channels.get(header.channel) else {
+        return Err(format!("messages on channel {}, which no record describes", header.channel));
+    };
+    if !filter.takes(&topic.name) {
+        return Ok(None);
+    }
+    let time_ns = |time: u64| {
+        i64::try_from(time).map_err(|_| format!("{}: a time beyond the year 2262", topic.name))
+    };
+    let (log_time_ns, publish_time_ns) = (time_ns(header.log_time)?, time_ns(header.publish_time)?);
+    let mut buffer = spare.pop().unwrap_or_default();
+    buffer.clear();
+    buffer.extend_from_slice(data);
+    let message = RawMessage {
+        topic: Arc::clone(topic),
+        log_time_ns,
+        publish_time_ns,
+        sequence: header.sequence,
+        data: buffer,
+    };
+    Ok(Some((header.channel, message)))
+}

@@ -1,0 +1,178 @@
+//! `metadata.yaml`: what rosbag2 keeps beside the files of a bag (version 9).
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::Topic;
+use super::qos::{self, QosProfile};
+
+/// Longest `metadata.yaml` that is read.
+pub(super) const METADATA_LIMIT_BYTES: u64 = 16 << 20;
+
+/// The whole file: one key around the rest.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct MetadataFile {
+    /// The content.
+    pub rosbag2_bagfile_information: BagInformation,
+}
+
+/// What a bag holds, field by field as rosbag2 orders them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the fields are rosbag2's")]
+pub struct BagInformation {
+    pub version: u32,
+    pub storage_identifier: String,
+    #[serde(default)]
+    pub duration: Nanoseconds,
+    #[serde(default)]
+    pub starting_time: SinceEpoch,
+    #[serde(default)]
+    pub message_count: u64,
+    #[serde(default)]
+    pub topics_with_message_count: Vec<TopicCount>,
+    #[serde(default)]
+    pub compression_format: String,
+    #[serde(default)]
+    pub compression_mode: String,
+    pub relative_file_paths: Vec<String>,
+    #[serde(default)]
+    pub files: Vec<FileInformation>,
+    #[serde(default)]
+    pub custom_data: Option<BTreeMap<String, String>>,
+    #[serde(default)]
+    pub ros_distro: Option<String>,
+}
+
+/// A span of time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Nanoseconds {
+    /// Its length.
+    pub nanoseconds: i64,
+}
+
+/// A point in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SinceEpoch {
+    /// Nanoseconds since the epoch; `i64::MAX` for a bag without messages.
+    pub nanoseconds_since_epoch: i64,
+}
+
+/// A topic and how many messages it has.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the fields are rosbag2's")]
+pub struct TopicCount {
+    pub topic_metadata: TopicMetadata,
+    pub message_count: u64,
+}
+
+/// A topic.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the fields are rosbag2's")]
+pub struct TopicMetadata {
+    pub name: String,
+    #[serde(rename = "type")]
+    pub type_name: String,
+    pub serialization_format: String,
+    #[serde(default)]
+    pub offered_qos_profiles: OfferedQos,
+    #[serde(default)]
+    pub type_description_hash: String,
+}
+
+/// A list from version 9 on, a string that holds a list before.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum OfferedQos {
+    /// Version 9.
+    Profiles(Vec<QosProfile>),
+    /// Before; also whatever is not understood.
+    Text(String),
+}
+
+impl Default for OfferedQos {
+    fn default() -> Self {
+        Self::Profiles(Vec::new())
+    }
+}
+
+/// One file of the bag.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the fields are rosbag2's")]
+pub struct FileInformation {
+    pub path: String,
+    pub starting_time: SinceEpoch,
+    pub duration: Nanoseconds,
+    pub message_count: u64,
+}
+
+/// What a recorder knows of the one file it has written.
+#[derive(Debug)]
+pub(super) struct Recorded<'a> {
+    /// File name.
+    pub(super) file: &'a str,
+    /// Times of the earliest and the latest message, nanoseconds since the epoch.
+    pub(super) bounds_ns: Option<(i64, i64)>,
+    /// Topics in the order in which they were added, and their numbers of messages.
+    pub(super) topics: &'a [(Topic, u64)],
+}
+
+impl BagInformation {
+    /// The description of a bag with one file.
+    pub(super) fn of(recorded: &Recorded<'_>) -> Self {
+        let message_count = recorded.topics.iter().map(|(_, count)| count).sum();
+        let starting_time = SinceEpoch {
+            nanoseconds_since_epoch: recorded.bounds_ns.map_or(i64::MAX, |(first, _)| first),
+        };
+        let duration = Nanoseconds {
+            nanoseconds: recorded.bounds_ns.map_or(0, |(first, last)| last.saturating_sub(first)),
+        };
+        Self {
+            version: 9,
+            storage_identifier: "mcap".into(),
+            duration,
+            starting_time,
+            message_count,
+            topics_with_message_count: recorded.topics.iter().map(TopicCount::of).collect(),
+            compression_format: String::new(),
+            compression_mode: String::new(),
+            relative_file_paths: vec![recorded.file.into()],
+            files: vec![FileInformation {
+                path: recorded.file.into(),
+                starting_time,
+                duration,
+                message_count,
+            }],
+            custom_data: None,
+            // No ROS distribution wrote it; rosbags names itself here, too.
+            ros_distro: Some(env!("CARGO_PKG_NAME").into()),
+        }
+    }
+
+    /// The bare YAML, as in the `rosbag2` metadata record.
+    pub(super) fn to_yaml(&self) -> Result<String, serde_saphyr::ser::Error> {
+        serde_saphyr::to_string(self)
+    }
+
+    /// The content of `metadata.yaml`.
+    pub(super) fn into_file(self) -> Result<String, serde_saphyr::ser::Error> {
+        serde_saphyr::to_string(&MetadataFile { rosbag2_bagfile_information: self })
+    }
+}
+
+impl TopicCount {
+    fn of((topic, message_count): &(Topic, u64)) -> Self {
+        Self {
+            topic_metadata: TopicMetadata {
+                name: topic.name.clone(),
+                type_name: topic.type_name.clone(),
+                serialization_format: topic.message_encoding.clone(),
+                offered_qos_profiles: OfferedQos::Profiles(
+                    qos::parse(&topic.qos).unwrap_or_default(),
+                ),
+                type_description_hash: topic.type_hash.clone(),
+            },
+            message_count: *message_count,
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! A bag that is open for reading.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::format::{RecordSpan, Source};
+use super::layout::Layout;
+use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, place};
+
+/// How a bag is read.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadOptions {
+    /// Longest record and longest chunk (compressed or not) that is taken into memory, bytes. Longer ones are damage.
+    /// The default holds a message of 64 MiB and what shares its chunk.
+    pub record_limit_bytes: usize,
+    /// Whether a sound index is used. Without it the whole file is walked through.
+    pub use_index: bool,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        Self { record_limit_bytes: 80 << 20, use_index: true }
+    }
+}
+
+/// A rosbag2 directory or a bare `.mcap`.
+///
+/// A file with a sound index is read by it; any other is walked through once when it is opened.
+#[derive(Debug)]
+pub struct BagReader {
+    files: Vec<(PathBuf, Arc<Layout>)>,
+    topics: Vec<Arc<Topic>>,
+    notes: Vec<String>,
+    options: ReadOptions,
+}
+
+impl BagReader {
+    /// Opens a bag.
+    ///
+    /// # Errors
+    /// No bag there, a file that is not MCAP, another storage, a path outside the directory, a listed file missing.
+    pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, BagError> {
+        let place::Files { paths, mut notes } = place::find(path)?;
+        let mut files = Vec::new();
+        let mut topics = BTreeSet::new();
+        for path in paths {
+            let layout = Layout::of(
+                &mut Source::open(&path, options.record_limit_bytes)?,
+                options.use_index,
+            )?;
+            notes.extend(layout.notes.iter().cloned());
+            if layout.profile != "ros2" {
+                notes.push(format!(
+                    "{}: the profile is {:?}, not \"ros2\"",
+                    path.display(),
+                    layout.profile
+                ));
+            }
+            topics.extend(layout.channels.iter().map(|(_, topic)| Arc::clone(topic)));
+            files.push((path, Arc::new(layout)));
+        }
+        Ok(Self { files, topics: topics.into_iter().collect(), notes, options: *options })
+    }
+
+    /// Topics of all files, by name. Two entries of one name have different types or QoS.
+    pub fn topics(&self) -> &[Arc<Topic>] {
+        &self.topics
+    }
+
+    /// What was out of the ordinary in opening the bag, for the user.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Its files in their order.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(|(path, _)| path.as_path())
+    }
+
+    /// Whether every file is read by its index.
+    pub fn is_indexed(&self) -> bool {
+        self.files.iter().all(|(_, layout)| layout.is_indexed)
+    }
+
+    /// Number of messages by topic name, as the bag states it; `None` when it does not.
+    pub fn message_counts(&self) -> Option<BTreeMap<&str, u64>> {
+        let mut counts = BTreeMap::new();
+        for (_, layout) in &self.files {
+            let by_channel = layout.counts.as_ref()?;
+            for (channel, topic) in layout.channels.iter() {
+                *counts.entry(topic.name.as_str()).or_default() +=
+                    by_channel.get(&channel).copied().unwrap_or(0);
+            }
+        }
+        Some(counts)
+    }
+
+    /// The messages. The iterator is its own: it may go to another thread.
+    pub fn messages(&self, filter: &Filter) -> Messages {
+        Messages::new(self.files.iter().cloned(), filter.clone(), self.options)
+    }
+
+    /// The attachments, one after another; each may be damaged by itself.
+    pub fn attachments(&self) -> impl Iterator<Item = Result<Attachment, BagError>> {
+        self.records(|layout| &layout.attachments, content::attachment)
+    }
+
+    /// The metadata records, one after another; each may be damaged by itself.
+    pub fn metadata(&self) -> impl Iterator<Item = Result<MetadataRecord, BagError>> {
+        self.records(|layout| &layout.metadata, content::metadata)
+    }
+
+    fn records<T>(
+        &self,
+        spans: fn(&Layout) -> &[RecordSpan],
+        parse: fn(&[u8]) -> Result<T, String>,
+    ) -> impl Iterator<Item = Result<T, BagError>> {
+        self.files.iter().flat_map(move |(path, layout)| {
+            spans(layout).iter().map(move |span| {
+                let mut source = Source::open(path, self.options.record_limit_bytes)?;
+                match source.record_at(span.offset)? {
+                    Ok(Some(found)) if found == *span => {
+                        parse(&source.body(span)?).map_err(|what| source.damaged(span, what))
+                    }
+                    _ => {
+                        Err(source
+                            .damaged(span, "the index names a record that is not there".into()))
+                    }
+                }
+            })
+        })
+    }
+
+    pub(super) fn layouts(&self) -> impl Iterator<Item = (&Path, &Layout)> {
+        self.files.iter().map(|(path, layout)| (path.as_path(), layout.as_ref()))
+    }
+
+    pub(super) fn options(&self) -> &ReadOptions {
+        &self.options
+    }
+}

@@ -1,0 +1,364 @@
+//! Writing a bag: one MCAP file in a rosbag2 directory, as `ros2 bag`, Foxglove and Rerun open it.
+//!
+//! The same calls give the same bytes: no clock, no random number, no order of a hash map.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use mcap::McapError;
+use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
+
+use super::channels::{QOS_KEY, TYPE_HASH_KEY};
+use super::metadata::{BagInformation, Recorded};
+use super::sink::Sink;
+use super::{Attachment, MetadataRecord, RecordError, Topic, place, qos};
+
+/// Uncompressed bytes after which a chunk is closed.
+const CHUNK_BYTES: u64 = 1 << 20;
+/// Name of the metadata record that rosbag2 reads.
+pub(super) const OWN_RECORD: &str = "rosbag2";
+const IDENTITY: &str = concat!("laser_profiler ", env!("CARGO_PKG_VERSION"));
+
+/// How chunks are compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Compression {
+    /// Not at all: for images, which disks take faster than processors compress.
+    None,
+    /// LZ4.
+    Lz4,
+    /// Zstandard, level 1: for results.
+    #[default]
+    Zstd,
+}
+
+/// How a bag is written.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RecordOptions {
+    /// Compression of the chunks.
+    pub compression: Compression,
+    /// Whether a bag that is there already is replaced. Files that are not the bag's stay.
+    pub force: bool,
+}
+
+/// A topic that a recorder knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TopicId(usize);
+
+/// When a message was received and sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Times {
+    /// Received, nanoseconds since the epoch.
+    pub log_ns: i64,
+    /// Sent, nanoseconds since the epoch.
+    pub publish_ns: i64,
+    /// Counter of the topic, so that gaps show; 0 where nobody counts.
+    pub sequence: u32,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordSummary {
+    /// The directory.
+    pub directory: PathBuf,
+    /// The MCAP file in it.
+    pub file: PathBuf,
+    /// Topics in the order in which they were added, and their numbers of messages.
+    pub topics: Vec<(String, u64)>,
+    /// Messages of all topics.
+    pub messages: u64,
+    /// Length of the file.
+    pub bytes: u64,
+}
+
+/// A bag being written.
+pub struct Recorder {
+    writer: mcap::Writer<NoSeek<Sink>>,
+    directory: PathBuf,
+    file_name: String,
+    file: Option<File>,
+    topics: Vec<(Topic, u64)>,
+    channels: Vec<u16>,
+    bounds_ns: Option<(i64, i64)>,
+    written_bytes: Arc<AtomicU64>,
+    has_failed: bool,
+}
+
+impl Recorder {
+    /// Makes `directory` and in it `<name>_0.mcap`, where the name is the directory's last component.
+    ///
+    /// # Errors
+    /// An output that is there (without `force`), that is no bag (with it), or that cannot be written.
+    pub fn create(directory: &Path, options: &RecordOptions) -> Result<Self, RecordError> {
+        let no_name = || RecordError::NoName(directory.into());
+        let name = directory.file_name().and_then(|name| name.to_str()).ok_or_else(no_name)?;
+        make_room(directory, name, options.force)?;
+        let file_name = format!("{name}_0.mcap");
+        let path = directory.join(&file_name);
+        let io_error = |source| RecordError::Io { path: path.clone(), source };
+        let file = File::create_new(&path).map_err(io_error)?;
+        let output = Box::new(file.try_clone().map_err(io_error)?);
+        let mut recorder = Self::on(output, directory, file_name, options.compression)?;
+        recorder.file = Some(file);
+        Ok(recorder)
+    }
+
+    pub(super) fn on(
+        output: Box<dyn io::Write + Send>,
+        directory: &Path,
+        file_name: String,
+        compression: Compression,
+    ) -> Result<Self, RecordError> {
+        let written_bytes = Arc::new(AtomicU64::new(0));
+        let compression = match compression {
+            Compression::None => None,
+            Compression::Lz4 => Some(mcap::Compression::Lz4),
+            Compression::Zstd => Some(mcap::Compression::Zstd),
+        };
+        let options = mcap::WriteOptions::new()
+            .profile("ros2")
+            .library(IDENTITY)
+            .chunk_size(Some(CHUNK_BYTES))
+            .compression(compression)
+            .compression_level(u32::from(compression.is_some()))
+            .compression_threads(0)
+            .disable_seeking(true);
+        let sink = NoSeek::new(Sink::new(output, Arc::clone(&written_bytes)));
+        let path = directory.join(&file_name);
+        let writer = options.create(sink).map_err(|error| fault(&path, error))?;
+        Ok(Self {
+            writer,
+            directory: directory.into(),
+            file_name,
+            file: None,
+            topics: Vec::new(),
+            channels: Vec::new(),
+            bounds_ns: None,
+            written_bytes,
+            has_failed: false,
+        })
+    }
+
+    /// The file that is being written.
+    pub fn path(&self) -> PathBuf {
+        self.directory.join(&self.file_name)
+    }
+
+    /// Bytes of the file so far, without the open chunk.
+    pub fn written_bytes(&self) -> u64 {
+        self.written_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Makes a topic known. The same one again is the same.
+    ///
+    /// # Errors
+    /// A name that has another type already; a failing disk.
+    pub fn add_topic(&mut self, topic: &Topic) -> Result<TopicId, RecordError> {
+        if let Some(at) = self.topics.iter().position(|(known, _)| known.name == topic.name) {
+            let known = &self.topics[at].0;
+            if known.type_name != topic.type_name || known.schema != topic.schema {
+                return Err(RecordError::TopicConflict {
+                    topic: topic.name.clone(),
+                    recorded: known.type_name.clone(),
+                    refused: topic.type_name.clone(),
+                });
+            }
+            return Ok(TopicId(at));
+        }
+        let mut metadata = BTreeMap::new();
+        // Version 9 has words where older recordings have numbers; what is neither stays as it is.
+        let words = qos::parse(&topic.qos).filter(|profiles| !profiles.is_empty());
+        metadata.insert(
+            QOS_KEY.into(),
+            words.map_or_else(|| topic.qos.clone(), |profiles| qos::to_yaml(&profiles)),
+        );
+        metadata.insert(TYPE_HASH_KEY.into(), topic.type_hash.clone());
+        let channel = self.write_with(|writer| {
+            let has_schema = !topic.type_name.is_empty();
+            let schema = match has_schema {
+                true => {
+                    writer.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?
+                }
+                false => 0,
+            };
+            writer.add_channel(schema, &topic.name, &topic.message_encoding, &metadata)
+        })?;
+        self.topics.push((topic.clone(), 0));
+        self.channels.push(channel);
+        Ok(TopicId(self.topics.len() - 1))
+    }
+
+    /// Appends a message.
+    ///
+    /// # Errors
+    /// A time before the epoch; a failing disk.
+    pub fn write(&mut self, topic: TopicId, times: Times, data: &[u8]) -> Result<(), RecordError> {
+        let (Some(&channel_id), Some((known, _))) =
+            (self.channels.get(topic.0), self.topics.get(topic.0))
+        else {
+            return Err(RecordError::Format {
+                path: self.path(),
+                what: "a topic of another recorder".into(),
+            });
+        };
+        let header = MessageHeader {
+            channel_id,
+            sequence: times.sequence,
+            log_time: since_epoch(&known.name, times.log_ns)?,
+            publish_time: since_epoch(&known.name, times.publish_ns)?,
+        };
+        self.write_with(|writer| writer.write_to_known_channel(&header, data))?;
+        self.topics[topic.0].1 += 1;
+        let (first, last) = self.bounds_ns.unwrap_or((times.log_ns, times.log_ns));
+        self.bounds_ns = Some((first.min(times.log_ns), last.max(times.log_ns)));
+        Ok(())
+    }
+
+    /// Stores a file inside the recording. Closes the open chunk.
+    ///
+    /// # Errors
+    /// A time before the epoch; a failing disk.
+    pub fn attach(&mut self, attachment: &Attachment) -> Result<(), RecordError> {
+        let attachment = mcap::Attachment {
+            log_time: since_epoch(&attachment.name, attachment.log_time_ns)?,
+            create_time: since_epoch(&attachment.name, attachment.create_time_ns)?,
+            name: attachment.name.clone(),
+            media_type: attachment.media_type.clone(),
+            data: attachment.data.as_slice().into(),
+        };
+        self.write_with(|writer| writer.attach(&attachment))
+    }
+
+    /// Stores named text pairs. Closes the open chunk. The record `rosbag2` is the recorder's own.
+    ///
+    /// # Errors
+    /// That name; a failing disk.
+    pub fn metadata(&mut self, record: &MetadataRecord) -> Result<(), RecordError> {
+        if record.name == OWN_RECORD {
+            let what = format!("the metadata record {OWN_RECORD:?} is written at the end");
+            return Err(RecordError::Format { path: self.path(), what });
+        }
+        let record =
+            mcap::records::Metadata { name: record.name.clone(), metadata: record.entries.clone() };
+        self.write_with(|writer| writer.write_metadata(&record))
+    }
+
+    /// Closes the open chunk and hands everything to the operating system: all of it can then be read, even when this
+    /// process dies.
+    ///
+    /// # Errors
+    /// A failing disk.
+    pub fn flush(&mut self) -> Result<(), RecordError> {
+        self.write_with(mcap::Writer::flush)
+    }
+
+    /// Has the operating system bring what was flushed to the disk: it then survives a loss of power. Slow.
+    ///
+    /// # Errors
+    /// A failing disk.
+    pub fn sync(&mut self) -> Result<(), RecordError> {
+        let Some(file) = &self.file else { return Ok(()) };
+        file.sync_data().map_err(|source| RecordError::Io { path: self.path(), source })
+    }
+
+    /// Writes the index and `metadata.yaml`.
+    ///
+    /// # Errors
+    /// A failing disk.
+    pub fn finish(mut self) -> Result<RecordSummary, RecordError> {
+        let recorded =
+            Recorded { file: &self.file_name, bounds_ns: self.bounds_ns, topics: &self.topics };
+        let information = BagInformation::of(&recorded);
+        let path = self.path();
+        let no_yaml = |error: serde_saphyr::ser::Error| RecordError::Format {
+            path: path.clone(),
+            what: error.to_string(),
+        };
+        let serialized = information.to_yaml().map_err(no_yaml)?;
+        let entries = BTreeMap::from([("serialized_metadata".to_owned(), serialized)]);
+        let own = mcap::records::Metadata { name: OWN_RECORD.into(), metadata: entries };
+        self.write_with(|writer| {
+            writer.write_metadata(&own)?;
+            writer.finish()?;
+            Ok(())
+        })?;
+        // `finish` does not flush, and the writer must not be asked for more after it.
+        let topics: Vec<_> =
+            self.topics.iter().map(|(topic, count)| (topic.name.clone(), *count)).collect();
+        let summary = RecordSummary {
+            messages: topics.iter().map(|(_, count)| count).sum(),
+            topics,
+            bytes: self.written_bytes(),
+            directory: self.directory.clone(),
+            file: path.clone(),
+        };
+        let flushed = io::Write::flush(self.writer.into_inner().get_mut());
+        flushed.map_err(|source| RecordError::Io { path: path.clone(), source })?;
+        write_whole(
+            &summary.directory.join("metadata.yaml"),
+            &information.into_file().map_err(no_yaml)?,
+        )?;
+        Ok(summary)
+    }
+
+    /// Lets `act` write, once nothing has failed before.
+    fn write_with<T>(
+        &mut self,
+        act: impl FnOnce(&mut mcap::Writer<NoSeek<Sink>>) -> Result<T, McapError>,
+    ) -> Result<T, RecordError> {
+        if self.has_failed {
+            return Err(RecordError::Stopped(self.path()));
+        }
+        act(&mut self.writer).map_err(|error| {
+            self.has_failed = true;
+            fault(&self.path(), error)
+        })
+    }
+}
+
+fn fault(path: &Path, error: McapError) -> RecordError {
+    match error {
+        McapError::Io(source) => RecordError::Io { path: path.into(), source },
+        error => RecordError::Format { path: path.into(), what: error.to_string() },
+    }
+}
+
+fn since_epoch(what: &str, time_ns: i64) -> Result<u64, RecordError> {
+    u64::try_from(time_ns)
+        .map_err(|_negative| RecordError::NegativeTime { what: what.into(), time_ns })
+}
+
+/// Makes the directory, or frees it of the bag that is in it.
+fn make_room(directory: &Path, name: &str, force: bool) -> Result<(), RecordError> {
+    let io_error = |source| RecordError::Io { path: directory.into(), source };
+    if fs::symlink_metadata(directory).is_err() {
+        return fs::create_dir_all(directory).map_err(io_error);
+    }
+    if !force {
+        return Err(RecordError::Exists(directory.into()));
+    }
+    if !directory.is_dir() {
+        return Err(RecordError::NotABag(directory.into()));
+    }
+    let Some(files) = place::replaceable(directory, name).map_err(io_error)? else {
+        return Err(RecordError::NotABag(directory.into()));
+    };
+    for path in files {
+        fs::remove_file(&path).map_err(|source| RecordError::Io { path, source })?;
+    }
+    Ok(())
+}
+
+/// Writes a file that is there whole or not at all.
+fn write_whole(path: &Path, text: &str) -> Result<(), RecordError> {
+    let unfinished = path.with_extension("yaml.unfinished");
+    let write = || {
+        fs::write(&unfinished, text)?;
+        fs::rename(&unfinished, path)
+    };
+    write().map_err(|source| RecordError::Io { path: path.into(), source })
+}

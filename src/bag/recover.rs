@@ -1,0 +1,151 @@
+//! Everything readable of a damaged bag, as a new one.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use thiserror::Error;
+
+use super::record::{OWN_RECORD, RecordSummary};
+use super::{
+    BagError, BagReader, Compression, Filter, ReadOptions, RecordError, RecordOptions, Recorder,
+    Times, place,
+};
+
+/// Why nothing was recovered.
+#[derive(Debug, Error)]
+pub enum RecoverError {
+    /// The input cannot be read at all.
+    #[error(transparent)]
+    Read(#[from] BagError),
+    /// The output cannot be written.
+    #[error(transparent)]
+    Write(#[from] RecordError),
+    /// The output would replace the input.
+    #[error("{0}; choose another output")]
+    SamePlace(io::Error),
+}
+
+/// A stretch of the input that was passed over.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DamagedRange {
+    /// The file.
+    pub file: PathBuf,
+    /// Its first byte, from the start of the file.
+    pub offset: u64,
+    /// The byte behind its last.
+    pub end: u64,
+    /// What is wrong.
+    pub what: String,
+}
+
+impl DamagedRange {
+    /// The range an error speaks of; `None` for an error that is none of damage.
+    pub(super) fn of(error: &BagError) -> Option<Self> {
+        let BagError::Damaged { path, offset, end, what } = error else { return None };
+        Some(Self { file: path.clone(), offset: *offset, end: *end, what: what.clone() })
+    }
+}
+
+/// What was recovered, and what was not.
+#[derive(Debug)]
+pub struct Recovery {
+    /// The new bag.
+    pub output: RecordSummary,
+    /// Attachments in it.
+    pub num_attachments: u64,
+    /// Metadata records in it, without the recorder's own.
+    pub num_metadata: u64,
+    /// What was passed over. Messages in there are lost.
+    pub damaged: Vec<DamagedRange>,
+    /// What else is worth saying.
+    pub notes: Vec<String>,
+}
+
+/// Copies what can be read of `input` into a new bag `output`: all topics, messages, metadata and attachments. The
+/// input is walked through without its index: a damaged chunk is skipped, and where no record begins the search goes
+/// on for the next chunk. `compression` `None` keeps the input's.
+///
+/// # Errors
+/// An input that is no bag, an output that cannot be written.
+pub fn recover(
+    input: &Path,
+    output: &Path,
+    compression: Option<Compression>,
+    force: bool,
+) -> Result<Recovery, RecoverError> {
+    let bag = BagReader::open(input, &ReadOptions { use_index: false, ..ReadOptions::default() })?;
+    place::refuse_same(input, output).map_err(RecoverError::SamePlace)?;
+    let compression = compression.unwrap_or_else(|| compression_of(&bag));
+    let mut recorder = Recorder::create(output, &RecordOptions { compression, force })?;
+    let mut damaged = Vec::new();
+    let mut notes = bag.notes().to_vec();
+    let mut report = |error: BagError| match DamagedRange::of(&error) {
+        Some(range) => damaged.push(range),
+        None => notes.push(error.to_string()),
+    };
+    for topic in bag.topics() {
+        recorder.add_topic(topic)?;
+    }
+    let (mut num_attachments, mut num_metadata) = (0, 0);
+    for record in bag.metadata() {
+        match record {
+            Ok(record) if record.name == OWN_RECORD => {}
+            Ok(record) => {
+                recorder.metadata(&record)?;
+                num_metadata += 1;
+            }
+            Err(error) => report(error),
+        }
+    }
+    for attachment in bag.attachments() {
+        match attachment {
+            Ok(attachment) => {
+                recorder.attach(&attachment)?;
+                num_attachments += 1;
+            }
+            Err(error) => report(error),
+        }
+    }
+    copy_messages(&bag, &mut recorder, &mut report)?;
+    Ok(Recovery { output: recorder.finish()?, num_attachments, num_metadata, damaged, notes })
+}
+
+fn copy_messages(
+    bag: &BagReader,
+    recorder: &mut Recorder,
+    report: &mut impl FnMut(BagError),
+) -> Result<(), RecoverError> {
+    let mut messages = bag.messages(&Filter::all());
+    while let Some(item) = messages.next() {
+        match item {
+            Ok(message) => {
+                let topic = recorder.add_topic(&message.topic)?;
+                let times = Times {
+                    log_ns: message.log_time_ns,
+                    publish_ns: message.publish_time_ns,
+                    sequence: message.sequence,
+                };
+                recorder.write(topic, times, &message.data)?;
+                messages.recycle(message.data);
+            }
+            Err(error @ BagError::Io { .. }) => return Err(error.into()),
+            Err(error) => report(error),
+        }
+    }
+    Ok(())
+}
+
+fn compression_of(bag: &BagReader) -> Compression {
+    let has = |name| {
+        bag.layouts()
+            .any(|(_, layout)| layout.compressions.iter().any(|compression| compression == name))
+    };
+    if has("zstd") {
+        Compression::Zstd
+    } else if has("lz4") {
+        Compression::Lz4
+    } else {
+        Compression::None
+    }
+}

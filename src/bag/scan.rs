@@ -1,0 +1,267 @@
+//! Walking through a file without its index, and finding the way again behind damage.
+
+use std::collections::BTreeMap;
+
+use mcap::records::{Record, op};
+
+use super::channels::Channels;
+use super::chunk::ChunkDecoder;
+use super::format::{
+    CHUNK_START_BYTES, ChunkHeader, MessageHeader, PREFIX_BYTES, RecordSpan, Source, u32_at,
+};
+use super::layout::{Layout, Part, PartKind};
+use super::{BagError, content};
+
+/// Bytes that are searched at a time for the next chunk.
+const SEARCH_BLOCK_BYTES: u64 = 1 << 20;
+/// A `DataEnd` record: opcode, length, checksum.
+const DATA_END_BYTES: u64 = PREFIX_BYTES + 4;
+/// The same up to its checksum.
+const DATA_END: [u8; PREFIX_BYTES as usize] = [op::DATA_END, 4, 0, 0, 0, 0, 0, 0, 0];
+
+/// Profile in the file's header record; empty when there is no such record.
+pub(super) fn profile(source: &mut Source) -> Result<String, BagError> {
+    if let Ok(Some(span)) = source.record_at(mcap::MAGIC.len() as u64)?
+        && span.opcode == op::HEADER
+        && source.check_length(&span, span.end - span.offset).is_ok()
+        && let Ok(Record::Header(header)) = mcap::parse_record(op::HEADER, &source.body(&span)?)
+    {
+        return Ok(header.profile);
+    }
+    Ok(String::new())
+}
+
+/// The layout of a file by walking from record to record, opening every chunk. Where no record begins, the search
+/// goes on for the next chunk or the end of the data; loose messages, attachments and metadata in between are lost.
+pub(super) fn scan(source: &mut Source, channels: Channels) -> Result<Layout, BagError> {
+    let layout = Layout { channels, ..Layout::default() };
+    let decoder = ChunkDecoder::new(source.limit_bytes);
+    let mut scan =
+        Scan { source, decoder, layout, counts: BTreeMap::new(), suspect: None, unknown_bytes: 0 };
+    let mut offset = mcap::MAGIC.len() as u64;
+    while let Some(next) = scan.step(offset)? {
+        offset = next;
+    }
+    scan.layout.counts = Some(scan.counts);
+    if scan.unknown_bytes > 0 {
+        let note = format!(
+            "{}: {} bytes in records of unknown kinds",
+            scan.source.path.display(),
+            scan.unknown_bytes
+        );
+        scan.layout.notes.push(note);
+    }
+    scan.layout.sort();
+    Ok(scan.layout)
+}
+
+struct Scan<'a> {
+    source: &'a mut Source,
+    decoder: ChunkDecoder,
+    layout: Layout,
+    counts: BTreeMap<u16, u64>,
+    /// The last record, when nothing but what follows tells whether its length is right.
+    suspect: Option<Suspect>,
+    unknown_bytes: u64,
+}
+
+struct Suspect {
+    offset: u64,
+    /// Of a message.
+    channel: Option<u16>,
+}
+
+impl Scan<'_> {
+    /// Takes what lies at `offset`; where to go on, `None` behind the last.
+    fn step(&mut self, offset: u64) -> Result<Option<u64>, BagError> {
+        let span = match self.source.record_at(offset)? {
+            Ok(Some(span)) => span,
+            Ok(None) => {
+                let what = "the file was not finished: what was not yet written out is missing";
+                self.damage(offset, offset, what.into());
+                return Ok(None);
+            }
+            Err(what) => return self.resume_behind(offset, what),
+        };
+        if span.opcode == op::CHUNK {
+            return match self.source.chunk_at(offset)? {
+                Ok(chunk) => self.chunk(&chunk),
+                Err(what) => self.resume_behind(offset, what),
+            };
+        }
+        if let Err(BagError::Damaged { what, .. }) = self.source.check_length(&span, 0) {
+            return self.resume_behind(offset, what);
+        }
+        if span.opcode == op::DATA_END && span.end - span.offset == DATA_END_BYTES {
+            return Ok(None);
+        }
+        match self.record(&span) {
+            Err(BagError::Damaged { what, .. }) => self.resume_behind(offset, what),
+            Err(error) => Err(error),
+            Ok(()) => Ok(Some(span.end)),
+        }
+    }
+
+    fn record(&mut self, span: &RecordSpan) -> Result<(), BagError> {
+        self.suspect = Some(Suspect { offset: span.offset, channel: None });
+        match span.opcode {
+            op::MESSAGE => {
+                let body = self.source.body(span)?;
+                let Some((header, _)) = MessageHeader::split(&body) else {
+                    return Err(self
+                        .source
+                        .damaged(span, "a message record shorter than its header".into()));
+                };
+                self.suspect = Some(Suspect { offset: span.offset, channel: Some(header.channel) });
+                *self.counts.entry(header.channel).or_default() += 1;
+                self.widen(header.log_time, header.log_time);
+                match self.layout.parts.last_mut() {
+                    Some(part)
+                        if matches!(part.kind, PartKind::Loose) && part.end == span.offset =>
+                    {
+                        part.end = span.end;
+                    }
+                    _ => self.part(PartKind::Loose, span, header.log_time),
+                }
+            }
+            op::SCHEMA | op::CHANNEL => {
+                let body = self.source.body(span)?;
+                self.layout
+                    .channels
+                    .add(span.opcode, &body)
+                    .map_err(|what| self.source.damaged(span, what))?;
+            }
+            op::ATTACHMENT => {
+                let body = self.source.body(span)?;
+                content::attachment(&body).map_err(|what| self.source.damaged(span, what))?;
+                self.layout.attachments.push(*span);
+                self.suspect = None;
+            }
+            op::METADATA => {
+                let body = self.source.body(span)?;
+                content::metadata(&body).map_err(|what| self.source.damaged(span, what))?;
+                self.layout.metadata.push(*span);
+                self.suspect = None;
+            }
+            // A chunk whose opcode has changed must not pass for one of these.
+            op::MESSAGE_INDEX => self.check_message_index(span)?,
+            op::HEADER if span.offset == mcap::MAGIC.len() as u64 => {}
+            0x80.. => self.unknown_bytes += span.end - span.offset,
+            opcode => {
+                return Err(self
+                    .source
+                    .damaged(span, format!("a record {opcode:#04x} among the data")));
+            }
+        }
+        Ok(())
+    }
+
+    /// A message index is a channel and the length of the rest.
+    fn check_message_index(&mut self, span: &RecordSpan) -> Result<(), BagError> {
+        let body_bytes = span.end - span.offset - PREFIX_BYTES;
+        let mut start = [0; 6];
+        if body_bytes >= 6 {
+            self.source.read_exact_at(span.offset + PREFIX_BYTES, &mut start)?;
+        }
+        if u64::from(u32_at(&start, 2)).checked_add(6) != Some(body_bytes) {
+            return Err(self
+                .source
+                .damaged(span, format!("a message index of {body_bytes} bytes")));
+        }
+        self.suspect = None;
+        Ok(())
+    }
+
+    /// Opens a chunk for its channels, counts and times. What is wrong inside is told when its messages are read.
+    fn chunk(&mut self, chunk: &ChunkHeader) -> Result<Option<u64>, BagError> {
+        let mut times: Option<(u64, u64)> = None;
+        let (channels, counts) = (&mut self.layout.channels, &mut self.counts);
+        let decoded = self.decoder.decode(self.source, chunk, &mut |opcode, body| {
+            if opcode != op::MESSAGE {
+                // A contradiction is told by the reader of the messages.
+                let _told_later = channels.add(opcode, body);
+            } else if let Some((header, _)) = MessageHeader::split(body) {
+                *counts.entry(header.channel).or_default() += 1;
+                let (first, last) = times.unwrap_or((header.log_time, header.log_time));
+                times = Some((first.min(header.log_time), last.max(header.log_time)));
+            }
+        });
+        if let Err(error @ BagError::Io { .. }) = decoded {
+            return Err(error);
+        }
+        if let Some((first, last)) = times {
+            self.widen(first, last);
+        }
+        self.suspect = None;
+        self.layout.compressions.push(chunk.compression.clone());
+        self.part(PartKind::Chunk, &chunk.span, times.map_or(chunk.start_time, |(first, _)| first));
+        Ok((chunk.span.end <= self.source.len_bytes).then_some(chunk.span.end))
+    }
+
+    fn widen(&mut self, first: u64, last: u64) {
+        let (start, end) = self.layout.bounds.unwrap_or((first, last));
+        self.layout.bounds = Some((start.min(first), end.max(last)));
+    }
+
+    fn part(&mut self, kind: PartKind, span: &RecordSpan, start_time: u64) {
+        let (offset, end) = (span.offset, span.end);
+        self.layout.parts.push(Part { kind, offset, end, start_time, message_indexes: Vec::new() });
+    }
+
+    /// Notes damage at the time of what came before it.
+    fn damage(&mut self, offset: u64, end: u64, what: String) {
+        let start_time = self.layout.parts.last().map_or(0, |part| part.start_time);
+        let span = RecordSpan { opcode: 0, offset, end };
+        self.part(PartKind::Damage(what), &span, start_time);
+    }
+
+    /// Notes damage from `offset` to the next place where a chunk or the end of the data begins.
+    fn resume_behind(&mut self, offset: u64, what: String) -> Result<Option<u64>, BagError> {
+        let offset = self.drop_suspect().unwrap_or(offset);
+        let next = self.find_landmark(offset + 1)?;
+        self.damage(offset, next.unwrap_or(self.source.len_bytes), what);
+        Ok(next)
+    }
+
+    /// Forgets a record whose length has led astray; where it began.
+    fn drop_suspect(&mut self) -> Option<u64> {
+        let Suspect { offset, channel } = self.suspect.take()?;
+        if let (Some(channel), Some(part)) = (channel, self.layout.parts.last_mut()) {
+            part.end = offset;
+            self.counts.entry(channel).and_modify(|count| *count -= 1);
+            self.layout.parts.pop_if(|part| part.offset == part.end);
+        }
+        Some(offset)
+    }
+
+    fn find_landmark(&mut self, from: u64) -> Result<Option<u64>, BagError> {
+        let mut block = vec![0; (SEARCH_BLOCK_BYTES + CHUNK_START_BYTES) as usize];
+        let mut start = from;
+        while start < self.source.len_bytes {
+            let length = (self.source.len_bytes - start).min(block.len() as u64) as usize;
+            self.source.read_exact_at(start, &mut block[..length])?;
+            block[length..].fill(0);
+            let searched = length.min(SEARCH_BLOCK_BYTES as usize);
+            if let Some(at) =
+                (0..searched).find(|&at| self.is_landmark(&block[at..], start + at as u64))
+            {
+                return Ok(Some(start + at as u64));
+            }
+            start += searched as u64;
+        }
+        Ok(None)
+    }
+
+    fn is_landmark(&self, bytes: &[u8], offset: u64) -> bool {
+        match bytes[0] {
+            op::CHUNK => bytes.first_chunk().is_some_and(|start| {
+                ChunkHeader::parse(start, offset).is_ok_and(|chunk| {
+                    chunk.uncompressed_bytes <= self.source.limit_bytes
+                        && chunk.start_time <= chunk.end_time
+                })
+            }),
+            op::DATA_END => bytes.starts_with(&DATA_END),
+            _ => false,
+        }
+    }
+}

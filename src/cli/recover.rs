@@ -1,0 +1,109 @@
+//! `laser_profiler recover`: everything readable of a damaged bag.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
+use super::Outcome;
+use super::info::bytes;
+use crate::bag::Compression;
+use crate::bag::recover::{Recovery, recover};
+
+/// Copies everything readable of a damaged bag into a new one.
+///
+/// All topics, messages, attachments and metadata are kept. A damaged chunk is skipped; where no record begins, the
+/// search goes on for the next chunk. The exit code is 3 when anything was skipped.
+#[derive(Debug, Args)]
+#[command(after_long_help = JSON_HELP)]
+pub struct RecoverArgs {
+    /// A rosbag2 directory or an .mcap file.
+    pub bag: PathBuf,
+    /// The new bag's directory.
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Compression of the new bag; the input's when not given.
+    #[arg(long)]
+    pub compression: Option<CompressionName>,
+    /// Replaces a bag that is there already.
+    #[arg(long)]
+    pub force: bool,
+    /// One JSON object on standard output (see below).
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How the new bag's chunks are compressed.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum CompressionName {
+    /// Not at all.
+    None,
+    /// LZ4.
+    Lz4,
+    /// Zstandard, level 1.
+    Zstd,
+}
+
+const JSON_HELP: &str = "\
+--json prints one object:
+  output, bytes, messages, topics: {name: count}, attachments, metadata (numbers of records)
+  damaged: [{file, offset, end, what}]; offsets in bytes from the start of the file
+  notes:   [text]";
+
+/// Recovers, and tells on `out` what came of it.
+///
+/// # Errors
+/// An input that is no bag, an output that cannot be written. A reader of `out` that goes away is no error.
+pub fn run(args: &RecoverArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let compression = args.compression.map(|name| match name {
+        CompressionName::None => Compression::None,
+        CompressionName::Lz4 => Compression::Lz4,
+        CompressionName::Zstd => Compression::Zstd,
+    });
+    let recovery = recover(&args.bag, &args.output, compression, args.force)?;
+    let printed = if args.json { print_json(&recovery, out) } else { print_text(&recovery, out) };
+    super::quiet_pipe(printed).context("standard output")?;
+    Ok(if recovery.damaged.is_empty() { Outcome::Done } else { Outcome::DataLost })
+}
+
+fn print_json(recovery: &Recovery, out: &mut dyn Write) -> io::Result<()> {
+    let topics: std::collections::BTreeMap<_, _> = recovery.output.topics.iter().cloned().collect();
+    let object = json!({
+        "output": recovery.output.directory,
+        "bytes": recovery.output.bytes,
+        "messages": recovery.output.messages,
+        "topics": topics,
+        "attachments": recovery.num_attachments,
+        "metadata": recovery.num_metadata,
+        "damaged": recovery.damaged,
+        "notes": recovery.notes,
+    });
+    serde_json::to_writer_pretty(&mut *out, &object)?;
+    writeln!(out)?;
+    out.flush()
+}
+
+fn print_text(recovery: &Recovery, out: &mut dyn Write) -> io::Result<()> {
+    let output = &recovery.output;
+    for (topic, count) in &output.topics {
+        writeln!(out, "{topic}: {count} messages")?;
+    }
+    for range in &recovery.damaged {
+        let (file, offset, end) = (range.file.display(), range.offset, range.end);
+        writeln!(out, "skipped {file}: bytes {offset} to {end}: {}", range.what)?;
+    }
+    for note in &recovery.notes {
+        writeln!(out, "note: {note}")?;
+    }
+    let (messages, attachments, metadata) =
+        (output.messages, recovery.num_attachments, recovery.num_metadata);
+    writeln!(
+        out,
+        "recovered {messages} messages, {attachments} attachments, {metadata} metadata records into {} ({})",
+        output.directory.display(),
+        bytes(output.bytes)
+    )?;
+    out.flush()
+}
