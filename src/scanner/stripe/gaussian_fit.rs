@@ -28,11 +28,10 @@ pub fn gaussian_fit(section: &Section<'_>, noise: &Noise) -> Centre {
             sigma_px: f64::from(section.candidate.length()) / 2.0,
         };
     };
-    let Fit { normal, parabola, position_px } = fit;
+    let Fit { powers: [s0, s1, s2, s3, s4], slope, curvature, position_px } = fit;
     // d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂²
-    let by_coefficient =
-        RowVector3::new(0.0, -0.5 / parabola[2], 0.5 * parabola[1] / parabola[2].powi(2));
-    let Some(inverse) = normal.try_inverse() else {
+    let by_coefficient = RowVector3::new(0.0, -0.5 / curvature, 0.5 * slope / curvature.powi(2));
+    let Some(inverse) = Matrix3::new(s0, s1, s2, s1, s2, s3, s2, s3, s4).try_inverse() else {
         return Centre { position_px, sigma_px: f64::INFINITY };
     };
     let gradient = by_coefficient * inverse;
@@ -47,40 +46,47 @@ pub fn gaussian_fit(section: &Section<'_>, noise: &Noise) -> Centre {
 
 /// A parabola through the logarithms, t = 0 at the brightest sample.
 struct Fit {
-    /// Of the normal equations, weights G².
-    normal: Matrix3<f64>,
-    /// p₀, p₁, p₂.
-    parabola: Vector3<f64>,
-    /// Its maximum, pixels; inside the candidate.
+    /// Σ w tᵏ, k = 0 … 4: the normal equations, weights w = G².
+    powers: [f64; 5],
+    /// p₁ and p₂.
+    slope: f64,
+    curvature: f64,
+    /// Where the maximum lies, pixels; inside the candidate.
     position_px: f64,
 }
 
 fn fit(section: &Section<'_>, brightest: usize) -> Option<Fit> {
-    // Σ w t^k and Σ w t^k ln G
-    let (mut powers, mut right) = ([0.0; 5], [0.0; 3]);
+    let mut powers = [0.0; 5];
+    // Σ w tᵏ ln G
+    let mut right = [0.0; 3];
     for (i, &sample) in section.run().iter().enumerate() {
         let t = i as f64 - brightest as f64;
         let level = grey(sample);
         // Single precision is ample for a coarse peak and twice as fast.
         let logarithm = f64::from((level as f32).ln());
-        let mut term = level * level;
-        for k in 0..5 {
-            powers[k] += term;
-            if k < 3 {
-                right[k] += term * logarithm;
-            }
-            term *= t;
+        let weight = level * level;
+        let terms = [weight, weight * t, weight * t * t];
+        for k in 0..3 {
+            powers[k] += terms[k];
+            right[k] += terms[k] * logarithm;
         }
+        powers[3] += terms[2] * t;
+        powers[4] += terms[2] * t * t;
     }
+    // p₀ eliminated: two equations for p₁ and p₂.
     let [s0, s1, s2, s3, s4] = powers;
-    let normal = Matrix3::new(s0, s1, s2, s1, s2, s3, s2, s3, s4);
-    let parabola = normal.cholesky()?.solve(&Vector3::from(right));
-    let position_px =
-        f64::from(section.candidate.first) + brightest as f64 - parabola[1] / (2.0 * parabola[2]);
-    let inside = f64::from(section.candidate.first)..=f64::from(section.candidate.last);
-    (parabola[2] < 0.0 && inside.contains(&position_px)).then_some(Fit {
-        normal,
-        parabola,
+    let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
+    let (b1, b2) = (right[1] - s1 * right[0] / s0, right[2] - s2 * right[0] / s0);
+    let determinant = a11 * a22 - a12 * a12;
+    let slope = (b1 * a22 - b2 * a12) / determinant;
+    let curvature = (b2 * a11 - b1 * a12) / determinant;
+    let (first, last) = (f64::from(section.candidate.first), f64::from(section.candidate.last));
+    let position_px = first + brightest as f64 - slope / (2.0 * curvature);
+    // Not so for too few samples either: the determinant is 0, the position not a number.
+    (curvature < 0.0 && (first..=last).contains(&position_px)).then_some(Fit {
+        powers,
+        slope,
+        curvature,
         position_px,
     })
 }

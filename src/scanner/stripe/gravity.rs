@@ -48,9 +48,11 @@ pub fn fractional_window_gravity(
     let reach = half_length_px.max(1.0) + 0.5;
     let (first, last) = (f64::from(section.candidate.first), f64::from(section.candidate.last));
     let mut centre = Centre { position_px: coarse_px, sigma_px: 0.0 };
+    let mut whole = WholePixels::default();
     for _ in 0..MAX_ROUNDS {
         let (low, high) = (centre.position_px - reach, centre.position_px + reach);
-        let sums = WindowSums::of(section, low, high);
+        let sums = WindowSums::moved(section, low, high, whole);
+        whole = sums.whole;
         // The centroid f(c) of a window about c moves by f'(c) when the window moves: by what its ends take in.
         let pull = (reach * (grey_at(section, low) + grey_at(section, high)) / sums.level).min(0.9);
         // Newton's step towards c = f(c). Noise that moves f by δ moves that c by δ / (1 - f').
@@ -84,30 +86,54 @@ struct WindowSums<'a> {
     level: f64,
     /// Σ i·G, i relative to the middle of the window.
     moment: f64,
+    whole: WholePixels,
+}
+
+/// Σ G and Σ i·G over the samples `from..to`, i relative to `from`: what stays when a window moves a little.
+#[derive(Clone, Copy, Default)]
+struct WholePixels {
+    from: usize,
+    to: usize,
+    level: f64,
+    moment: f64,
+}
+
+impl WholePixels {
+    fn of(samples: &[u32], from: usize, to: usize) -> Self {
+        let (mut level, mut moment) = (0.0, 0.0);
+        for (k, &sample) in samples[from..to].iter().enumerate() {
+            level += grey(sample);
+            moment += k as f64 * grey(sample);
+        }
+        Self { from, to, level, moment }
+    }
 }
 
 impl<'a> WindowSums<'a> {
-    /// Formula 7's sums between two positions: whole pixels in integers, then the two pixels that the ends cut.
+    /// Formula 7's sums between two positions: the whole pixels, then the two that the ends cut.
     fn of(section: &'a Section<'a>, low: f64, high: f64) -> Self {
+        Self::moved(section, low, high, WholePixels::default())
+    }
+
+    /// The same; `whole` are the whole pixels of a window nearby.
+    fn moved(section: &'a Section<'a>, low: f64, high: f64, whole: WholePixels) -> Self {
         let samples = section.samples;
         let origin = f64::from(section.origin);
         let (low, high) = (low.max(origin - 0.5), high.min(origin + samples.len() as f64 - 0.5));
         let middle = f64::midpoint(low, high);
         let index = |position: f64| ((position - origin + 0.5) as usize).min(samples.len() - 1);
         let (from, to) = (index(low), index(high));
-        let mut sums = Self { section, low, high, level: 0.0, moment: 0.0 };
+        let mut sums = Self { section, low, high, level: 0.0, moment: 0.0, whole };
         if from == to {
             sums.add_cut(low, high, middle);
             return sums;
         }
-        let (mut level, mut moment) = (0.0, 0.0);
-        for (k, &sample) in samples[from + 1..to].iter().enumerate() {
-            level += grey(sample);
-            moment += k as f64 * grey(sample);
+        if (whole.from, whole.to) != (from + 1, to) {
+            sums.whole = WholePixels::of(samples, from + 1, to);
         }
         let first_whole = origin + (from + 1) as f64;
-        sums.level = level;
-        sums.moment = moment + (first_whole - middle) * level;
+        sums.level = sums.whole.level;
+        sums.moment = sums.whole.moment + (first_whole - middle) * sums.whole.level;
         sums.add_cut(low, first_whole - 0.5, middle);
         sums.add_cut(origin + to as f64 - 0.5, high, middle);
         sums

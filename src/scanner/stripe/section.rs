@@ -126,25 +126,27 @@ pub struct Centre {
 /// Full width at half maximum, pixels: where the blurred samples fall below half their peak, interpolated linearly,
 /// and the blur's own width taken off in quadrature (exact for a Gaussian stripe). NaN where the border hides an edge.
 pub fn full_width_half_maximum(section: &Section<'_>, blur_variance_px2: f64) -> f64 {
+    let samples = section.samples;
     let half = f64::from(section.candidate.peak) / 2.0;
     let run_start = (section.candidate.first - section.origin) as usize;
-    let Some(peak) = section.run().iter().position(|&s| s == section.candidate.peak) else {
+    let Some(peak) = section.run().iter().position(|&sample| sample == section.candidate.peak)
+    else {
         return f64::NAN;
     };
-    let (below, above) = section.samples.split_at(run_start + peak);
-    // Distance from the peak to the crossing, over samples that lead away from it.
-    let edge = |samples: &mut dyn Iterator<Item = &u32>| {
-        let mut inner = f64::from(section.candidate.peak);
-        for (i, &sample) in samples.enumerate() {
-            let outer = f64::from(sample);
-            if outer < half {
-                return i as f64 + (inner - half) / (inner - outer);
-            }
-            inner = outer;
-        }
-        f64::NAN
+    let peak = run_start + peak;
+    // Place of the crossing between a sample above half and its outer neighbour below, as a share of the way out.
+    let share = |inner: usize, outer: usize| {
+        let (inner, outer) = (f64::from(samples[inner]), f64::from(samples[outer]));
+        (inner - half) / (inner - outer)
     };
-    let width = edge(&mut below.iter().rev()) + edge(&mut above[1..].iter());
+    let is_below = |&sample: &u32| f64::from(sample) < half;
+    let (Some(below), Some(above)) =
+        (samples[..peak].iter().rposition(is_below), samples[peak..].iter().position(is_below))
+    else {
+        return f64::NAN;
+    };
+    let above = peak + above;
+    let width = (above - below) as f64 - 2.0 + share(below + 1, below) + share(above - 1, above);
     // 8 ln 2: from a Gaussian's variance to its squared full width at half maximum.
     (width * width - 8.0 * std::f64::consts::LN_2 * blur_variance_px2).max(0.0).sqrt()
 }
