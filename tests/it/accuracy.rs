@@ -80,3 +80,230 @@ fn improved_gravity_meets_its_limits() {
         assert!(rms_px <= limit_px, "{name}: RMS {rms_px:.4} px, limit {limit_px}");
     }
 }
+
+/// Error of a noise-free stripe that lies at the same sub-pixel phase in every column, for 50 phases.
+fn error_by_phase_px(params: ExtractionParams) -> Vec<f64> {
+    let scene = StripeScene {
+        width: 128,
+        height: 64,
+        amplitude: 183.0,
+        sigma_px: 2.3,
+        ..StripeScene::default()
+    };
+    let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
+    let mut centerline = Centerline::default();
+    let errors = (0..50).map(|step| {
+        let truth = 30.0 + f64::from(step) / 50.0;
+        let mut samples = Vec::new();
+        render_stripe(&scene, |_| truth, &mut samples);
+        let plane =
+            AnyPlane::Eight(Plane { width: 128, height: 64, stride: 128, samples: &samples });
+        extractor.extract(&plane, (0, 0), 255, &mut centerline);
+        assert_eq!(centerline.len(), 128);
+        f64::from(centerline.v_px[64]) - truth
+    });
+    errors.collect()
+}
+
+fn half_amplitude(errors: &[f64]) -> f64 {
+    let (low, high) =
+        errors.iter().fold((f64::MAX, f64::MIN), |(low, high), &e| (low.min(e), high.max(e)));
+    (high - low) / 2.0
+}
+
+/// The window as printed in the paper pulls the result to whole pixels; the fractional one, the default, does not.
+#[test]
+fn rounded_window_locks_to_pixels() {
+    let rounded =
+        half_amplitude(&error_by_phase_px(ExtractionParams { window: Window::Rounded, ..PAPER }));
+    let fractional = half_amplitude(&error_by_phase_px(PAPER));
+    eprintln!(
+        "half amplitude over the phase: rounded {rounded:.4} px, fractional {fractional:.4} px"
+    );
+    assert!((0.05..0.15).contains(&rounded), "rounded: {rounded:.4} px");
+    assert!(fractional < 0.012, "fractional: {fractional:.4} px");
+}
+
+#[test]
+fn the_compared_methods_find_every_column_too() {
+    for (method, limit_px) in [(Method::GrayGravity, 0.08), (Method::GaussianFit, 0.03)] {
+        let errors = errors_px(&SCENE(183.0, 2.3, 2.0), ExtractionParams { method, ..PAPER });
+        let rms_px = rms(&errors);
+        eprintln!("{}: RMS {rms_px:.4} px", method.name());
+        assert!(rms_px <= limit_px, "{}: RMS {rms_px:.4} px", method.name());
+    }
+}
+
+/// `sigma` is the error that the stated noise makes: their ratio is near one for every method, thin stripes and wide.
+#[test]
+fn sigma_is_true() {
+    for (method, sigma_px) in [
+        (Method::ImprovedGravity, 1.2),
+        (Method::ImprovedGravity, 2.2),
+        (Method::ImprovedGravity, 4.0),
+        (Method::GaussianFit, 2.2),
+    ] {
+        let scene = SCENE(183.0, sigma_px, 6.0);
+        let params = ExtractionParams { method, read_noise: 6.0, ..PAPER };
+        let centerline = extract(&scene, params);
+        let errors = errors_px(&scene, params);
+        let bias = errors.iter().sum::<f64>() / errors.len() as f64;
+        let ratios: Vec<f64> = errors
+            .iter()
+            .zip(&centerline.sigma_px)
+            .map(|(e, &s)| (e - bias) / f64::from(s))
+            .collect();
+        let ratio = rms(&ratios);
+        eprintln!("{} s {sigma_px}: RMS of error / sigma {ratio:.3}", method.name());
+        assert!(
+            (0.8..1.25).contains(&ratio),
+            "{} s {sigma_px}: RMS of error / sigma {ratio:.3}",
+            method.name()
+        );
+    }
+}
+
+#[test]
+fn a_vertical_stripe_is_as_good_as_a_horizontal_one() {
+    let scene = StripeScene {
+        width: 256,
+        height: 2592,
+        direction: StripeDirection::Vertical,
+        ..SCENE(183.0, 2.3, 2.0)
+    };
+    let centerline = extract(&scene, PAPER);
+    assert_eq!(centerline.len(), 2592);
+    let errors: Vec<f64> = centerline
+        .v_px
+        .iter()
+        .zip(&centerline.u_px)
+        .map(|(&v, &u)| f64::from(u) - truth_px(v as u32))
+        .collect();
+    assert!(rms(&errors) <= 0.017, "RMS {:.4} px", rms(&errors));
+}
+
+#[test]
+fn deep_images_measure_the_same_thresholds() {
+    use laser_profiler::simulate::sensor::BitDepth;
+    let scene = StripeScene {
+        width: 640,
+        height: 256,
+        bit_depth: BitDepth::Twelve,
+        amplitude: 183.0 * 4095.0 / 255.0,
+        read_noise: 2.0 * 4095.0 / 255.0,
+        ..StripeScene::default()
+    };
+    let mut bytes = Vec::new();
+    render_stripe(&scene, truth_px, &mut bytes);
+    let samples: Vec<u16> =
+        bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
+    let plane =
+        AnyPlane::Sixteen(Plane { width: 640, height: 256, stride: 640, samples: &samples });
+    let mut centerline = Centerline::default();
+    Extractor::new(PAPER, StripeDirection::Horizontal).extract(
+        &plane,
+        (0, 0),
+        4095,
+        &mut centerline,
+    );
+    let errors: Vec<f64> = centerline
+        .u_px
+        .iter()
+        .zip(&centerline.v_px)
+        .map(|(&u, &v)| f64::from(v) - truth_px(u as u32))
+        .collect();
+    assert_eq!(errors.len(), 640);
+    assert!(rms(&errors) <= 0.017, "RMS {:.4} px", rms(&errors));
+    assert!(
+        centerline.intensity.iter().all(|&level| (2500.0..3400.0).contains(&level)),
+        "intensity in sample units"
+    );
+}
+
+#[test]
+fn width_saturation_and_borders_are_told() {
+    // Full width at half maximum of a Gaussian: 2.3548 s.
+    for (sigma_px, tolerance) in [(1.2_f64, 0.12), (2.3, 0.03), (4.0, 0.03)] {
+        let centerline = extract(&SCENE(183.0, sigma_px, 0.0), PAPER);
+        let mean = centerline.width_px.iter().map(|&w| f64::from(w)).sum::<f64>() / 2592.0;
+        assert!(
+            (mean / (2.3548 * sigma_px) - 1.0).abs() < tolerance,
+            "s {sigma_px}: width {mean:.3} px"
+        );
+        assert!(centerline.flags.iter().all(|&flags| flags == 0));
+    }
+    let saturated = extract(&SCENE(690.0, 2.9, 0.0), PAPER);
+    assert!(saturated.flags.iter().all(|&flags| flags == flag::SATURATED));
+    assert_eq!(saturated.stripe_start, [0], "one connected stripe");
+
+    let scene = StripeScene { width: 128, height: 64, ..StripeScene::default() };
+    let mut samples = Vec::new();
+    render_stripe(&scene, |_| 1.0, &mut samples);
+    let plane = AnyPlane::Eight(Plane { width: 128, height: 64, stride: 128, samples: &samples });
+    let mut centerline = Centerline::default();
+    Extractor::new(PAPER, StripeDirection::Horizontal).extract(
+        &plane,
+        (0, 0),
+        255,
+        &mut centerline,
+    );
+    assert!(centerline.flags.iter().all(|&flags| flags == flag::CLIPPED));
+    assert!(centerline.width_px.iter().all(|width| width.is_nan()), "the border hides an edge");
+}
+
+#[test]
+fn of_two_stripes_the_chosen_one_is_found_and_the_other_told() {
+    let scene = StripeScene { width: 256, height: 128, ..StripeScene::default() };
+    let (mut one, mut two) = (Vec::new(), Vec::new());
+    render_stripe(&StripeScene { amplitude: 120.0, sigma_px: 3.5, ..scene }, |_| 30.2, &mut one);
+    render_stripe(&StripeScene { amplitude: 200.0, sigma_px: 1.5, ..scene }, |_| 90.7, &mut two);
+    let samples: Vec<u8> = one.iter().zip(&two).map(|(&a, &b)| a.max(b)).collect();
+    let plane = AnyPlane::Eight(Plane { width: 256, height: 128, stride: 256, samples: &samples });
+    for (peak_selection, expected_px) in [
+        (PeakSelection::Brightest, 90.7),
+        (PeakSelection::First, 30.2),
+        (PeakSelection::Last, 90.7),
+        (PeakSelection::Widest, 30.2),
+    ] {
+        let mut centerline = Centerline::default();
+        let params = ExtractionParams { peak_selection, ..PAPER };
+        Extractor::new(params, StripeDirection::Horizontal).extract(
+            &plane,
+            (0, 0),
+            255,
+            &mut centerline,
+        );
+        assert_eq!(centerline.len(), 256);
+        assert!(
+            centerline.v_px.iter().all(|&v| (f64::from(v) - expected_px).abs() < 0.02),
+            "{peak_selection:?}"
+        );
+        assert!(centerline.flags.iter().all(|&flags| flags == flag::MULTIPLE_PEAKS));
+    }
+}
+
+#[test]
+fn a_gap_starts_another_stripe() {
+    let scene = StripeScene { width: 400, height: 64, ..StripeScene::default() };
+    let mut samples = Vec::new();
+    render_stripe(
+        &scene,
+        |column| if (180..220).contains(&column) { f64::NAN } else { 30.0 },
+        &mut samples,
+    );
+    let plane = AnyPlane::Eight(Plane { width: 400, height: 64, stride: 400, samples: &samples });
+    let mut centerline = Centerline::default();
+    Extractor::new(PAPER, StripeDirection::Horizontal).extract(
+        &plane,
+        (0, 0),
+        255,
+        &mut centerline,
+    );
+    // The blur carries the stripe up to its radius into the gap.
+    let second = centerline.stripe_start[1] as usize;
+    assert_eq!(centerline.stripe_start.len(), 2);
+    assert!(
+        (centerline.u_px[second - 1] - 179.0).abs() <= 3.0
+            && (centerline.u_px[second] - 220.0).abs() <= 3.0
+    );
+}

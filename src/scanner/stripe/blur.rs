@@ -70,10 +70,17 @@ impl Sample for u16 {
 }
 
 /// Weights of one pass, `2r + 1` of them, in 1/256, symmetric, summing to 256.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Kernel {
     weights: Vec<u16>,
+    variance_px2: f64,
+    noise_gain: f64,
+    /// [`Self::ramp_energy`] for whole lengths.
+    ramp_energy: Vec<f64>,
 }
+
+/// Windows up to this length have their noise tabulated; in longer ones the blur hardly matters.
+const TABULATED: usize = 96;
 
 impl Kernel {
     /// A Gaussian of standard deviation 0.3 (r - 1) + 0.8 pixels, 1.4 for the paper's r = 3; radius 0 changes nothing.
@@ -81,7 +88,7 @@ impl Kernel {
     /// The paper prints a radius only; this is what `GaussianBlur` of `OpenCV` derives from the kernel's size.
     pub fn gaussian(radius: u32) -> Self {
         if radius == 0 {
-            return Self { weights: vec![UNITS as u16] };
+            return Self::of(vec![UNITS as u16]);
         }
         let sigma_px = 0.3 * (f64::from(radius) - 1.0) + 0.8;
         let side: Vec<f64> =
@@ -91,9 +98,18 @@ impl Kernel {
             side.iter().map(|w| (f64::from(UNITS) * w / total).round() as u16).collect();
         // What rounding leaves over goes to the centre: the weights must sum to one exactly.
         let centre = UNITS as u16 - 2 * side.iter().sum::<u16>();
-        let weights =
-            side.iter().rev().copied().chain([centre]).chain(side.iter().copied()).collect();
-        Self { weights }
+        Self::of(side.iter().rev().copied().chain([centre]).chain(side.iter().copied()).collect())
+    }
+
+    fn of(weights: Vec<u16>) -> Self {
+        let r = (weights.len() / 2) as f64;
+        let share = |w: u16| f64::from(w) / f64::from(UNITS);
+        let variance_px2 =
+            weights.iter().enumerate().map(|(i, &w)| (i as f64 - r).powi(2) * share(w)).sum();
+        let noise_gain = weights.iter().map(|&w| share(w).powi(2)).sum();
+        let ramp_energy =
+            (0..=TABULATED).map(|length| blurred_ramp_energy(&weights, length)).collect();
+        Self { weights, variance_px2, noise_gain, ramp_energy }
     }
 
     /// The radius r, pixels.
@@ -108,15 +124,36 @@ impl Kernel {
 
     /// Variance of the kernel, px².
     pub fn variance_px2(&self) -> f64 {
-        let r = self.radius() as f64;
-        let moment = |(i, &w): (usize, &u16)| (i as f64 - r).powi(2) * f64::from(w);
-        self.weights.iter().enumerate().map(moment).sum::<f64>() / f64::from(UNITS)
+        self.variance_px2
     }
 
     /// What one pass leaves of the variance of white noise: the sum of the squared weights.
     pub fn noise_gain(&self) -> f64 {
-        self.weights.iter().map(|&w| (f64::from(w) / f64::from(UNITS)).powi(2)).sum()
+        self.noise_gain
     }
+
+    /// Variance of Σ (i - c) G over a window of `length` pixels about c, when G is white noise of variance 1 that went
+    /// through this kernel across the window.
+    pub fn ramp_energy(&self, length: f64) -> f64 {
+        let length = length.max(0.0);
+        let at = length as usize;
+        match self.ramp_energy.get(at..at.saturating_add(2)) {
+            Some(near) => near[0] + (length - at as f64) * (near[1] - near[0]),
+            None => (length.powi(3) - length) / 12.0,
+        }
+    }
+}
+
+/// Σ over raw samples of the squared weight with which each enters Σ (i - c) G: the ramp convolved with the kernel.
+fn blurred_ramp_energy(kernel: &[u16], length: usize) -> f64 {
+    let middle = (length as f64 - 1.0) / 2.0;
+    let raw = 0..(length + kernel.len()).saturating_sub(1);
+    raw.map(|raw| {
+        let reached = (raw + 1).saturating_sub(kernel.len())..(raw + 1).min(length);
+        let weight = |i: usize| (i as f64 - middle) * f64::from(kernel[raw - i]) / f64::from(UNITS);
+        reached.map(weight).sum::<f64>().powi(2)
+    })
+    .sum()
 }
 
 /// One blurred sample by definition: the weighted sum over the kernel's square.

@@ -23,8 +23,18 @@ pub struct FastExtractor<S: Sample> {
     tiles: BlurredTiles<S>,
     regions: Regions,
     lines: Vec<Line>,
-    samples: Vec<u32>,
+    cut: Cut,
+}
+
+/// Samples about one candidate.
+#[derive(Debug, Default)]
+struct Cut {
+    /// Blurred ones, and the position of the first.
+    blurred: Vec<u32>,
+    blurred_origin: u32,
+    /// Raw ones, and the position of the first.
     raw: Vec<u32>,
+    raw_origin: u32,
 }
 
 /// What is known of one cross-section while runs arrive row by row.
@@ -53,8 +63,7 @@ impl<S: Sample> FastExtractor<S> {
             tiles: BlurredTiles::default(),
             regions: Regions::default(),
             lines: Vec::new(),
-            samples: Vec::new(),
-            raw: Vec::new(),
+            cut: Cut::default(),
         }
     }
 
@@ -66,88 +75,72 @@ impl<S: Sample> FastExtractor<S> {
         full_scale: u32,
         centerline: &mut Centerline,
     ) {
-        let levels = Levels::new(&self.params, &self.kernel, full_scale);
-        self.tiles.compute(plane, &self.kernel, levels.segment_threshold);
-        self.tiles.segment(levels.segment_threshold, &mut self.regions);
-        self.choose(plane.width, plane.height);
-        let length = match self.direction {
-            StripeDirection::Horizontal => plane.height,
-            StripeDirection::Vertical => plane.width,
+        let Self { kernel, params, direction, tiles, regions, lines, cut } = self;
+        let levels = Levels::new(params, kernel, full_scale);
+        tiles.compute(plane, kernel, levels.segment_threshold);
+        tiles.segment(levels.segment_threshold, regions);
+        let (count, length) = match direction {
+            StripeDirection::Horizontal => (plane.width, plane.height),
+            StripeDirection::Vertical => (plane.height, plane.width),
         };
-        let mut assembler = Assembler::new(centerline, self.direction, offset, length);
-        for line in 0..self.lines.len() {
-            if let Some(candidate) = self.lines[line].selected.take() {
-                let (section_start, raw_start) = self.gather(plane, line, candidate, &levels);
-                let section = Section { samples: &self.samples, origin: section_start, candidate };
-                assembler.push(
-                    line,
-                    &section,
-                    &Raw { samples: &self.raw, origin: raw_start },
-                    &levels,
-                );
+        lines.clear();
+        lines.resize(count, Line::default());
+        choose(lines, regions, tiles, (params, *direction));
+        let mut assembler = Assembler::new(centerline, *direction, offset, length);
+        for (line, chosen) in lines.iter_mut().enumerate() {
+            let Some(candidate) = chosen.selected.take() else { continue };
+            let reach = |margin: u32| {
+                let from = candidate.first.saturating_sub(margin) as usize;
+                from..((candidate.last + margin) as usize + 1).min(length)
+            };
+            let (wide, near) = (reach(levels.margin(&candidate)), reach(1));
+            (cut.blurred_origin, cut.raw_origin) = (wide.start as u32, near.start as u32);
+            cut.raw.clear();
+            match direction {
+                StripeDirection::Horizontal => {
+                    tiles.column(plane, kernel, (line, wide), &mut cut.blurred);
+                    cut.raw.extend(near.map(|y| Into::<u32>::into(plane.at(line, y))));
+                }
+                StripeDirection::Vertical => {
+                    tiles.row(plane, kernel, (line, wide), &mut cut.blurred);
+                    cut.raw.extend(
+                        plane.row(line)[near].iter().map(|&sample| Into::<u32>::into(sample)),
+                    );
+                }
+            }
+            let section = Section { samples: &cut.blurred, origin: cut.blurred_origin, candidate };
+            assembler.push(
+                line,
+                &section,
+                &Raw { samples: &cut.raw, origin: cut.raw_origin },
+                &levels,
+            );
+        }
+    }
+}
+
+/// Finds every cross-section's candidates in the kept runs and chooses one.
+fn choose<S: Sample>(
+    lines: &mut [Line],
+    regions: &mut Regions,
+    tiles: &BlurredTiles<S>,
+    (params, direction): (&ExtractionParams, StripeDirection),
+) {
+    let selection = params.peak_selection;
+    for run in regions.larger_than(params.min_segment_area) {
+        match direction {
+            StripeDirection::Horizontal => add_across(lines, run, tiles, selection),
+            StripeDirection::Vertical => {
+                let row = run.row as usize;
+                let peak =
+                    (run.start..run.end).map(|x| tiles.known(x as usize, row)).max().unwrap_or(0);
+                let candidate = Candidate { first: run.start, last: run.end - 1, peak, count: 1 };
+                lines[row].selected.offer(candidate, selection);
             }
         }
     }
-
-    /// Finds every cross-section's candidates in the kept runs and chooses one.
-    fn choose(&mut self, width: usize, height: usize) {
-        let selection = self.params.peak_selection;
-        self.lines.clear();
-        match self.direction {
-            StripeDirection::Horizontal => {
-                self.lines.resize(width, Line::default());
-                for run in self.regions.larger_than(self.params.min_segment_area) {
-                    add_across(&mut self.lines, run, &self.tiles, selection);
-                }
-                self.lines.iter_mut().for_each(|line| line.close(selection));
-            }
-            StripeDirection::Vertical => {
-                self.lines.resize(height, Line::default());
-                for run in self.regions.larger_than(self.params.min_segment_area) {
-                    let row = run.row as usize;
-                    let peak = (run.start..run.end)
-                        .map(|x| self.tiles.known(x as usize, row))
-                        .max()
-                        .unwrap_or(0);
-                    let candidate =
-                        Candidate { first: run.start, last: run.end - 1, peak, count: 1 };
-                    self.lines[row].selected.offer(candidate, selection);
-                }
-            }
-        }
-    }
-
-    /// Copies the samples about a candidate into `self.samples` and `self.raw`; returns where each begins.
-    fn gather(
-        &mut self,
-        plane: &Plane<'_, S>,
-        line: usize,
-        candidate: Candidate,
-        levels: &Levels,
-    ) -> (u32, u32) {
-        let length = match self.direction {
-            StripeDirection::Horizontal => plane.height,
-            StripeDirection::Vertical => plane.width,
-        };
-        let reach = |margin: u32| {
-            let from = candidate.first.saturating_sub(margin) as usize;
-            from..((candidate.last + margin) as usize + 1).min(length)
-        };
-        let (wide, near) = (reach(levels.margin(&candidate)), reach(1));
-        let starts = (wide.start as u32, near.start as u32);
-        self.raw.clear();
-        match self.direction {
-            StripeDirection::Horizontal => {
-                self.tiles.column(plane, &self.kernel, (line, wide), &mut self.samples);
-                self.raw.extend(near.map(|y| Into::<u32>::into(plane.at(line, y))));
-            }
-            StripeDirection::Vertical => {
-                self.tiles.row(plane, &self.kernel, (line, wide), &mut self.samples);
-                self.raw
-                    .extend(plane.row(line)[near].iter().map(|&sample| Into::<u32>::into(sample)));
-            }
-        }
-        starts
+    for line in lines {
+        line.close(selection);
     }
 }
 

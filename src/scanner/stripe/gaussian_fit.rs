@@ -1,9 +1,6 @@
 //! Step 5: the coarse peak, the maximum of a Gaussian through the blurred cross-section.
 
-use super::{
-    blur::UNITS,
-    section::{Centre, Noise, Section},
-};
+use super::section::{Centre, Noise, Section, grey};
 use nalgebra::{Matrix3, RowVector3, Vector3};
 
 /// Maximum of the Gaussian fitted to the candidate's samples, pixels.
@@ -20,7 +17,7 @@ pub fn coarse_peak(section: &Section<'_>) -> f64 {
 
 /// The same as an estimator of its own, with its uncertainty: the derivative of the maximum by each sample times that
 /// sample's noise. Where the brightest sample stands in, the uncertainty is half the candidate.
-pub fn gaussian_fit(section: &Section<'_>, noise: &Noise) -> Centre {
+pub fn gaussian_fit(section: &Section<'_>, noise: &Noise<'_>) -> Centre {
     let brightest = brightest(section);
     let Some(fit) = fit(section, brightest) else {
         return Centre {
@@ -35,13 +32,11 @@ pub fn gaussian_fit(section: &Section<'_>, noise: &Noise) -> Centre {
         return Centre { position_px, sigma_px: f64::INFINITY };
     };
     let gradient = by_coefficient * inverse;
-    let variance = section.run().iter().enumerate().map(|(i, &sample)| {
+    let by_sample = |i: usize| {
         let t = i as f64 - brightest as f64;
-        let level = grey(sample);
-        let by_sample = (gradient * Vector3::new(1.0, t, t * t))[0] * level;
-        by_sample * by_sample * noise.variance(level)
-    });
-    Centre { position_px, sigma_px: variance.sum::<f64>().sqrt() }
+        (gradient * Vector3::new(1.0, t, t * t))[0] * grey(section.run()[i])
+    };
+    Centre { position_px, sigma_px: noise.weighted_sigma(section.run(), by_sample) }
 }
 
 /// A parabola through the logarithms, t = 0 at the brightest sample.
@@ -94,8 +89,4 @@ fn fit(section: &Section<'_>, brightest: usize) -> Option<Fit> {
 /// Index of the (first) brightest sample in the candidate.
 fn brightest(section: &Section<'_>) -> usize {
     section.run().iter().position(|&sample| sample == section.candidate.peak).unwrap_or(0)
-}
-
-fn grey(sample: u32) -> f64 {
-    f64::from(sample) / f64::from(UNITS)
 }

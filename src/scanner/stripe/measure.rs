@@ -2,17 +2,15 @@
 
 use super::{
     Centerline, flag,
+    fractional::fractional_window_gravity,
     gaussian_fit::{coarse_peak, gaussian_fit},
-    gravity::{
-        fractional_window_gravity, gray_gravity, rounded_window_gravity, width_samples,
-        window_half_length_px,
-    },
+    gravity::{gray_gravity, rounded_window_gravity, width_samples, window_half_length_px},
     section::{Candidate, Centre, Levels, Section, full_width_half_maximum},
 };
 use crate::scanner::params::{Method, StripeDirection, Window};
 
 /// The centre of a cross-section by the chosen method. **A new estimator is one more arm here**, in a file of its own.
-pub fn centre(section: &Section<'_>, levels: &Levels) -> Centre {
+pub fn centre(section: &Section<'_>, levels: &Levels<'_>) -> Centre {
     match levels.method {
         Method::GrayGravity => gray_gravity(section, &levels.noise),
         Method::GaussianFit => gaussian_fit(section, &levels.noise),
@@ -60,7 +58,7 @@ impl<'a> Assembler<'a> {
     /// Measures the cross-section of line `line` (a column of the region for a horizontal stripe) and adds its point.
     ///
     /// `raw` are the unblurred samples of the candidate's positions with one neighbour to either side where there is one.
-    pub fn push(&mut self, line: usize, section: &Section<'_>, raw: &Raw<'_>, levels: &Levels) {
+    pub fn push(&mut self, line: usize, section: &Section<'_>, raw: &Raw<'_>, levels: &Levels<'_>) {
         let candidate = section.candidate;
         let centre = centre(section, levels);
         if !self.continues(line, candidate) {
@@ -86,7 +84,7 @@ impl<'a> Assembler<'a> {
         self.centerline.v_px.push(v_px as f32);
         self.centerline
             .width_px
-            .push(full_width_half_maximum(section, levels.blur_variance_px2) as f32);
+            .push(full_width_half_maximum(section, levels.noise.kernel.variance_px2()) as f32);
         self.centerline.intensity.push(raw.at(centre.position_px));
         self.centerline.sigma_px.push(centre.sigma_px as f32);
         self.centerline.flags.push(flags);

@@ -5,6 +5,7 @@ pub mod segment;
 pub mod section;
 pub mod gaussian_fit;
 pub mod gravity;
+pub mod fractional;
 pub mod select;
 pub mod measure;
 pub mod reference;
