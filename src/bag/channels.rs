@@ -9,7 +9,7 @@ use super::Topic;
 
 /// Key of a channel's metadata that holds the type hash.
 pub(super) const TYPE_HASH_KEY: &str = "topic_type_hash";
-/// Key of a channel's metadata that holds the QoS.
+/// Key of a channel's metadata that holds the quality of service.
 pub(super) const QOS_KEY: &str = "offered_qos_profiles";
 
 /// What a file has said about its channels.

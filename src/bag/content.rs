@@ -21,7 +21,8 @@ pub(super) fn attachment(body: &[u8]) -> Result<Attachment, String> {
         return Err("an attachment longer than its content".into());
     }
     let time_ns = |time: u64| {
-        i64::try_from(time).map_err(|_| format!("{}: a time beyond the year 2262", header.name))
+        i64::try_from(time)
+            .map_err(|_beyond| format!("{}: a time beyond the year 2262", header.name))
     };
     let (log_time_ns, create_time_ns) = (time_ns(header.log_time)?, time_ns(header.create_time)?);
     let (name, media_type, data) = (header.name, header.media_type, data.into_owned());

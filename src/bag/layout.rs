@@ -6,7 +6,7 @@ use mcap::records::op;
 
 use super::channels::Channels;
 use super::format::{RecordSpan, Source};
-use super::{BagError, scan, summary};
+use super::{BagError, ReadOptions, scan, summary};
 
 /// One file's content, without the messages themselves.
 #[derive(Clone, Debug, Default)]
@@ -57,14 +57,14 @@ pub(super) enum PartKind {
 
 impl Layout {
     /// The layout of a file, by its index when that can and may be used.
-    pub(super) fn of(source: &mut Source, use_index: bool) -> Result<Self, BagError> {
+    pub(super) fn of(source: &mut Source, options: &ReadOptions) -> Result<Self, BagError> {
         source.check_magic()?;
         let summary = summary::read(source)?;
         let seed = summary.as_ref().map(Channels::from_summary).unwrap_or_default();
         let stats = summary.as_ref().ok().and_then(|summary| summary.stats.as_ref());
         let stated_counts = stats.map(|stats| stats.channel_message_counts.clone());
         let mut layout = match summary.and_then(|summary| Self::by_index(&summary)) {
-            Ok(layout) if use_index => layout,
+            Ok(layout) if options.use_index => layout,
             Ok(_) => scan::scan(source, seed)?,
             Err(why) => {
                 let mut layout = scan::scan(source, seed)?;
