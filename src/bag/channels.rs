@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use mcap::records::{Record, op};
+use mcap::records::op;
 
 use super::Topic;
+use super::fields::Fields;
 
 /// Key of a channel's metadata that holds the type hash.
 pub(super) const TYPE_HASH_KEY: &str = "topic_type_hash";
-/// Key of a channel's metadata that holds the QoS.
+/// Key of a channel's metadata that holds the quality of service.
 pub(super) const QOS_KEY: &str = "offered_qos_profiles";
 
 /// What a file has said about its channels.
@@ -37,73 +38,51 @@ impl Channels {
         self.topics.iter().map(|(id, topic)| (*id, topic))
     }
 
-    /// What a summary says.
-    pub(super) fn from_summary(summary: &mcap::Summary) -> Self {
-        let schemas = summary.schemas.iter().map(|(id, schema)| {
-            let data = schema.data.to_vec();
-            (*id, Schema { name: schema.name.clone(), encoding: schema.encoding.clone(), data })
-        });
-        let topics = summary.channels.iter().map(|(id, channel)| {
-            let schema = channel.schema.as_ref().map(|schema| Schema {
-                name: schema.name.clone(),
-                encoding: schema.encoding.clone(),
-                data: schema.data.to_vec(),
-            });
-            (
-                *id,
-                Arc::new(topic(
-                    &channel.topic,
-                    &channel.message_encoding,
-                    schema.as_ref(),
-                    &channel.metadata,
-                )),
-            )
-        });
-        Self { schemas: schemas.collect(), topics: topics.collect() }
-    }
-
     /// Takes a schema or channel record; any other is passed over. The same twice is normal, something else under the
     /// same number is not: the first stays.
     pub(super) fn add(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
         if opcode != op::SCHEMA && opcode != op::CHANNEL {
             return Ok(());
         }
-        match mcap::parse_record(opcode, body).map_err(|error| error.to_string())? {
-            Record::Schema { header, data } => {
-                let new = Schema {
-                    name: header.name,
-                    encoding: header.encoding,
-                    data: data.into_owned(),
-                };
-                let schema = self.schemas.entry(header.id).or_insert_with(|| new.clone());
-                if *schema != new {
-                    return Err(format!(
-                        "schema {} is defined twice, by {} and {}",
-                        header.id, schema.name, new.name
-                    ));
-                }
-            }
-            Record::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id);
-                if schema.is_none() && channel.schema_id != 0 {
-                    return Err(format!(
-                        "{}: its schema {} is missing",
-                        channel.topic, channel.schema_id
-                    ));
-                }
-                let new =
-                    topic(&channel.topic, &channel.message_encoding, schema, &channel.metadata);
-                let topic = self.topics.entry(channel.id).or_insert_with(|| Arc::new(new.clone()));
-                if **topic != new {
-                    return Err(format!(
-                        "channel {} is defined twice, as {} and {}",
-                        channel.id, topic.name, new.name
-                    ));
-                }
-            }
-            _ => {}
+        let mut fields = Fields::of(body);
+        let added = if opcode == op::SCHEMA {
+            self.add_schema(&mut fields)
+        } else {
+            self.add_channel(&mut fields)
+        };
+        added.ok_or("a schema or channel record whose fields do not fit")?
+    }
+
+    /// `None` for ill-formed fields.
+    fn add_schema(&mut self, fields: &mut Fields<'_>) -> Option<Result<(), String>> {
+        let id = fields.u16()?;
+        let (name, encoding) = (fields.string()?, fields.string()?);
+        let length = fields.u32()?;
+        let new = Schema { name, encoding, data: fields.bytes(length.into())?.to_vec() };
+        let schema = self.schemas.entry(id).or_insert_with(|| new.clone());
+        Some(if *schema == new {
+            Ok(())
+        } else {
+            Err(format!("schema {id} is defined twice, by {} and {}", schema.name, new.name))
+        })
+    }
+
+    /// `None` for ill-formed fields.
+    fn add_channel(&mut self, fields: &mut Fields<'_>) -> Option<Result<(), String>> {
+        let (id, schema_id) = (fields.u16()?, fields.u16()?);
+        let (name, encoding) = (fields.string()?, fields.string()?);
+        let metadata = fields.string_map()?;
+        let schema = self.schemas.get(&schema_id);
+        if schema.is_none() && schema_id != 0 {
+            return Some(Err(format!("{name}: its schema {schema_id} is missing")));
         }
-        Ok(())
+        let new = topic(&name, &encoding, schema, &metadata);
+        let topic = self.topics.entry(id).or_insert_with(|| Arc::new(new.clone()));
+        Some(if **topic == new {
+            Ok(())
+        } else {
+            Err(format!("channel {id} is defined twice, as {} and {}", topic.name, new.name))
+        })
     }
 }
 

@@ -14,7 +14,7 @@ pub(super) struct ChunkDecoder {
 impl ChunkDecoder {
     pub(super) fn new(limit_bytes: u64) -> Self {
         let limit_bytes = usize::try_from(limit_bytes).unwrap_or(usize::MAX);
-        Self { reader: reader(limit_bytes, true), limit_bytes }
+        Self { reader: checking_reader(limit_bytes), limit_bytes }
     }
 
     /// Shows every record of the chunk to `visit`, in order. A checksum that does not fit is found before the first
@@ -34,11 +34,12 @@ impl ChunkDecoder {
         }
         if is_cut {
             // The checksum cannot be formed, and what a cut leaves is whole.
-            self.reader = reader(self.limit_bytes, false);
+            let options = options(self.limit_bytes);
+            self.reader = LinearReader::new_with_options(options);
         }
         let result = self.feed(source, chunk, visit);
         if is_cut || result.is_err() {
-            self.reader = reader(self.limit_bytes, true);
+            self.reader = checking_reader(self.limit_bytes);
         }
         match result {
             Err(Fault::Io(error)) => Err(error),
@@ -87,12 +88,15 @@ enum Fault {
     Content(String),
 }
 
-/// A reader that starts at a record.
-fn reader(limit_bytes: usize, has_checksum: bool) -> LinearReader {
-    let options = LinearReaderOptions::default()
+/// For a reader that starts at a record.
+fn options(limit_bytes: usize) -> LinearReaderOptions {
+    LinearReaderOptions::default()
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(has_checksum)
-        .with_record_length_limit(limit_bytes);
-    LinearReader::new_with_options(options)
+        .with_record_length_limit(limit_bytes)
+}
+
+/// A reader that tests a chunk's checksum before its first record.
+fn checking_reader(limit_bytes: usize) -> LinearReader {
+    LinearReader::new_with_options(options(limit_bytes).with_prevalidate_chunk_crcs(true))
 }

@@ -15,6 +15,15 @@ use super::recover::DamagedRange;
 use super::statistics::Statistics;
 use super::{BagError, BagReader, Filter, Topic};
 
+/// How much of a bag is read to describe it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// Its index; all of it where the index does not do.
+    Index,
+    /// All of it.
+    Messages,
+}
+
 /// Everything that `info` tells. The field names are those of `info --json`.
 #[derive(Debug, Serialize)]
 pub struct BagInfo {
@@ -98,14 +107,14 @@ pub struct AttachmentInfo {
     pub sha256: String,
 }
 
-/// Describes a bag by its index, or by reading all of it: when `verify` asks for that, or when the index does not do.
+/// Describes a bag.
 ///
 /// # Errors
 /// A bag that cannot be read further: the operating system's refusal.
-pub fn describe(path: &Path, bag: &BagReader, verify: bool) -> Result<BagInfo, BagError> {
+pub fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, BagError> {
     let mut found = Found { notes: bag.notes().to_vec(), ..Found::default() };
-    let by_index = if verify { None } else { by_index(bag)? };
-    let verified = by_index.is_none();
+    let by_index = if depth == Depth::Index { by_index(bag)? } else { None };
+    let read = if by_index.is_some() { Depth::Index } else { Depth::Messages };
     let statistics = match by_index {
         Some(statistics) => statistics,
         None => by_reading(bag, &mut found)?,
@@ -113,7 +122,7 @@ pub fn describe(path: &Path, bag: &BagReader, verify: bool) -> Result<BagInfo, B
     let bounds = statistics.values().filter_map(|topic| topic.bounds_ns);
     let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
     let topics: Vec<_> =
-        bag.topics().iter().map(|topic| topic_info(topic, &statistics, verified)).collect();
+        bag.topics().iter().map(|topic| topic_info(topic, &statistics, read)).collect();
     let mut files = Vec::new();
     for (path, layout) in bag.layouts() {
         files.push(file_info(path, layout)?);
@@ -131,7 +140,7 @@ pub fn describe(path: &Path, bag: &BagReader, verify: bool) -> Result<BagInfo, B
         topics,
         attachments,
         metadata,
-        verified,
+        verified: read == Depth::Messages,
         damaged: found.damaged,
         notes: found.notes,
     })
@@ -190,7 +199,9 @@ fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
                 let Some(topic) = layout.channels.get(channel) else { return Ok(None) };
                 *counts.entry(channel).or_default() += times.len() as u64;
                 let topic = statistics.entry(Arc::clone(topic)).or_default();
-                times.into_iter().for_each(|time_ns| topic.add_time(time_ns));
+                for time_ns in times {
+                    topic.add_time(time_ns);
+                }
             }
         }
         let stated =
@@ -224,7 +235,7 @@ fn message_index(
     Ok(Some(times))
 }
 
-fn topic_info(topic: &Topic, statistics: &ByTopic, verified: bool) -> TopicInfo {
+fn topic_info(topic: &Topic, statistics: &ByTopic, read: Depth) -> TopicInfo {
     let found = statistics.get(topic).copied().unwrap_or_default();
     TopicInfo {
         name: topic.name.clone(),
@@ -235,8 +246,8 @@ fn topic_info(topic: &Topic, statistics: &ByTopic, verified: bool) -> TopicInfo 
         rate_hz: found.rate_hz(),
         largest_gap_s: found.largest_gap_ns.map(|(gap_ns, _)| seconds(gap_ns)),
         largest_gap_at_ns: found.largest_gap_ns.map(|(_, at_ns)| at_ns),
-        skipped: verified.then_some(found.num_skipped),
-        bytes: verified.then_some(found.bytes),
+        skipped: (read == Depth::Messages).then_some(found.num_skipped),
+        bytes: (read == Depth::Messages).then_some(found.bytes),
     }
 }
 
@@ -255,10 +266,7 @@ fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>
     for attachment in bag.attachments() {
         match attachment {
             Ok(attachment) => infos.push(AttachmentInfo {
-                sha256: Sha256::digest(&attachment.data)
-                    .iter()
-                    .map(|byte| format!("{byte:02x}"))
-                    .collect(),
+                sha256: hexadecimal(&Sha256::digest(&attachment.data)),
                 bytes: attachment.data.len() as u64,
                 name: attachment.name,
                 media_type: attachment.media_type,
@@ -286,4 +294,9 @@ fn metadata(
 
 fn seconds(time_ns: i64) -> f64 {
     time_ns as f64 / 1e9
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    let digits = bytes.iter().flat_map(|byte| [byte >> 4, byte & 15]);
+    digits.filter_map(|digit| char::from_digit(digit.into(), 16)).collect()
 }

@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use mcap::records::op;
-
 use super::channels::Channels;
 use super::format::{RecordSpan, Source};
-use super::{BagError, scan, summary};
+use super::summary::Summary;
+use super::{BagError, ReadOptions, scan, summary};
 
 /// One file's content, without the messages themselves.
 #[derive(Clone, Debug, Default)]
@@ -57,14 +56,15 @@ pub(super) enum PartKind {
 
 impl Layout {
     /// The layout of a file, by its index when that can and may be used.
-    pub(super) fn of(source: &mut Source, use_index: bool) -> Result<Self, BagError> {
+    pub(super) fn of(source: &mut Source, options: &ReadOptions) -> Result<Self, BagError> {
         source.check_magic()?;
         let summary = summary::read(source)?;
-        let seed = summary.as_ref().map(Channels::from_summary).unwrap_or_default();
-        let stats = summary.as_ref().ok().and_then(|summary| summary.stats.as_ref());
-        let stated_counts = stats.map(|stats| stats.channel_message_counts.clone());
-        let mut layout = match summary.and_then(|summary| Self::by_index(&summary)) {
-            Ok(layout) if use_index => layout,
+        let known = summary.as_ref().ok();
+        let seed = known.map(|summary| summary.channels.clone()).unwrap_or_default();
+        let statistics = known.and_then(|summary| summary.statistics.as_ref());
+        let stated_counts = statistics.map(|statistics| statistics.channel_counts.clone());
+        let mut layout = match summary.and_then(Self::by_index) {
+            Ok(layout) if options.use_index => layout,
             Ok(_) => scan::scan(source, seed)?,
             Err(why) => {
                 let mut layout = scan::scan(source, seed)?;
@@ -79,45 +79,35 @@ impl Layout {
         Ok(layout)
     }
 
-    fn by_index(summary: &mcap::Summary) -> Result<Self, String> {
-        let message_count = summary.stats.as_ref().map_or(u64::MAX, |stats| stats.message_count);
-        if summary.chunk_indexes.is_empty() && message_count > 0 {
+    fn by_index(summary: Summary) -> Result<Self, String> {
+        let message_count =
+            summary.statistics.as_ref().map_or(u64::MAX, |found| found.message_count);
+        if summary.chunks.is_empty() && message_count > 0 {
             return Err("it has no index of chunks".into());
         }
-        let mut layout =
-            Self { channels: Channels::from_summary(summary), is_indexed: true, ..Self::default() };
-        for chunk in &summary.chunk_indexes {
-            let Some(end) = chunk.chunk_start_offset.checked_add(chunk.chunk_length) else {
-                return Err(format!("the index puts a chunk at byte {}", chunk.chunk_start_offset));
-            };
+        let mut layout = Self {
+            channels: summary.channels,
+            attachments: summary.attachments,
+            metadata: summary.metadata,
+            is_indexed: true,
+            ..Self::default()
+        };
+        for chunk in summary.chunks {
             layout.parts.push(Part {
                 kind: PartKind::Chunk,
-                offset: chunk.chunk_start_offset,
-                end,
-                start_time: chunk.message_start_time,
-                message_indexes: chunk
-                    .message_index_offsets
-                    .iter()
-                    .map(|(id, at)| (*id, *at))
-                    .collect(),
+                offset: chunk.span.offset,
+                end: chunk.span.end,
+                start_time: chunk.start_time,
+                message_indexes: chunk.message_indexes.into_iter().collect(),
             });
-            layout.compressions.push(chunk.compression.clone());
+            if !layout.compressions.contains(&chunk.compression) {
+                layout.compressions.push(chunk.compression);
+            }
         }
-        let span = |opcode, offset: u64, length| {
-            let end =
-                offset.checked_add(length).ok_or("the index puts a record beyond any file")?;
-            Ok::<_, String>(RecordSpan { opcode, offset, end })
-        };
-        for index in &summary.attachment_indexes {
-            layout.attachments.push(span(op::ATTACHMENT, index.offset, index.length)?);
-        }
-        for index in &summary.metadata_indexes {
-            layout.metadata.push(span(op::METADATA, index.offset, index.length)?);
-        }
-        if let Some(stats) = &summary.stats {
-            layout.counts = Some(stats.channel_message_counts.clone());
-            layout.bounds = (stats.message_count > 0)
-                .then_some((stats.message_start_time, stats.message_end_time));
+        if let Some(statistics) = summary.statistics {
+            layout.bounds =
+                (message_count > 0).then_some((statistics.start_time, statistics.end_time));
+            layout.counts = Some(statistics.channel_counts);
         }
         layout.sort();
         Ok(layout)

@@ -367,7 +367,8 @@ fn message(
         return Ok(None);
     }
     let time_ns = |time: u64| {
-        i64::try_from(time).map_err(|_| format!("{}: a time beyond the year 2262", topic.name))
+        i64::try_from(time)
+            .map_err(|_beyond| format!("{}: a time beyond the year 2262", topic.name))
     };
     let (log_time_ns, publish_time_ns) = (time_ns(header.log_time)?, time_ns(header.publish_time)?);
     let mut buffer = spare.pop().unwrap_or_default();

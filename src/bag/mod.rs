@@ -8,6 +8,7 @@ pub mod qos;
 pub mod metadata;
 pub mod place;
 mod format;
+mod fields;
 mod channels;
 mod chunk;
 mod content;

@@ -45,10 +45,8 @@ impl BagReader {
         let mut files = Vec::new();
         let mut topics = BTreeSet::new();
         for path in paths {
-            let layout = Layout::of(
-                &mut Source::open(&path, options.record_limit_bytes)?,
-                options.use_index,
-            )?;
+            let mut source = Source::open(&path, options.record_limit_bytes)?;
+            let layout = Layout::of(&mut source, options)?;
             notes.extend(layout.notes.iter().cloned());
             if layout.profile != "ros2" {
                 notes.push(format!(
@@ -63,7 +61,7 @@ impl BagReader {
         Ok(Self { files, topics: topics.into_iter().collect(), notes, options: *options })
     }
 
-    /// Topics of all files, by name. Two entries of one name have different types or QoS.
+    /// Topics of all files, by name. Two entries of one name have different types or qualities of service.
     pub fn topics(&self) -> &[Arc<Topic>] {
         &self.topics
     }

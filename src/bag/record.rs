@@ -96,7 +96,7 @@ impl Recorder {
     pub fn create(directory: &Path, options: &RecordOptions) -> Result<Self, RecordError> {
         let no_name = || RecordError::NoName(directory.into());
         let name = directory.file_name().and_then(|name| name.to_str()).ok_or_else(no_name)?;
-        make_room(directory, name, options.force)?;
+        make_room(directory, name, *options)?;
         let file_name = format!("{name}_0.mcap");
         let path = directory.join(&file_name);
         let io_error = |source| RecordError::Io { path: path.clone(), source };
@@ -178,12 +178,10 @@ impl Recorder {
         );
         metadata.insert(TYPE_HASH_KEY.into(), topic.type_hash.clone());
         let channel = self.write_with(|writer| {
-            let has_schema = !topic.type_name.is_empty();
-            let schema = match has_schema {
-                true => {
-                    writer.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?
-                }
-                false => 0,
+            let schema = if topic.type_name.is_empty() {
+                0
+            } else {
+                writer.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?
             };
             writer.add_channel(schema, &topic.name, &topic.message_encoding, &metadata)
         })?;
@@ -333,12 +331,12 @@ fn since_epoch(what: &str, time_ns: i64) -> Result<u64, RecordError> {
 }
 
 /// Makes the directory, or frees it of the bag that is in it.
-fn make_room(directory: &Path, name: &str, force: bool) -> Result<(), RecordError> {
+fn make_room(directory: &Path, name: &str, options: RecordOptions) -> Result<(), RecordError> {
     let io_error = |source| RecordError::Io { path: directory.into(), source };
     if fs::symlink_metadata(directory).is_err() {
         return fs::create_dir_all(directory).map_err(io_error);
     }
-    if !force {
+    if !options.force {
         return Err(RecordError::Exists(directory.into()));
     }
     if !directory.is_dir() {

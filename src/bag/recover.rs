@@ -47,6 +47,15 @@ impl DamagedRange {
     }
 }
 
+/// How a bag is recovered.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RecoverOptions {
+    /// Compression of the new bag; the input's when `None`.
+    pub compression: Option<Compression>,
+    /// Whether a bag that is there already is replaced.
+    pub force: bool,
+}
+
 /// What was recovered, and what was not.
 #[derive(Debug)]
 pub struct Recovery {
@@ -64,20 +73,20 @@ pub struct Recovery {
 
 /// Copies what can be read of `input` into a new bag `output`: all topics, messages, metadata and attachments. The
 /// input is walked through without its index: a damaged chunk is skipped, and where no record begins the search goes
-/// on for the next chunk. `compression` `None` keeps the input's.
+/// on for the next chunk.
 ///
 /// # Errors
 /// An input that is no bag, an output that cannot be written.
 pub fn recover(
     input: &Path,
     output: &Path,
-    compression: Option<Compression>,
-    force: bool,
+    options: &RecoverOptions,
 ) -> Result<Recovery, RecoverError> {
     let bag = BagReader::open(input, &ReadOptions { use_index: false, ..ReadOptions::default() })?;
     place::refuse_same(input, output).map_err(RecoverError::SamePlace)?;
-    let compression = compression.unwrap_or_else(|| compression_of(&bag));
-    let mut recorder = Recorder::create(output, &RecordOptions { compression, force })?;
+    let compression = options.compression.unwrap_or_else(|| compression_of(&bag));
+    let record_options = RecordOptions { compression, force: options.force };
+    let mut recorder = Recorder::create(output, &record_options)?;
     let mut damaged = Vec::new();
     let mut notes = bag.notes().to_vec();
     let mut report = |error: BagError| match DamagedRange::of(&error) {

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use mcap::records::{Record, op};
+use mcap::records::op;
 
 use super::channels::Channels;
 use super::chunk::ChunkDecoder;
+use super::fields::Fields;
 use super::format::{
     CHUNK_START_BYTES, ChunkHeader, MessageHeader, PREFIX_BYTES, RecordSpan, Source, u32_at,
 };
@@ -24,9 +25,8 @@ pub(super) fn profile(source: &mut Source) -> Result<String, BagError> {
     if let Ok(Some(span)) = source.record_at(mcap::MAGIC.len() as u64)?
         && span.opcode == op::HEADER
         && source.check_length(&span, span.end - span.offset).is_ok()
-        && let Ok(Record::Header(header)) = mcap::parse_record(op::HEADER, &source.body(&span)?)
     {
-        return Ok(header.profile);
+        return Ok(Fields::of(&source.body(&span)?).string().unwrap_or_default());
     }
     Ok(String::new())
 }
@@ -193,7 +193,9 @@ impl Scan<'_> {
             self.widen(first, last);
         }
         self.suspect = None;
-        self.layout.compressions.push(chunk.compression.clone());
+        if !self.layout.compressions.contains(&chunk.compression) {
+            self.layout.compressions.push(chunk.compression.clone());
+        }
         self.part(PartKind::Chunk, &chunk.span, times.map_or(chunk.start_time, |(first, _)| first));
         Ok((chunk.span.end <= self.source.len_bytes).then_some(chunk.span.end))
     }

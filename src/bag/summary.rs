@@ -1,51 +1,119 @@
 //! The index at the end of a finished file, believed only when its checksum fits.
 
-use std::io::SeekFrom;
+use std::collections::BTreeMap;
 
 use mcap::records::op;
-use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
 use super::BagError;
-use super::format::{PREFIX_BYTES, Source, u32_at, u64_at};
+use super::channels::Channels;
+use super::fields::Fields;
+use super::format::{PREFIX_BYTES, RecordSpan, Source, u32_at, u64_at};
 
 /// A footer record and the magic behind it.
 const END_BYTES: u64 = PREFIX_BYTES + 20 + 8;
 
-/// The file's summary; in the inner error why there is none to use.
-pub(super) fn read(source: &mut Source) -> Result<Result<mcap::Summary, String>, BagError> {
-    if let Err(why) = check(source)? {
-        return Ok(Err(why));
-    }
-    let options = SummaryReaderOptions::default()
-        .with_file_size(source.len_bytes)
-        .with_record_length_limit(usize::try_from(source.limit_bytes).unwrap_or(usize::MAX));
-    let mut reader = SummaryReader::new_with_options(options);
-    let mut position = 0;
-    while let Some(event) = reader.next_event() {
-        match event {
-            Ok(SummaryReadEvent::SeekRequest(to)) => {
-                position = match to {
-                    SeekFrom::Start(offset) => offset,
-                    SeekFrom::End(back) => source.len_bytes.saturating_add_signed(back),
-                    SeekFrom::Current(by) => position.saturating_add_signed(by),
-                };
-                reader.notify_seeked(position);
-            }
-            Ok(SummaryReadEvent::ReadRequest(wanted_bytes)) => {
-                let available =
-                    source.len_bytes.saturating_sub(position).min(wanted_bytes as u64) as usize;
-                source.read_exact_at(position, &mut reader.insert(wanted_bytes)[..available])?;
-                reader.notify_read(available);
-                position += available as u64;
-            }
-            Err(error) => return Ok(Err(format!("the summary is unreadable: {error}"))),
-        }
-    }
-    Ok(reader.finish().ok_or_else(|| "it has no summary".into()))
+/// What a file says of itself at its end.
+#[derive(Debug, Default)]
+pub(super) struct Summary {
+    pub(super) channels: Channels,
+    pub(super) chunks: Vec<ChunkIndex>,
+    pub(super) attachments: Vec<RecordSpan>,
+    pub(super) metadata: Vec<RecordSpan>,
+    pub(super) statistics: Option<FileStatistics>,
 }
 
-/// Footer, magic and checksum of the summary.
-fn check(source: &mut Source) -> Result<Result<(), String>, BagError> {
+/// Where a chunk lies and what is in it.
+#[derive(Debug)]
+pub(super) struct ChunkIndex {
+    pub(super) span: RecordSpan,
+    pub(super) start_time: u64,
+    pub(super) message_indexes: BTreeMap<u16, u64>,
+    pub(super) compression: String,
+}
+
+/// Numbers of messages, and times of the first and the last.
+#[derive(Debug)]
+pub(super) struct FileStatistics {
+    pub(super) message_count: u64,
+    pub(super) start_time: u64,
+    pub(super) end_time: u64,
+    pub(super) channel_counts: BTreeMap<u16, u64>,
+}
+
+/// The file's summary; in the inner error why there is none to use.
+pub(super) fn read(source: &mut Source) -> Result<Result<Summary, String>, BagError> {
+    let (mut offset, end) = match find(source)? {
+        Ok(range) => range,
+        Err(why) => return Ok(Err(why)),
+    };
+    let mut summary = Summary::default();
+    while offset < end {
+        let span = match source.record_at(offset)? {
+            Ok(Some(span)) if span.end <= end => span,
+            _ => return Ok(Err(format!("the summary is unreadable at byte {offset}"))),
+        };
+        let body = match source.body(&span) {
+            Err(BagError::Damaged { what, .. }) => return Ok(Err(what)),
+            body => body?,
+        };
+        if let Err(why) = summary.add(span.opcode, &body) {
+            return Ok(Err(format!("the summary is unreadable at byte {offset}: {why}")));
+        }
+        offset = span.end;
+    }
+    Ok(Ok(summary))
+}
+
+impl Summary {
+    fn add(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
+        let mut fields = Fields::of(body);
+        let ill_formed = || format!("a record {opcode:#04x} whose fields do not fit");
+        match opcode {
+            op::SCHEMA | op::CHANNEL => self.channels.add(opcode, body)?,
+            op::CHUNK_INDEX => self.chunks.push(chunk_index(&mut fields).ok_or_else(ill_formed)?),
+            op::ATTACHMENT_INDEX => {
+                self.attachments.push(span(&mut fields, op::ATTACHMENT).ok_or_else(ill_formed)?);
+            }
+            op::METADATA_INDEX => {
+                self.metadata.push(span(&mut fields, op::METADATA).ok_or_else(ill_formed)?);
+            }
+            op::STATISTICS => {
+                self.statistics = Some(statistics(&mut fields).ok_or_else(ill_formed)?);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+fn span(fields: &mut Fields<'_>, opcode: u8) -> Option<RecordSpan> {
+    let (offset, length) = (fields.u64()?, fields.u64()?);
+    Some(RecordSpan { opcode, offset, end: offset.checked_add(length)? })
+}
+
+fn chunk_index(fields: &mut Fields<'_>) -> Option<ChunkIndex> {
+    let (start_time, _end_time) = (fields.u64()?, fields.u64()?);
+    let span = span(fields, op::CHUNK)?;
+    let message_indexes = fields.channel_map()?;
+    let _message_indexes_bytes = fields.u64()?;
+    Some(ChunkIndex { span, start_time, message_indexes, compression: fields.string()? })
+}
+
+fn statistics(fields: &mut Fields<'_>) -> Option<FileStatistics> {
+    let message_count = fields.u64()?;
+    // Numbers of schemas, channels, attachments, metadata records and chunks.
+    fields.bytes(2 + 4 + 4 + 4 + 4)?;
+    let (start_time, end_time) = (fields.u64()?, fields.u64()?);
+    Some(FileStatistics {
+        message_count,
+        start_time,
+        end_time,
+        channel_counts: fields.channel_map()?,
+    })
+}
+
+/// First byte of the summary and of the footer behind it, when footer, magic and checksum are right.
+fn find(source: &mut Source) -> Result<Result<(u64, u64), String>, BagError> {
     let unfinished = || Ok(Err("it was not finished".into()));
     let Some(footer_offset) = source.len_bytes.checked_sub(END_BYTES) else { return unfinished() };
     let mut end = [0; END_BYTES as usize];
@@ -60,13 +128,10 @@ fn check(source: &mut Source) -> Result<Result<(), String>, BagError> {
     if summary_start > footer_offset {
         return Ok(Err(format!("the footer puts the summary at byte {summary_start}")));
     }
-    if saved != 0 {
-        let calculated = checksum(source, summary_start, footer_offset + PREFIX_BYTES + 16)?;
-        if calculated != saved {
-            return Ok(Err("the checksum of the summary does not fit".into()));
-        }
+    if saved != 0 && saved != checksum(source, summary_start, footer_offset + PREFIX_BYTES + 16)? {
+        return Ok(Err("the checksum of the summary does not fit".into()));
     }
-    Ok(Ok(()))
+    Ok(Ok((summary_start, footer_offset)))
 }
 
 fn checksum(source: &mut Source, start: u64, end: u64) -> Result<u32, BagError> {

@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::Args;
 
 use super::Outcome;
-use crate::bag::info::{BagInfo, TopicInfo, describe};
+use crate::bag::info::{BagInfo, Depth, TopicInfo, describe};
 use crate::bag::{BagReader, ReadOptions};
 
 /// Tells what a bag holds: topics, types, counts, rates, gaps, sizes, calibration, parameters.
@@ -45,7 +45,8 @@ const JSON_HELP: &str = "\
 /// A bag that cannot be opened. A reader of `out` that goes away is no error.
 pub fn run(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let bag = BagReader::open(&args.bag, &ReadOptions::default())?;
-    let info = describe(&args.bag, &bag, args.verify)?;
+    let depth = if args.verify { Depth::Messages } else { Depth::Index };
+    let info = describe(&args.bag, &bag, depth)?;
     let printed = if args.json { print_json(&info, out) } else { print_text(&info, out) };
     super::quiet_pipe(printed).context("standard output")?;
     Ok(if info.damaged.is_empty() { Outcome::Done } else { Outcome::DataLost })

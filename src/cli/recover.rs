@@ -10,7 +10,7 @@ use serde_json::json;
 use super::Outcome;
 use super::info::bytes;
 use crate::bag::Compression;
-use crate::bag::recover::{Recovery, recover};
+use crate::bag::recover::{RecoverOptions, Recovery, recover};
 
 /// Copies everything readable of a damaged bag into a new one.
 ///
@@ -62,7 +62,8 @@ pub fn run(args: &RecoverArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         CompressionName::Lz4 => Compression::Lz4,
         CompressionName::Zstd => Compression::Zstd,
     });
-    let recovery = recover(&args.bag, &args.output, compression, args.force)?;
+    let options = RecoverOptions { compression, force: args.force };
+    let recovery = recover(&args.bag, &args.output, &options)?;
     let printed = if args.json { print_json(&recovery, out) } else { print_text(&recovery, out) };
     super::quiet_pipe(printed).context("standard output")?;
     Ok(if recovery.damaged.is_empty() { Outcome::Done } else { Outcome::DataLost })

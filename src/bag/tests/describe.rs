@@ -1,18 +1,17 @@
 //! `info`: the index tells the same as the messages.
 
 use super::*;
-use crate::bag::info::{BagInfo, describe};
+use crate::bag::info::{BagInfo, Depth, describe};
 use crate::cli::Outcome;
 use crate::cli::info::{InfoArgs, run};
 
-fn info(path: &Path, verify: bool) -> BagInfo {
-    describe(path, &BagReader::open(path, &ReadOptions::default()).unwrap(), verify).unwrap()
+fn info(path: &Path, depth: Depth) -> BagInfo {
+    describe(path, &BagReader::open(path, &ReadOptions::default()).unwrap(), depth).unwrap()
 }
 
-fn print(path: &Path, json: bool) -> (String, Outcome) {
+fn print(args: &InfoArgs) -> (String, Outcome) {
     let mut out = Vec::new();
-    let args = InfoArgs { bag: path.into(), json, verify: false };
-    let outcome = run(&args, &mut out).unwrap();
+    let outcome = run(args, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), outcome)
 }
 
@@ -21,7 +20,7 @@ fn the_index_tells_what_reading_tells() {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("bag");
     record(&output, Compression::Lz4, &small_entries(), 3);
-    let [by_index, by_reading] = [false, true].map(|verify| info(&output, verify));
+    let [by_index, by_reading] = [Depth::Index, Depth::Messages].map(|depth| info(&output, depth));
     assert!(!by_index.verified && by_reading.verified);
     for info in [&by_index, &by_reading] {
         assert_eq!((info.messages, info.start_ns, info.end_ns), (12, Some(1_000), Some(2_100)));
@@ -47,10 +46,10 @@ fn a_cut_file_is_described_and_counts_as_loss() {
     let directory = tempfile::tempdir().unwrap();
     let bytes = small_file(Compression::Zstd);
     let path = bare(directory.path(), &bytes[..bytes.len() / 2]);
-    let (text, outcome) = print(&path, false);
+    let (text, outcome) = print(&InfoArgs { bag: path.clone(), json: false, verify: false });
     assert_eq!(outcome, Outcome::DataLost);
     assert!(text.contains("Damaged") && text.contains("read from end to end"), "{text}");
-    let (json, _) = print(&path, true);
+    let (json, _) = print(&InfoArgs { bag: path, json: true, verify: false });
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["verified"], true);
     assert_eq!(json["damaged"].as_array().unwrap().len(), 1);
@@ -61,7 +60,7 @@ fn columns_are_aligned_and_everything_is_named() {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("bag");
     record(&output, Compression::None, &small_entries(), 3);
-    let (text, outcome) = print(&output, false);
+    let (text, outcome) = print(&InfoArgs { bag: output, json: false, verify: false });
     assert_eq!(outcome, Outcome::Done);
     let ends: Vec<_> = ["Messages", "/image_raw", "/profile", "/silent"]
         .map(|word| {

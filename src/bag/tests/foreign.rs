@@ -127,7 +127,7 @@ fn an_index_that_names_too_little_is_found_out() {
 #[test]
 fn messages_of_ros_1_are_told_by_their_topic() {
     let bytes = file(WriteOptions::new().profile("ros1"), "ros1", |writer, channel| {
-        put(writer, channel, 1)
+        put(writer, channel, 1);
     });
     let directory = tempfile::tempdir().unwrap();
     let bag = BagReader::open(&bare(directory.path(), &bytes), &ReadOptions::default()).unwrap();
@@ -149,6 +149,7 @@ fn a_time_that_does_not_fit_is_named() {
 }
 
 #[test]
+#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 fn recordings_of_real_cameras_open() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
     let recordings: [(&str, &[(&str, usize)]); 2] = [

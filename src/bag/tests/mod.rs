@@ -98,6 +98,10 @@ pub(super) fn small_file(compression: Compression) -> Vec<u8> {
 /// Writes bytes as a bare file.
 pub(super) fn bare(directory: &Path, bytes: &[u8]) -> PathBuf {
     let path = directory.join("bare.mcap");
+    if path.exists() {
+        // To write over a file makes some file systems wait for the disk.
+        fs::remove_file(&path).unwrap();
+    }
     fs::write(&path, bytes).unwrap();
     path
 }
