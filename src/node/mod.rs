@@ -1,1 +1,9 @@
-//! Placeholder.
+//! The node: threads, bounds and counters around the pure pipeline.
+//!
+//! A source yields raw image messages; a [`queue`] hands them to the one worker of the camera, which owns the
+//! pipeline; the fan-out gives every sink the same bytes through a queue of its own. run ties them together.
+
+pub mod queue;
+pub mod order;
+pub mod histogram;
+pub mod statistics;

@@ -71,7 +71,7 @@ impl NodeNames {
     /// # Errors
     /// A name that ROS does not allow.
     pub fn resolve(&self, topic: &str) -> Result<String, NameError> {
-        Ok(self.remapped(topic)?.map_or_else(|| self.expand(topic), Ok)?)
+        self.remapped(topic)?.map_or_else(|| self.expand(topic), Ok)
     }
 
     /// The absolute name that a rule gives to a topic; `None` when no rule speaks of it.

@@ -135,7 +135,7 @@ mod tests {
             Kind::Integer { default, min, .. } => {
                 Value::Integer(if default == min { default + 1 } else { default - 1 })
             }
-            Kind::Float { default, max, .. } => Value::Float((default + max) / 2.0),
+            Kind::Float { default, max, .. } => Value::Float(f64::midpoint(default, max)),
             Kind::Choice { default, names } => {
                 Value::Text(names.iter().find(|name| **name != default).unwrap().to_string())
             }
