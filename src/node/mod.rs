@@ -7,3 +7,8 @@ pub mod queue;
 pub mod order;
 pub mod histogram;
 pub mod statistics;
+pub mod stop;
+pub mod source;
+pub mod sink;
+pub mod topics;
+pub mod input;
