@@ -23,7 +23,8 @@ pub struct Place {
 /// Numbers frames by the writer's sequence where it counts. Many writers leave it constant: then gaps are unknown.
 #[derive(Debug, Default)]
 pub struct Sequence {
-    last: Option<(u32, u64)>,
+    last: Option<u32>,
+    num_taken: u64,
 }
 
 /// A larger step is a restart or damage, not a loss: an hour and more of frames.
@@ -32,19 +33,15 @@ const MAX_GAP: u32 = 100_000;
 impl Sequence {
     /// Takes the sequence number of the next message to arrive.
     pub fn take(&mut self, sequence: u32) -> Place {
-        let place = match (self.last, self.step(sequence)) {
-            (None, _) => Place { frame_number: 0, source: NumberSource::Host, missing: None },
-            (Some((_, number)), Some(step)) => Place {
-                frame_number: number + u64::from(step),
-                source: NumberSource::Transport,
-                missing: Some(step - 1),
-            },
-            (Some((_, number)), None) => {
-                Place { frame_number: number + 1, source: NumberSource::Host, missing: None }
-            }
-        };
-        self.last = Some((sequence, place.frame_number));
-        place
+        let step = self.step(sequence);
+        let frame_number = self.num_taken + u64::from(step.map_or(0, |step| step - 1));
+        self.last = Some(sequence);
+        self.num_taken = frame_number + 1;
+        Place {
+            frame_number,
+            source: step.map_or(NumberSource::Host, |_| NumberSource::Transport),
+            missing: step.map(|step| step - 1),
+        }
     }
 
     /// Takes the sequence number of a frame that came twice or late: it takes no place of its own unless the writer
@@ -56,9 +53,14 @@ impl Sequence {
         }
     }
 
+    /// Another writer follows: the next gap is unknown.
+    pub fn restart(&mut self) {
+        self.last = None;
+    }
+
     /// How far the writer counted on; `None` when it did not, or not believably.
     fn step(&self, sequence: u32) -> Option<u32> {
-        let step = sequence.wrapping_sub(self.last?.0);
+        let step = sequence.wrapping_sub(self.last?);
         (1..=MAX_GAP + 1).contains(&step).then_some(step)
     }
 }
@@ -91,6 +93,8 @@ pub struct StampOrder {
     last_ns: Option<i64>,
     /// The last refused stamp, and how many ascended up to it.
     behind: Option<(i64, u32)>,
+    /// The next stamp belongs to another recording.
+    is_new: bool,
 }
 
 impl StampOrder {
@@ -106,6 +110,10 @@ impl StampOrder {
             self.accept(stamp_ns);
             return Ok(StampStep::Forward);
         };
+        if std::mem::take(&mut self.is_new) && stamp_ns <= last_ns {
+            self.accept(stamp_ns);
+            return Ok(StampStep::ClockSetBack);
+        }
         if stamp_ns == last_ns {
             return Err(StampFault::Duplicate);
         }
@@ -123,6 +131,11 @@ impl StampOrder {
         }
         self.behind = Some((stamp_ns, num_behind));
         Err(StampFault::OutOfOrder)
+    }
+
+    /// Another recording follows: its first stamp may lie anywhere.
+    pub fn restart(&mut self) {
+        self.is_new = true;
     }
 
     fn accept(&mut self, stamp_ns: i64) {
@@ -165,8 +178,10 @@ mod tests {
         assert_eq!([1, 2, 4].map(|s| sequence.take(s).missing), [None, Some(0), Some(1)]);
         assert_eq!(sequence.take_repeated(3), 0);
         assert_eq!(sequence.take_repeated(4), 0);
-        assert_eq!((sequence.take(5).frame_number, sequence.take(5).missing), (4, None));
+        assert_eq!(sequence.take(5).frame_number, 4);
         assert_eq!(sequence.take_repeated(8), 2, "it came again, but under a number of its own");
+        sequence.restart();
+        assert_eq!(sequence.take(20).missing, None);
     }
 
     fn judged(stamps: &[i64]) -> String {
@@ -188,6 +203,15 @@ mod tests {
     #[test]
     fn zero_stamps_are_no_duplicates() {
         assert_eq!(judged(&[0, 0, 10, 0, 10, 20]), "++++=+");
+    }
+
+    #[test]
+    fn a_new_recording_may_be_older() {
+        let mut order = StampOrder::default();
+        assert_eq!(order.take(10), Ok(StampStep::Forward));
+        order.restart();
+        assert_eq!(order.take(5), Ok(StampStep::ClockSetBack));
+        assert_eq!(order.take(4), Err(StampFault::OutOfOrder), "only its first stamp is free");
     }
 
     #[test]

@@ -17,4 +17,9 @@ pub enum Input {
 pub trait Source {
     /// Waits for what comes next. `None`: nothing will.
     fn next(&mut self) -> Option<Input>;
+
+    /// Takes back the memory of a message that is done with.
+    fn recycle(&mut self, buffer: Vec<u8>) {
+        drop(buffer);
+    }
 }
