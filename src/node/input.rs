@@ -80,7 +80,10 @@ pub fn choose(
     let raw: Vec<_> = images.iter().map(|topic| format!("{}/compressed", topic.name)).collect();
     images.retain(|topic| !raw.contains(&topic.name));
     match images.as_slice() {
-        [] => Err(InputError::NoImages(topics.to_owned())),
+        [] => Err(transport.map_or(InputError::NoImages(topics.to_owned()), |transport| {
+            let (name, transport) = ("any topic".to_owned(), transport.name());
+            InputError::Missing { name, transport, topics: topics.to_owned() }
+        })),
         [only] => Ok(only.clone()),
         _ => Err(InputError::Ambiguous(images.into_iter().map(|topic| topic.name).collect())),
     }

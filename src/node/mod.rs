@@ -19,3 +19,7 @@ pub mod worker;
 pub mod player;
 pub mod recording;
 pub mod run;
+pub mod replay;
+
+#[cfg(test)]
+mod tests;

@@ -52,7 +52,9 @@ impl Source for BagPlayer {
                     self.wait_for(&message);
                     return Some(Input::Message(message));
                 }
-                Some(Err(error)) if error.is_loss() => return Some(Input::Damage(error.to_string())),
+                Some(Err(error)) if error.is_loss() => {
+                    return Some(Input::Damage(error.to_string()));
+                }
                 Some(Err(error)) => tracing::warn!("{error}"),
                 None => {
                     self.recordings.pop_front();

@@ -260,7 +260,7 @@ mod tests {
         let queue = queue(1, 100, WhenFull::Wait);
         assert_eq!(queue.pop_until(Instant::now()), Popped::TimedOut);
         queue.push(1, 1).unwrap();
-        let far = Instant::now() + Duration::from_secs(3600);
+        let far = Instant::now() + Duration::from_hours(1);
         assert_eq!(queue.pop_until(far), Popped::Item(1));
         queue.close();
         assert_eq!(queue.pop_until(far), Popped::Closed);

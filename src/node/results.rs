@@ -48,7 +48,11 @@ pub struct Results {
 
 impl Results {
     /// Results of a measurement with these values; `parameters_sha256` is the hash of the effective parameters.
-    pub fn new(params: &Params, calibration: Option<&Calibration>, parameters_sha256: &str) -> Self {
+    pub fn new(
+        params: &Params,
+        calibration: Option<&Calibration>,
+        parameters_sha256: &str,
+    ) -> Self {
         let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
         Self {
             roi: params.roi,

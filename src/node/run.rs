@@ -1,10 +1,6 @@
 //! Source → queue → worker → sinks: a run from the first frame to the last.
 
-use std::{
-    panic,
-    thread,
-    time::Instant,
-};
+use std::{panic, thread, time::Instant};
 
 use thiserror::Error;
 

@@ -55,7 +55,12 @@ pub const SINK_BOUND: Bound = Bound { items: 256, bytes: 64 << 20 };
 
 /// All sinks, each behind its own bounded queue and thread.
 pub struct FanOut<'scope> {
-    sinks: Vec<(Arc<Queue<Outgoing>>, ScopedJoinHandle<'scope, Result<(), SinkError>>)>,
+    sinks: Vec<Fan<'scope>>,
+}
+
+struct Fan<'scope> {
+    queue: Arc<Queue<Outgoing>>,
+    thread: ScopedJoinHandle<'scope, Result<(), SinkError>>,
 }
 
 impl<'scope> FanOut<'scope> {
@@ -68,7 +73,7 @@ impl<'scope> FanOut<'scope> {
         let start = |sink: Box<dyn Sink>| {
             let queue = Arc::new(Queue::new(SINK_BOUND, when_full));
             let taken = Arc::clone(&queue);
-            (queue, scope.spawn(move || drain(&taken, sink)))
+            Fan { queue, thread: scope.spawn(move || drain(&taken, sink)) }
         };
         Self { sinks: sinks.into_iter().map(start).collect() }
     }
@@ -79,7 +84,7 @@ impl<'scope> FanOut<'scope> {
     /// A sink has failed: [`finish`](Self::finish) tells why.
     pub fn send(&self, message: &Outgoing) -> Result<usize, Closed<()>> {
         let mut num_dropped = 0;
-        for (queue, _) in &self.sinks {
+        for Fan { queue, .. } in &self.sinks {
             match queue.push(message.clone(), message.data.len()) {
                 Ok(num) => num_dropped += num,
                 Err(Closed(_)) => return Err(Closed(())),
@@ -94,7 +99,7 @@ impl<'scope> FanOut<'scope> {
     /// The first error of a sink.
     pub fn finish(self) -> Result<(), SinkError> {
         let mut first_error = Ok(());
-        for (queue, thread) in self.sinks {
+        for Fan { queue, thread } in self.sinks {
             queue.close();
             let result = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             first_error = first_error.and(result);

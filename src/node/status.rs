@@ -91,7 +91,12 @@ const fn faults(counts: &Counts) -> u64 {
 
 impl Reporter {
     /// The counters as a message. A replay has no latency and no queue worth telling: NaN and 0.
-    pub fn stream_status(&self, now_ns: i64, counts: &Counts, interval: Interval) -> StreamStatus<'_> {
+    pub fn stream_status(
+        &self,
+        now_ns: i64,
+        counts: &Counts,
+        interval: Interval,
+    ) -> StreamStatus<'_> {
         StreamStatus {
             header: header(now_ns),
             session_id: Uuid { uuid: self.session_id },
@@ -117,7 +122,12 @@ impl Reporter {
     }
 
     /// The state in words, for people and aggregators.
-    pub fn diagnostics(&self, now_ns: i64, counts: &Counts, interval: Interval) -> DiagnosticArray<'_> {
+    pub fn diagnostics(
+        &self,
+        now_ns: i64,
+        counts: &Counts,
+        interval: Interval,
+    ) -> DiagnosticArray<'_> {
         let (level, message) = if interval.has_faults {
             (DiagnosticStatus::WARN, "frames were lost, dropped or rejected")
         } else {

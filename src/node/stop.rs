@@ -45,7 +45,7 @@ mod tests {
         assert!(!stop.wait(Duration::ZERO));
         let waiter = {
             let stop = stop.clone();
-            std::thread::spawn(move || stop.wait(Duration::from_secs(3600)))
+            std::thread::spawn(move || stop.wait(Duration::from_hours(1)))
         };
         stop.raise();
         assert!(waiter.join().unwrap());

@@ -10,6 +10,7 @@ use crate::{
         sensor_msgs::{Image, PointCloud2},
     },
     ros::names::{NameError, NodeNames},
+    scanner::calibration::Calibration,
 };
 
 /// A published topic.
@@ -53,8 +54,12 @@ const OUTPUTS: [(Output, &str, &MessageType, QosProfile); 9] = [
 ///
 /// # Errors
 /// A remap rule that gives a topic a name that ROS does not allow.
-pub fn published(names: &NodeNames, is_calibrated: bool) -> Result<Vec<Topic>, NameError> {
-    let num = if is_calibrated { OUTPUTS.len() } else { Output::Diagnostics as usize + 1 };
+pub fn published(
+    names: &NodeNames,
+    calibration: Option<&Calibration>,
+) -> Result<Vec<Topic>, NameError> {
+    let uncalibrated = Output::Diagnostics as usize + 1;
+    let num = calibration.map_or(uncalibrated, |_| OUTPUTS.len());
     let topic = |&(_, name, kind, qos): &(Output, &str, &MessageType, QosProfile)| {
         Ok(Topic {
             name: names.resolve(name)?,
@@ -84,11 +89,11 @@ mod tests {
     fn names_follow_the_node_and_its_remaps() {
         let rule = ros2args::RemapRule::new_global("~/points".into(), "/cloud".into());
         let names = NodeNames::new("laser_profiler", &[rule]).unwrap();
-        let topics = published(&names, true).unwrap();
+        let topics = published(&names, Some(&crate::node::tests::calibration())).unwrap();
         let name = |output: Output| topics[output as usize].name.as_str();
         assert_eq!(name(Output::Centerline), "/laser_profiler/centerline");
         assert_eq!(name(Output::Points), "/cloud");
         assert_eq!(name(Output::Diagnostics), "/diagnostics");
-        assert_eq!(published(&names, false).unwrap().len(), 4);
+        assert_eq!(published(&names, None).unwrap().len(), 4);
     }
 }

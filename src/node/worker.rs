@@ -185,7 +185,9 @@ impl Worker {
         match self.stamps.take(stamp_ns) {
             Ok(StampStep::Forward) => {}
             Ok(StampStep::ClockSetBack) => {
-                tracing::warn!("the camera's clock was set back to {stamp_ns} ns: a new scan begins");
+                tracing::warn!(
+                    "the camera's clock was set back to {stamp_ns} ns: a new scan begins"
+                );
                 self.end_scan(out)?;
             }
             Err(fault) => {
@@ -215,7 +217,8 @@ impl Worker {
         self.counts.points += output.centerline.len() as u64;
         self.counts.slices += u64::from(output.slice.is_some());
         let time_ns = message.log_time_ns;
-        self.results.publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
+        self.results
+            .publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
         self.stages.encode.record(out.take_encoding_time());
         Ok(Ok(()))
     }
@@ -236,7 +239,9 @@ impl Worker {
         // One of a kind is enough to act on; the summary counts the rest.
         if *count == 1 {
             let time_ns = message.log_time_ns;
-            tracing::warn!("frame rejected (log time {time_ns} ns): {rejection}; further ones of this kind are only counted");
+            tracing::warn!(
+                "frame rejected (log time {time_ns} ns): {rejection}; further ones of this kind are only counted"
+            );
         } else {
             tracing::debug!("frame rejected (log time {} ns): {rejection}", message.log_time_ns);
         }
@@ -246,7 +251,11 @@ impl Worker {
         let completed = self.pipeline.finish(self.pending.rejected);
         self.pending = Pending::default();
         self.counts.slices += u64::from(completed.slice.is_some());
-        self.results.publish_completed((completed.slice, completed.height_map), self.last_time_ns, out)
+        self.results.publish_completed(
+            (completed.slice, completed.height_map),
+            self.last_time_ns,
+            out,
+        )
     }
 
     fn report(&self, interval: Interval, out: &mut Publisher<'_>) -> Result<(), Halt> {
@@ -295,4 +304,3 @@ fn decode<'a>(
         }
     }
 }
-

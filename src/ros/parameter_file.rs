@@ -135,7 +135,10 @@ fn take_section(
     out.sections.push(section.to_owned());
     if ros2args::match_wildcard_pattern(section, node) {
         out.has_section = true;
-        flatten(parameters, "", section == node, &mut out.settings)?;
+        let is_exact = section == node;
+        flatten(parameters, "", &mut |name, value| {
+            out.settings.push(Setting { name, value, is_exact });
+        })?;
     }
     Ok(())
 }
@@ -143,14 +146,13 @@ fn take_section(
 fn flatten(
     entries: &[(String, Yaml)],
     prefix: &str,
-    is_exact: bool,
-    out: &mut Vec<Setting>,
+    take: &mut impl FnMut(String, Value),
 ) -> Result<(), String> {
     for (key, value) in entries {
         let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
         match value {
-            Yaml::Mapping(inner) => flatten(inner, &name, is_exact, out)?,
-            Yaml::Scalar(value) => out.push(Setting { name, value: value.clone(), is_exact }),
+            Yaml::Mapping(inner) => flatten(inner, &name, take)?,
+            Yaml::Scalar(value) => take(name, value.clone()),
             Yaml::Sequence => return Err(format!("{name}: a list, but no parameter takes one")),
             Yaml::Null => return Err(format!("{name}: has no value")),
         }
