@@ -173,7 +173,7 @@ fn summary_text(summary: &Summary, output: &str) -> String {
     // Writing to a string cannot fail.
     _ = writeln!(
         out,
-        "{} frames: {} processed, {} rejected ({} malformed, {} duplicate, {} out of order), {} dropped; {} lost before",
+        "{} frames: {} processed, {} rejected ({} malformed, {} duplicate, {} out of order), {} dropped; {} more never arrived",
         counts.received,
         counts.processed,
         counts.rejected(),
@@ -184,7 +184,11 @@ fn summary_text(summary: &Summary, output: &str) -> String {
         counts.lost(),
     );
     if summary.num_damaged > 0 {
-        _ = writeln!(out, "{} damaged places in the input were passed over", summary.num_damaged);
+        _ = writeln!(
+            out,
+            "damaged places in the input that were passed over: {}",
+            summary.num_damaged
+        );
     }
     if summary.was_interrupted {
         _ = writeln!(out, "interrupted: the rest of the input was not read");

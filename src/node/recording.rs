@@ -30,7 +30,6 @@ pub struct Description {
 /// A recorder of results.
 pub struct ResultsBag {
     recorder: Option<Recorder>,
-    name: String,
     ids: Vec<TopicId>,
     calibration: Option<String>,
     last_flush_ns: Option<i64>,
@@ -63,7 +62,6 @@ impl ResultsBag {
             entries: BTreeMap::from(entries),
         })?;
         Ok(Self {
-            name: recorder.path().display().to_string(),
             recorder: Some(recorder),
             ids,
             calibration: description.calibration,
@@ -93,10 +91,11 @@ impl ResultsBag {
         attach(&mut recorder, self.calibration.take(), 0)?;
         recorder.finish().map(drop)
     }
+}
 
-    fn error(&self, error: RecordError) -> SinkError {
-        SinkError { sink: format!("recording {}", self.name), source: Box::new(error) }
-    }
+/// The recorder's errors name the file themselves.
+fn sink_error(error: RecordError) -> SinkError {
+    SinkError { sink: "recording".to_owned(), source: Box::new(error) }
 }
 
 /// Stores the calibration, once, at the time of the first message.
@@ -117,10 +116,10 @@ fn attach(
 
 impl Sink for ResultsBag {
     fn write(&mut self, message: &Outgoing) -> Result<(), SinkError> {
-        self.record(message).map_err(|error| self.error(error))
+        self.record(message).map_err(sink_error)
     }
 
     fn finish(&mut self) -> Result<(), SinkError> {
-        self.close().map_err(|error| self.error(error))
+        self.close().map_err(sink_error)
     }
 }

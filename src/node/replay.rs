@@ -306,3 +306,6 @@ fn is_same(input: &Path, output: &Path) -> bool {
         _ => false,
     }
 }
+
+#[cfg(test)]
+mod tests;

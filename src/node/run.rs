@@ -1,6 +1,6 @@
 //! Source → queue → worker → sinks: a run from the first frame to the last.
 
-use std::{panic, thread, time::Instant};
+use std::{cmp::Ordering, panic, thread, time::Instant};
 
 use thiserror::Error;
 
@@ -61,19 +61,19 @@ impl Run<'_> {
     pub fn replay(self) -> Result<Summary, RunError> {
         let started = Instant::now();
         let Run { source, worker, sinks, num_topics, stop, on_message } = self;
-        let input = Queue::new(INPUT_BOUND, WhenFull::Wait);
-        let spare = Queue::new(Bound { items: INPUT_BOUND.items, bytes: 0 }, WhenFull::DropOldest);
+        let input = &Queue::new(INPUT_BOUND, WhenFull::Wait);
+        let spare = &Queue::new(Bound { items: INPUT_BOUND.items, bytes: 0 }, WhenFull::DropOldest);
         let (fed, worked, finished) = thread::scope(|scope| {
             let fan_out = FanOut::start(scope, sinks, WhenFull::Wait);
-            let worked = thread::scope(|inner| {
-                let worker = inner.spawn(|| {
-                    worker.run(&input, &spare, &mut Publisher::new(&fan_out, num_topics))
-                });
-                let fed = Feed { input: &input, spare: &spare, stop }.all(source, on_message);
-                input.close();
-                (fed, worker.join().unwrap_or_else(|panic| panic::resume_unwind(panic)))
+            let worker = scope.spawn(move || {
+                let worked = worker.run(input, spare, &mut Publisher::new(&fan_out, num_topics));
+                (worked, fan_out.finish())
             });
-            (worked.0, worked.1, fan_out.finish())
+            let fed = Feed { input, spare, stop }.all(source, on_message);
+            input.close();
+            let (worked, finished) =
+                worker.join().unwrap_or_else(|panic| panic::resume_unwind(panic));
+            (fed, worked, finished)
         });
         finished?;
         let (counts, stages) = worked.map_err(|halt| match halt {
@@ -114,8 +114,12 @@ impl Feed<'_> {
                 None => return fed,
                 Some(Input::Damage(what)) => {
                     fed.num_damaged += 1;
-                    if fed.num_damaged <= MAX_TOLD {
-                        tracing::error!("{what}");
+                    match fed.num_damaged.cmp(&MAX_TOLD) {
+                        Ordering::Less => tracing::error!("{what}"),
+                        Ordering::Equal => {
+                            tracing::error!("{what}; further damage is only counted");
+                        }
+                        Ordering::Greater => tracing::debug!("{what}"),
                     }
                     continue;
                 }

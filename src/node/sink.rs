@@ -97,14 +97,21 @@ impl<'scope> FanOut<'scope> {
     ///
     /// # Errors
     /// The first error of a sink.
-    pub fn finish(self) -> Result<(), SinkError> {
+    pub fn finish(mut self) -> Result<(), SinkError> {
         let mut first_error = Ok(());
-        for Fan { queue, thread } in self.sinks {
+        for Fan { queue, thread } in std::mem::take(&mut self.sinks) {
             queue.close();
             let result = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             first_error = first_error.and(result);
         }
         first_error
+    }
+}
+
+/// Lets no sink wait for a sender that is gone, not even after a panic.
+impl Drop for FanOut<'_> {
+    fn drop(&mut self) {
+        self.sinks.iter().for_each(|fan| fan.queue.close());
     }
 }
 

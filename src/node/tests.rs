@@ -73,7 +73,7 @@ fn frame(sequence: u32, log_ms: i64, stamp_ms: i64, edit: impl FnOnce(&mut Image
     message(sequence, log_ms, data)
 }
 
-fn good(sequence: u32, at_ms: i64) -> Input {
+pub(super) fn good(sequence: u32, at_ms: i64) -> Input {
     frame(sequence, at_ms, at_ms, |_| {})
 }
 

@@ -127,6 +127,7 @@ impl Worker {
                     self.stamps.restart();
                     self.sequence.restart();
                 }
+                // Counted and told where it was read.
                 Input::Damage(_) => {}
             }
         }
