@@ -1,2 +1,39 @@
-//! The `laser_profiler` executable: see `laser_profiler --help`.
-fn main() {}
+//! The `laser_profiler` executable: see `laser_profiler --help`. Here alone exit codes are decided.
+
+use std::{
+    io::{self, Write},
+    process::ExitCode,
+};
+
+use laser_profiler::cli::{self, Outcome, Usage};
+
+const FAILED: u8 = 1;
+const USAGE: u8 = 2;
+const DATA_LOST: u8 = 3;
+
+fn main() -> ExitCode {
+    let error = match cli::run(std::env::args_os()) {
+        Ok(Outcome::Done) => return ExitCode::SUCCESS,
+        Ok(Outcome::DataLost) => return DATA_LOST.into(),
+        Err(error) => error,
+    };
+    // A terminal that is gone cannot be told anything: errors of printing are dropped here.
+    if let Some(clap) = error.downcast_ref::<clap::Error>() {
+        drop(clap.print());
+        return if clap.use_stderr() { USAGE.into() } else { ExitCode::SUCCESS };
+    }
+    drop(writeln!(io::stderr(), "error: {}", told(&error)));
+    if error.is::<Usage>() { USAGE.into() } else { FAILED.into() }
+}
+
+/// The error and its causes, each once: some errors quote their cause, some leave it to be asked for.
+fn told(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text.push_str(": ");
+            text.push_str(&cause);
+        }
+    }
+    text
+}

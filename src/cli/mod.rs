@@ -1,9 +1,22 @@
 //! The commands, one verb a file.
 
+mod interrupt;
+mod logging;
+pub mod replay;
+pub mod parameters;
 pub mod info;
 pub mod recover;
 
-use std::io;
+use std::{
+    ffi::OsString,
+    io::{self, Write},
+};
+
+use anyhow::Context;
+use clap::{Parser, Subcommand};
+use thiserror::Error;
+
+use crate::ros::arguments;
 
 /// How a command ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,10 +27,110 @@ pub enum Outcome {
     DataLost,
 }
 
+/// A command line that cannot be followed. Exit code 2.
+#[derive(Debug, Error)]
+#[error("{0}")]
+pub struct Usage(pub String);
+
+const EXAMPLES: &str = "\
+Examples:
+  laser_profiler replay my_recording -o results
+  laser_profiler replay my_recording -o results --ros-args -r image_raw:=/camera/image_raw -p stripe_direction:=vertical
+  laser_profiler parameters > my_parameters.yaml     every parameter with its meaning, to edit and to give back:
+  laser_profiler replay my_recording -o results --params-file my_parameters.yaml
+
+Groups `--ros-args ... [--]` are understood as by ros2 run: -r from:=to, -p name:=value, --params-file F, --log-level L.
+
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 finished, but data was lost or rejected.";
+
+/// Laser stripe in, sub-pixel centreline and metric profile out: a ROS 2 node without a ROS installation.
+#[derive(Debug, Parser)]
+#[command(name = "laser_profiler", version, after_help = EXAMPLES)]
+struct CommandLine {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    Replay(replay::ReplayArgs),
+    Info(info::InfoArgs),
+    Recover(recover::RecoverArgs),
+    Parameters(parameters::ParametersArgs),
+}
+
+/// Runs the program with its command line, the program's name first.
+///
+/// # Errors
+/// [`Usage`] or [`clap::Error`] for a command line that cannot be followed, anything else for a failure.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outcome> {
+    let arguments: Vec<_> = arguments
+        .into_iter()
+        .map(OsString::into_string)
+        .collect::<Result<_, _>>()
+        .map_err(|text| Usage(format!("argument {} is not UTF-8", text.display())))?;
+    let (ros, rest) = arguments::split(&arguments).map_err(|error| Usage(error.to_string()))?;
+    let command_line = CommandLine::try_parse_from(rest)?;
+    logging::start(ros.log_level);
+    let out = &mut io::stdout().lock();
+    match command_line.verb {
+        Verb::Replay(args) => replay::run(args, ros, out),
+        Verb::Info(args) => info::run(&args, out),
+        Verb::Recover(args) => recover::run(&args, out),
+        Verb::Parameters(args) => parameters::run(&args, out),
+    }
+}
+
+/// Prints a line of a result on standard output.
+///
+/// # Errors
+/// A failing standard output, but not one whose reader has gone.
+pub(crate) fn print_line(line: &str) -> anyhow::Result<()> {
+    quiet_pipe(writeln!(io::stdout(), "{line}")).context("standard output")
+}
+
 /// A reader that goes away, as `| head` does, has seen enough.
 pub(crate) fn quiet_pipe(printed: io::Result<()>) -> io::Result<()> {
     match printed {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         printed => printed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    fn failure(line: &str) -> anyhow::Error {
+        run(line.split_whitespace().map(OsString::from)).unwrap_err()
+    }
+
+    #[test]
+    fn the_grammar_is_sound() {
+        CommandLine::command().debug_assert();
+    }
+
+    #[test]
+    fn ros_arguments_may_stand_anywhere() {
+        let error = failure(
+            "laser_profiler --ros-args -p a:=1 -- replay --ros-args -r b:=c -- missing -o out",
+        );
+        assert!(error.to_string().contains("no parameter is called \"a\""), "{error}");
+    }
+
+    #[test]
+    fn wrong_usage_is_told_apart() {
+        for line in [
+            "laser_profiler --ros-args --bogus",
+            "laser_profiler replay missing -o out --ros-args -p slice.profiles:=0",
+            "laser_profiler replay missing -o out --ros-args -r __node:=a/b",
+            "laser_profiler replay missing -o out --rate 0",
+        ] {
+            assert!(failure(line).is::<Usage>(), "{line}");
+        }
+        assert!(failure("laser_profiler replay missing").is::<clap::Error>());
+        assert!(!failure("laser_profiler replay missing -o out").is::<Usage>());
     }
 }

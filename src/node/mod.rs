@@ -1,1 +1,25 @@
-//! Placeholder.
+//! The node: threads, bounds and counters around the pure pipeline.
+//!
+//! A source yields raw image messages; a [`queue`] hands them to the one worker of the camera, which owns the
+//! pipeline; the fan-out gives every sink the same bytes through a queue of its own. run ties them together.
+
+pub mod queue;
+pub mod order;
+pub mod histogram;
+pub mod statistics;
+pub mod stop;
+pub mod source;
+pub mod sink;
+pub mod topics;
+pub mod input;
+pub mod status;
+pub mod publisher;
+pub mod results;
+pub mod worker;
+pub mod player;
+pub mod recording;
+pub mod run;
+pub mod replay;
+
+#[cfg(test)]
+mod tests;

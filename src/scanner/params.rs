@@ -28,6 +28,7 @@ macro_rules! named_enum {
         }
     };
 }
+pub(crate) use named_enum;
 
 named_enum! {
     /// Which grey level a colour pixel contributes.

@@ -1,0 +1,41 @@
+//! SIGINT and SIGTERM: the first one ends the run in good order, the second one at once.
+
+use std::{future::poll_fn, io, process, task::Poll, thread};
+
+use tokio::{
+    runtime::Builder,
+    signal::unix::{SignalKind, signal},
+};
+
+use crate::node::stop::Stop;
+
+/// What a shell reports of a process that SIGINT ended.
+const EXIT_INTERRUPTED: i32 = 130;
+
+/// Raises `stop` at the first signal, from a thread of its own.
+///
+/// # Errors
+/// The system refuses a thread or a signal handler.
+pub(super) fn raise_on_signal(stop: Stop) -> io::Result<()> {
+    let runtime = Builder::new_current_thread().enable_all().build()?;
+    let (mut interrupt, mut terminate) = {
+        // Installed here and now: no signal between this call and the thread's start ends the process.
+        let _context = runtime.enter();
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
+    };
+    let wait = move || {
+        let mut next = || {
+            runtime.block_on(poll_fn(|context| {
+                let came = interrupt.poll_recv(context).is_ready()
+                    || terminate.poll_recv(context).is_ready();
+                if came { Poll::Ready(()) } else { Poll::Pending }
+            }));
+        };
+        next();
+        tracing::warn!("interrupted: finishing the files; once more to stop at once");
+        stop.raise();
+        next();
+        process::exit(EXIT_INTERRUPTED);
+    };
+    thread::Builder::new().name("signals".to_owned()).spawn(wait).map(drop)
+}

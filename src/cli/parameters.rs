@@ -1,0 +1,145 @@
+//! `laser_profiler parameters`: the manual of the parameters, as a file that can be edited and loaded.
+
+use std::{
+    fmt::Write as _,
+    io::{self, Write},
+};
+
+use anyhow::Context;
+use serde_json::{Value as Json, json};
+
+use super::Outcome;
+use crate::ros::{
+    parameters::Parameters,
+    table::{Kind, Parameter},
+};
+
+/// Prints every parameter with its meaning, unit, range and default, as a parameter file.
+#[derive(Debug, clap::Args)]
+pub struct ParametersArgs {
+    /// One JSON array on standard output: name, type, unit, default, min and max or choices, description.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const WIDTH: usize = 100;
+
+/// Prints the table on `out`.
+///
+/// # Errors
+/// A failing `out`; a reader of it that goes away is no error.
+pub fn run(args: &ParametersArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let printed = if args.json { print_json(out) } else { print_file(out) };
+    super::quiet_pipe(printed).context("standard output")?;
+    Ok(Outcome::Done)
+}
+
+fn print_json(out: &mut dyn Write) -> io::Result<()> {
+    let entries: Vec<_> =
+        Parameters::default().iter().map(|(entry, _)| json_entry(entry)).collect();
+    serde_json::to_writer_pretty(&mut *out, &entries)?;
+    writeln!(out)
+}
+
+fn json_entry(parameter: &Parameter) -> Json {
+    let Parameter { name, unit, kind, text } = parameter;
+    let own = match kind {
+        Kind::Integer { default, min, max } => {
+            json!({"type": "integer", "default": default, "min": min, "max": max})
+        }
+        Kind::Float { default, min, max } => {
+            json!({"type": "double", "default": default, "min": min, "max": max})
+        }
+        Kind::Choice { default, names } => {
+            json!({"type": "string", "default": default, "choices": names})
+        }
+        Kind::Text { default } => json!({"type": "string", "default": default}),
+    };
+    let mut entry = json!({"name": name, "unit": unit, "description": text});
+    if let (Json::Object(entry), Json::Object(own)) = (&mut entry, own) {
+        entry.extend(own);
+    }
+    entry
+}
+
+fn print_file(out: &mut dyn Write) -> io::Result<()> {
+    out.write_all(parameter_file().as_bytes())
+}
+
+/// The defaults as a parameter file, commented.
+fn parameter_file() -> String {
+    let mut out = String::from("/**:\n  ros__parameters:\n");
+    let mut open_group = "";
+    for (parameter, value) in Parameters::default().iter() {
+        let (group, key) = parameter.name.rsplit_once('.').unwrap_or(("", parameter.name));
+        out.push('\n');
+        if group != open_group && !group.is_empty() {
+            _ = writeln!(out, "    {group}:");
+        }
+        open_group = group;
+        let indent = if group.is_empty() { "    " } else { "      " };
+        for line in wrap(parameter.text, WIDTH - indent.len() - 2) {
+            _ = writeln!(out, "{indent}# {line}");
+        }
+        _ = writeln!(out, "{indent}# {}; default {value}", parameter.allowed());
+        _ = writeln!(out, "{indent}{key}: {value}");
+    }
+    out
+}
+
+fn wrap(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.len() + 1 + word.len() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ros::{arguments::RosArguments, names::NodeNames, value::Value};
+
+    #[test]
+    fn the_printed_file_loads_and_gives_the_defaults() {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        run(&ParametersArgs { json: false }, &mut file).unwrap();
+        let arguments =
+            RosArguments { parameter_files: vec![file.path().to_owned()], ..Default::default() };
+        let names = NodeNames::new("laser_profiler", &[]).unwrap();
+        let loaded = Parameters::load(&names, &arguments).unwrap();
+        let defaults = Parameters::default();
+        assert!(
+            loaded.iter().all(|(parameter, _)| loaded.is_set(parameter.name)),
+            "each one is in the file"
+        );
+        assert!(loaded.iter().map(|(_, value)| value).eq(defaults.iter().map(|(_, value)| value)));
+        let lines = std::fs::read_to_string(file.path()).unwrap();
+        assert!(lines.lines().all(|line| line.len() <= 2 * WIDTH), "wrapped");
+    }
+
+    #[test]
+    fn the_json_names_every_parameter_and_its_default() {
+        let mut out = Vec::new();
+        run(&ParametersArgs { json: true }, &mut out).unwrap();
+        let entries: Vec<Json> = serde_json::from_slice(&out).unwrap();
+        assert_eq!(entries.len(), Parameters::default().iter().count());
+        for (entry, (parameter, value)) in entries.iter().zip(Parameters::default().iter()) {
+            assert_eq!(entry["name"], parameter.name);
+            let default = match value {
+                Value::Integer(value) => json!(value),
+                Value::Float(value) => json!(value),
+                Value::Bool(value) => json!(value),
+                Value::Text(value) => json!(value),
+            };
+            assert_eq!(entry["default"], default, "{}", parameter.name);
+        }
+    }
+}

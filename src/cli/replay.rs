@@ -1,0 +1,248 @@
+//! `laser_profiler replay`: recordings through the node, offline and deterministic.
+
+use std::{
+    fmt::Write as _,
+    io::{self, IsTerminal, Write},
+    path::PathBuf,
+};
+
+use anyhow::{Context, anyhow};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value as Json, json};
+
+use super::{Outcome, Usage, interrupt};
+use crate::{
+    node::{
+        replay::{Replay, ReplayError, ReplayRequest},
+        statistics::Summary,
+        stop::Stop,
+    },
+    ros::{arguments::RosArguments, node_params::ImageTransport},
+};
+
+const HELP: &str = "\
+Examples:
+  laser_profiler replay my_recording -o results
+      takes the recording's only image topic, raw or compressed, with the default parameters
+  laser_profiler replay day1 day2.mcap -o results --params-file rig.yaml --force
+      one after another, into one results bag
+  laser_profiler replay my_recording -o results --ros-args -r image_raw:=/left/image_raw -p stripe_direction:=vertical
+      the named topic; a vertical stripe
+  laser_profiler replay my_recording -o results --json | jq .frames
+
+The results are a rosbag2 directory with ~/centerline and ~/annotations for every frame and, with a calibration_file,
+~/profile, ~/points, ~/points_dense, ~/slice_info and ~/height_map. The same recording and parameters give the same bytes.
+
+--json prints one object:
+  frames: {received, processed, rejected, dropped, lost}; received = processed + rejected + dropped,
+  points (of all centrelines), slices, seconds, frames_per_second,
+  stages_ms: {decode, extract, triangulate, encode: each {p50, p99}}, output";
+
+/// Replays recordings through the node, as fast as possible, into a bag of results.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub struct ReplayArgs {
+    /// rosbag2 directories or .mcap files, replayed one after another.
+    #[arg(required = true, value_name = "BAG")]
+    pub bags: Vec<PathBuf>,
+    /// Directory of the results' bag.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
+    #[arg(long, value_name = "FILE")]
+    pub params_file: Vec<PathBuf>,
+    /// Times the speed of the recording, instead of as fast as possible.
+    #[arg(long, value_name = "R")]
+    pub rate: Option<f64>,
+    /// Print a machine-readable summary on standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// Replace an existing results bag.
+    #[arg(long)]
+    pub force: bool,
+    /// Store the input images beside the results.
+    #[arg(long)]
+    pub with_images: bool,
+}
+
+/// Replays and prints the summary on `out`.
+///
+/// # Errors
+/// [`Usage`] when the request cannot be followed, else whatever cannot be read or written.
+pub fn run(args: ReplayArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let stop = Stop::default();
+    interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
+    let json = args.json;
+    let output = args.output.clone();
+    let summary = replay(request(args, ros), &stop)?;
+    let text = if json {
+        format!("{}\n", summary_json(&summary, &output.to_string_lossy()))
+    } else {
+        summary_text(&summary, &output.to_string_lossy())
+    };
+    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    Ok(if summary.is_complete() { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// Replays with a progress bar when standard error is a terminal.
+///
+/// # Errors
+/// [`Usage`] when the request cannot be followed, else whatever cannot be read or written.
+pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
+    let told = |error: ReplayError| {
+        if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
+    };
+    let replay = Replay::prepare(request).map_err(told)?;
+    let topic = replay.image_topic().clone();
+    let lossy = match topic.transport {
+        ImageTransport::Raw => "",
+        ImageTransport::Compressed => {
+            " (compressed; JPEG moves centrelines by some hundredths of a pixel)"
+        }
+    };
+    tracing::info!("taking images from {}{lossy}", topic.name);
+    let bar = progress_bar(replay.num_messages());
+    let summary = replay.run(stop, &mut |num_messages| bar.set_position(num_messages));
+    bar.finish_and_clear();
+    let summary = summary.map_err(told)?;
+    if summary.counts.received == 0 && !summary.was_interrupted {
+        return Err(anyhow!("no frame could be read from {}", topic.name));
+    }
+    Ok(summary)
+}
+
+fn request(args: ReplayArgs, mut ros: RosArguments) -> ReplayRequest {
+    ros.parameter_files.splice(0..0, args.params_file);
+    ReplayRequest {
+        bags: args.bags,
+        output: args.output,
+        rate: args.rate,
+        force: args.force,
+        with_images: args.with_images,
+        ros,
+    }
+}
+
+fn progress_bar(num_messages: Option<u64>) -> ProgressBar {
+    if !io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
+    match (num_messages, ProgressStyle::with_template(template)) {
+        (Some(len), Ok(style)) => ProgressBar::new(len).with_style(style),
+        _ => ProgressBar::new_spinner(),
+    }
+}
+
+fn frames_per_second(summary: &Summary) -> f64 {
+    let seconds = summary.elapsed.as_secs_f64();
+    if seconds > 0.0 { summary.counts.processed as f64 / seconds } else { 0.0 }
+}
+
+fn summary_json(summary: &Summary, output: &str) -> Json {
+    let counts = &summary.counts;
+    let stages: serde_json::Map<_, _> = summary
+        .stages
+        .named()
+        .into_iter()
+        .map(|(name, times)| {
+            let times = json!({"p50": times.percentile_ms(0.50), "p99": times.percentile_ms(0.99)});
+            (name.to_owned(), times)
+        })
+        .collect();
+    json!({
+        "frames": {
+            "received": counts.received,
+            "processed": counts.processed,
+            "rejected": counts.rejected(),
+            "dropped": counts.dropped_overload,
+            "lost": counts.lost(),
+        },
+        "points": counts.points,
+        "slices": counts.slices,
+        "seconds": summary.elapsed.as_secs_f64(),
+        "frames_per_second": frames_per_second(summary),
+        "stages_ms": stages,
+        "output": output,
+    })
+}
+
+fn summary_text(summary: &Summary, output: &str) -> String {
+    let counts = &summary.counts;
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    _ = writeln!(
+        out,
+        "{} frames: {} processed, {} rejected ({} malformed, {} duplicate, {} out of order), {} dropped; {} more never arrived",
+        counts.received,
+        counts.processed,
+        counts.rejected(),
+        counts.malformed,
+        counts.duplicate,
+        counts.out_of_order,
+        counts.dropped_overload,
+        counts.lost(),
+    );
+    if summary.num_damaged > 0 {
+        _ = writeln!(
+            out,
+            "damaged places in the input that were passed over: {}",
+            summary.num_damaged
+        );
+    }
+    if summary.was_interrupted {
+        _ = writeln!(out, "interrupted: the rest of the input was not read");
+    }
+    _ = writeln!(out, "{} points, {} slices", counts.points, counts.slices);
+    _ = writeln!(
+        out,
+        "{:.2} s, {:.1} frames/s; p50 (p99) in ms:",
+        summary.elapsed.as_secs_f64(),
+        frames_per_second(summary)
+    );
+    for (name, times) in summary.stages.named() {
+        let (p50, p99) = (times.percentile_ms(0.50), times.percentile_ms(0.99));
+        _ = writeln!(out, "  {name:<12}{p50:.3} ({p99:.3})");
+    }
+    _ = writeln!(out, "results: {output}");
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::statistics::Counts;
+
+    #[test]
+    fn the_summary_has_the_published_keys_and_adds_up() {
+        let counts = Counts {
+            received: 10,
+            processed: 4,
+            dropped_overload: 3,
+            malformed: 1,
+            duplicate: 1,
+            out_of_order: 1,
+            lost_transport: 5,
+            ..Counts::default()
+        };
+        let summary =
+            Summary { counts, elapsed: std::time::Duration::from_secs(2), ..Summary::default() };
+        let json = summary_json(&summary, "out");
+        let frames = &json["frames"];
+        assert_eq!(
+            *frames,
+            json!({"received": 10, "processed": 4, "rejected": 3, "dropped": 3, "lost": 5})
+        );
+        for stage in ["decode", "extract", "triangulate", "encode"] {
+            assert!(
+                json["stages_ms"][stage]["p50"].is_f64()
+                    && json["stages_ms"][stage]["p99"].is_f64()
+            );
+        }
+        assert_eq!(json["frames_per_second"], 2.0);
+        let keys: Vec<_> = json.as_object().unwrap().keys().map(String::as_str).collect();
+        let expected =
+            ["frames", "frames_per_second", "output", "points", "seconds", "slices", "stages_ms"];
+        assert_eq!(keys, expected);
+    }
+}

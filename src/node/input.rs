@@ -1,0 +1,177 @@
+//! Which topic of a recording the node listens to.
+
+use thiserror::Error;
+
+use crate::{
+    msg::{
+        schema::Message,
+        sensor_msgs::{CompressedImage, Image},
+    },
+    ros::{
+        names::{NameError, NodeNames},
+        node_params::ImageTransport,
+    },
+};
+
+/// The name that users remap.
+const IMAGE_TOPIC: &str = "image_raw";
+
+/// Why no topic can be chosen.
+#[derive(Debug, Error)]
+pub enum InputError {
+    /// The recording holds no images.
+    #[error("the recording holds no images (sensor_msgs/msg/Image or CompressedImage); it has {}", list(.0))]
+    NoImages(Vec<(String, String)>),
+    /// The topic that was named is not there, or is no image topic.
+    #[error("the recording has no {transport} images on {name}; it has {}", list(.topics))]
+    Missing {
+        /// The topic after remapping.
+        name: String,
+        /// What was looked for.
+        transport: &'static str,
+        /// Name and type of every topic.
+        topics: Vec<(String, String)>,
+    },
+    /// Nobody said which.
+    #[error("the recording has {} image topics; choose one of\n{}", .0.len(), choices(.0))]
+    Ambiguous(Vec<String>),
+    /// A remap rule with a name that ROS does not allow.
+    #[error(transparent)]
+    Name(#[from] NameError),
+}
+
+impl InputError {
+    /// Whether the command line, not the recording, is to blame.
+    pub const fn is_usage(&self) -> bool {
+        !matches!(self, Self::NoImages(_))
+    }
+}
+
+/// The topic to listen to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImageTopic {
+    /// Its name in the recording.
+    pub name: String,
+    /// How its images are packed.
+    pub transport: ImageTransport,
+}
+
+/// Chooses among the topics (name and type) of a recording: the one that a remap of `image_raw` names, else the only
+/// one. Raw and compressed forms of one image are one; raw is taken unless `transport` says otherwise.
+///
+/// # Errors
+/// None, several or not the named one.
+pub fn choose(
+    topics: &[(String, String)],
+    names: &NodeNames,
+    transport: Option<ImageTransport>,
+) -> Result<ImageTopic, InputError> {
+    let images: Vec<_> = topics.iter().filter_map(image_topic).collect();
+    let wanted = |topic: &ImageTopic| transport.is_none_or(|wanted| topic.transport == wanted);
+    if let Some(base) = names.remapped(IMAGE_TOPIC)? {
+        let compressed = format!("{base}/compressed");
+        let named = |name: &str| images.iter().find(|topic| topic.name == name && wanted(topic));
+        return named(&base).or_else(|| named(&compressed)).cloned().ok_or_else(|| {
+            let transport = transport.map_or("raw or compressed", ImageTransport::name);
+            InputError::Missing { name: base, transport, topics: topics.to_owned() }
+        });
+    }
+    let mut images: Vec<_> = images.into_iter().filter(wanted).collect();
+    let raw: Vec<_> = images.iter().map(|topic| format!("{}/compressed", topic.name)).collect();
+    images.retain(|topic| !raw.contains(&topic.name));
+    match images.as_slice() {
+        [] => Err(transport.map_or(InputError::NoImages(topics.to_owned()), |transport| {
+            let (name, transport) = ("any topic".to_owned(), transport.name());
+            InputError::Missing { name, transport, topics: topics.to_owned() }
+        })),
+        [only] => Ok(only.clone()),
+        _ => Err(InputError::Ambiguous(images.into_iter().map(|topic| topic.name).collect())),
+    }
+}
+
+fn image_topic((name, type_name): &(String, String)) -> Option<ImageTopic> {
+    let transport = if type_name == Image::TYPE.name {
+        ImageTransport::Raw
+    } else if type_name == CompressedImage::TYPE.name {
+        ImageTransport::Compressed
+    } else {
+        return None;
+    };
+    Some(ImageTopic { name: name.clone(), transport })
+}
+
+fn list(topics: &[(String, String)]) -> String {
+    if topics.is_empty() {
+        return "no topics at all".to_owned();
+    }
+    let named: Vec<_> = topics.iter().map(|(name, kind)| format!("{name} ({kind})")).collect();
+    named.join(", ")
+}
+
+fn choices(names: &[String]) -> String {
+    let flags: Vec<_> =
+        names.iter().map(|name| format!("  --ros-args -r {IMAGE_TOPIC}:={name}")).collect();
+    flags.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RAW: &str = "sensor_msgs/msg/Image";
+    const PACKED: &str = "sensor_msgs/msg/CompressedImage";
+
+    fn chosen(
+        topics: &[(&str, &str)],
+        remap: &str,
+        transport: Option<ImageTransport>,
+    ) -> Result<String, InputError> {
+        let rule = ros2args::RemapRule::new_global("image_raw".into(), remap.into());
+        let rules = if remap.is_empty() { vec![] } else { vec![rule] };
+        let names = NodeNames::new("laser_profiler", &rules).unwrap();
+        let topics: Vec<_> =
+            topics.iter().map(|&(name, kind)| (name.to_owned(), kind.to_owned())).collect();
+        choose(&topics, &names, transport).map(|topic| topic.name)
+    }
+
+    #[test]
+    fn the_only_image_topic_needs_no_name() {
+        let joints = ("/joints", "sensor_msgs/msg/JointState");
+        assert_eq!(chosen(&[("/a", RAW), joints], "", None).unwrap(), "/a");
+        assert_eq!(
+            chosen(&[("/a/compressed", PACKED), joints], "", None).unwrap(),
+            "/a/compressed"
+        );
+        let both = [("/a/compressed", PACKED), ("/a", RAW)];
+        assert_eq!(chosen(&both, "", None).unwrap(), "/a", "two forms of one image");
+        let packed = Some(ImageTransport::Compressed);
+        assert_eq!(chosen(&both, "", packed).unwrap(), "/a/compressed");
+        assert_eq!(chosen(&both, "/a", packed).unwrap(), "/a/compressed");
+    }
+
+    #[test]
+    fn a_named_topic_is_taken_in_the_form_that_is_there() {
+        let topics = [("/a", RAW), ("/b/compressed", PACKED)];
+        assert_eq!(chosen(&topics, "/a", None).unwrap(), "/a");
+        assert_eq!(chosen(&topics, "/b", None).unwrap(), "/b/compressed");
+        assert_eq!(chosen(&topics, "/b/compressed", None).unwrap(), "/b/compressed");
+        let error = chosen(&topics, "/b", Some(ImageTransport::Raw)).unwrap_err();
+        assert!(error.to_string().contains("no raw images on /b"), "{error}");
+    }
+
+    #[test]
+    fn a_refusal_says_what_is_there_and_what_to_do() {
+        let error = chosen(&[("/a", RAW), ("/b/compressed", PACKED)], "", None).unwrap_err();
+        assert!(error.is_usage());
+        assert!(error.to_string().ends_with(
+            "\n  --ros-args -r image_raw:=/a\n  --ros-args -r image_raw:=/b/compressed"
+        ));
+        let error = chosen(&[("/a", RAW)], "/c", None).unwrap_err();
+        assert!(
+            error.is_usage() && error.to_string().contains("/a (sensor_msgs/msg/Image)"),
+            "{error}"
+        );
+        let error = chosen(&[("/j", "sensor_msgs/msg/JointState")], "", None).unwrap_err();
+        assert!(!error.is_usage() && error.to_string().contains("/j"), "{error}");
+    }
+}

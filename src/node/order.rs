@@ -1,0 +1,222 @@
+//! A frame's place in its stream: what is missing before it, and whether it may be used at all.
+
+/// Where a frame's number comes from, as in `FrameTrace.frame_number_source`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NumberSource {
+    /// The sequence number of the publication.
+    Transport,
+    /// Counted here.
+    Host,
+}
+
+/// A frame's place in the order of arrival.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Number of the frame, lost ones counted.
+    pub frame_number: u64,
+    /// Where that number comes from.
+    pub source: NumberSource,
+    /// Frames missing directly before this one; `None` when that cannot be known.
+    pub missing: Option<u32>,
+}
+
+/// Numbers frames by the writer's sequence where it counts. Many writers leave it constant: then gaps are unknown.
+#[derive(Debug, Default)]
+pub struct Sequence {
+    last: Option<u32>,
+    num_taken: u64,
+}
+
+/// A larger step is a restart or damage, not a loss: an hour and more of frames.
+const MAX_GAP: u32 = 100_000;
+
+impl Sequence {
+    /// Takes the sequence number of the next message to arrive.
+    pub fn take(&mut self, sequence: u32) -> Place {
+        let step = self.step(sequence);
+        let frame_number = self.num_taken + u64::from(step.map_or(0, |step| step - 1));
+        self.last = Some(sequence);
+        self.num_taken = frame_number + 1;
+        Place {
+            frame_number,
+            source: step.map_or(NumberSource::Host, |_| NumberSource::Transport),
+            missing: step.map(|step| step - 1),
+        }
+    }
+
+    /// Takes the sequence number of a frame that came twice or late: it takes no place of its own unless the writer
+    /// counted on. Returns the frames missing before it.
+    pub fn take_repeated(&mut self, sequence: u32) -> u32 {
+        match self.step(sequence) {
+            Some(_) => self.take(sequence).missing.unwrap_or(0),
+            None => 0,
+        }
+    }
+
+    /// Another writer follows: the next gap is unknown.
+    pub fn restart(&mut self) {
+        self.last = None;
+    }
+
+    /// How far the writer counted on; `None` when it did not, or not believably.
+    fn step(&self, sequence: u32) -> Option<u32> {
+        let step = sequence.wrapping_sub(self.last?);
+        (1..=MAX_GAP + 1).contains(&step).then_some(step)
+    }
+}
+
+/// Why a frame's stamp is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StampFault {
+    /// The stamp of the frame before it.
+    Duplicate,
+    /// Before the last stamp.
+    OutOfOrder,
+}
+
+/// How a stamp continues the stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StampStep {
+    /// As it should.
+    Forward,
+    /// The clock was set back: positions before and after do not belong together.
+    ClockSetBack,
+}
+
+/// Frames in order among themselves, but before the last stamp, after which the clock counts as set back. Fewer are
+/// stragglers; without such a limit one false stamp far in the future would refuse the rest of the stream.
+const STRAGGLERS: u32 = 3;
+
+/// Checks that stamps ascend. Stamps of zero are those of a driver without a clock: taken as they are.
+#[derive(Debug, Default)]
+pub struct StampOrder {
+    last_ns: Option<i64>,
+    /// The last refused stamp, and how many ascended up to it.
+    behind: Option<(i64, u32)>,
+    /// The next stamp belongs to another recording.
+    is_new: bool,
+}
+
+impl StampOrder {
+    /// Takes the stamp of the next frame.
+    ///
+    /// # Errors
+    /// The stamp repeats the last one, or lies before it.
+    pub fn take(&mut self, stamp_ns: i64) -> Result<StampStep, StampFault> {
+        if stamp_ns == 0 {
+            return Ok(StampStep::Forward);
+        }
+        let Some(last_ns) = self.last_ns else {
+            self.accept(stamp_ns);
+            return Ok(StampStep::Forward);
+        };
+        if std::mem::take(&mut self.is_new) && stamp_ns <= last_ns {
+            self.accept(stamp_ns);
+            return Ok(StampStep::ClockSetBack);
+        }
+        if stamp_ns == last_ns {
+            return Err(StampFault::Duplicate);
+        }
+        if stamp_ns > last_ns {
+            self.accept(stamp_ns);
+            return Ok(StampStep::Forward);
+        }
+        let num_behind = match self.behind {
+            Some((behind_ns, num)) if stamp_ns > behind_ns => num + 1,
+            _ => 1,
+        };
+        if num_behind > STRAGGLERS {
+            self.accept(stamp_ns);
+            return Ok(StampStep::ClockSetBack);
+        }
+        self.behind = Some((stamp_ns, num_behind));
+        Err(StampFault::OutOfOrder)
+    }
+
+    /// Another recording follows: its first stamp may lie anywhere.
+    pub fn restart(&mut self) {
+        self.is_new = true;
+    }
+
+    fn accept(&mut self, stamp_ns: i64) {
+        self.last_ns = Some(stamp_ns);
+        self.behind = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places(sequences: &[u32]) -> Vec<(u64, Option<u32>)> {
+        let mut sequence = Sequence::default();
+        sequences.iter().map(|&s| sequence.take(s)).map(|p| (p.frame_number, p.missing)).collect()
+    }
+
+    #[test]
+    fn a_counting_writer_shows_its_gaps() {
+        let expected = [(0, None), (1, Some(0)), (4, Some(2)), (5, Some(0))];
+        assert_eq!(places(&[7, 8, 11, 12]), expected);
+        assert_eq!(places(&[u32::MAX, 0, 2]), [(0, None), (1, Some(0)), (3, Some(1))]);
+    }
+
+    #[test]
+    fn a_constant_or_restarted_counter_says_nothing() {
+        assert_eq!(places(&[0, 0, 0]), [(0, None), (1, None), (2, None)]);
+        assert_eq!(places(&[5, 6, 1, 2]), [(0, None), (1, Some(0)), (2, None), (3, Some(0))]);
+        let far = places(&[1, 2, 3_000_000_000, 3_000_000_001]);
+        assert_eq!(far, [(0, None), (1, Some(0)), (2, None), (3, Some(0))], "damage is no loss");
+        let mut sequence = Sequence::default();
+        sequence.take(0);
+        assert_eq!(sequence.take(0).source, NumberSource::Host);
+        assert_eq!(sequence.take(1).source, NumberSource::Transport);
+    }
+
+    #[test]
+    fn a_late_frame_was_missed_once_only() {
+        let mut sequence = Sequence::default();
+        assert_eq!([1, 2, 4].map(|s| sequence.take(s).missing), [None, Some(0), Some(1)]);
+        assert_eq!(sequence.take_repeated(3), 0);
+        assert_eq!(sequence.take_repeated(4), 0);
+        assert_eq!(sequence.take(5).frame_number, 4);
+        assert_eq!(sequence.take_repeated(8), 2, "it came again, but under a number of its own");
+        sequence.restart();
+        assert_eq!(sequence.take(20).missing, None);
+    }
+
+    fn judged(stamps: &[i64]) -> String {
+        let mut order = StampOrder::default();
+        let letter = |&stamp: &i64| match order.take(stamp) {
+            Ok(StampStep::Forward) => '+',
+            Ok(StampStep::ClockSetBack) => '<',
+            Err(StampFault::Duplicate) => '=',
+            Err(StampFault::OutOfOrder) => '-',
+        };
+        stamps.iter().map(letter).collect()
+    }
+
+    #[test]
+    fn stamps_must_ascend() {
+        assert_eq!(judged(&[10, 20, 20, 15, 30, 5, 4, 40]), "++=-+--+");
+    }
+
+    #[test]
+    fn zero_stamps_are_no_duplicates() {
+        assert_eq!(judged(&[0, 0, 10, 0, 10, 20]), "++++=+");
+    }
+
+    #[test]
+    fn a_new_recording_may_be_older() {
+        let mut order = StampOrder::default();
+        assert_eq!(order.take(10), Ok(StampStep::Forward));
+        order.restart();
+        assert_eq!(order.take(5), Ok(StampStep::ClockSetBack));
+        assert_eq!(order.take(4), Err(StampFault::OutOfOrder), "only its first stamp is free");
+    }
+
+    #[test]
+    fn a_false_stamp_far_ahead_costs_three_frames_not_the_stream() {
+        assert_eq!(judged(&[1, 2, 1_000_000, 3, 4, 5, 6, 7]), "+++---<+");
+        assert_eq!(judged(&[90, 80, 70, 60, 50, 40]), "+-----", "descending stamps are no clock");
+    }
+}

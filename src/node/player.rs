@@ -1,0 +1,78 @@
+//! Recordings as a source: one after another, as fast as they are taken or at a rate.
+
+use std::{collections::VecDeque, time::Instant};
+
+use crate::bag::{Messages, RawMessage, player::Pacer};
+
+use super::{
+    source::{Input, Source},
+    stop::Stop,
+};
+
+/// Plays one topic of some recordings.
+pub struct BagPlayer {
+    /// The first one is being played.
+    recordings: VecDeque<Messages>,
+    /// Times the speed of the recording; `None`: as fast as messages are taken.
+    pacer: Option<(Pacer, f64)>,
+    clock: Instant,
+    stop: Stop,
+}
+
+impl BagPlayer {
+    /// A player of these recordings, in order. `stop` cuts its waiting short.
+    ///
+    /// # Errors
+    /// A rate that is not a positive number.
+    pub fn new(
+        recordings: impl IntoIterator<Item = Messages>,
+        rate: Option<f64>,
+        stop: Stop,
+    ) -> Result<Self, crate::bag::player::RateError> {
+        let pacer = rate.map(|rate| Ok((Pacer::new(rate)?, rate))).transpose()?;
+        let recordings = recordings.into_iter().collect();
+        Ok(Self { recordings, pacer, clock: Instant::now(), stop })
+    }
+
+    fn wait_for(&mut self, message: &RawMessage) {
+        if let Some((pacer, _)) = &mut self.pacer {
+            let now_ns = i64::try_from(self.clock.elapsed().as_nanos()).unwrap_or(i64::MAX);
+            if let Some(wait) = pacer.wait(message.log_time_ns, now_ns) {
+                self.stop.wait(wait);
+            }
+        }
+    }
+}
+
+impl Source for BagPlayer {
+    fn next(&mut self) -> Option<Input> {
+        loop {
+            match self.recordings.front_mut()?.next() {
+                Some(Ok(message)) => {
+                    self.wait_for(&message);
+                    return Some(Input::Message(message));
+                }
+                Some(Err(error)) if error.is_loss() => {
+                    return Some(Input::Damage(error.to_string()));
+                }
+                Some(Err(error)) => tracing::warn!("{error}"),
+                None => {
+                    self.recordings.pop_front();
+                    if let Some((pacer, rate)) = &mut self.pacer {
+                        // The rate was accepted before.
+                        *pacer = Pacer::new(*rate).ok()?;
+                    }
+                    if !self.recordings.is_empty() {
+                        return Some(Input::NewRecording);
+                    }
+                }
+            }
+        }
+    }
+
+    fn recycle(&mut self, buffer: Vec<u8>) {
+        if let Some(recording) = self.recordings.front_mut() {
+            recording.recycle(buffer);
+        }
+    }
+}

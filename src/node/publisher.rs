@@ -1,0 +1,100 @@
+//! Results become bytes, once, and go to every sink.
+
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use thiserror::Error;
+
+use crate::{
+    bag::RawMessage,
+    msg::{
+        cdr::{self, CdrError},
+        schema::Message,
+    },
+};
+
+use super::{
+    queue::Closed,
+    sink::{FanOut, Outgoing},
+    topics::Output,
+};
+
+/// Why nothing more can be published.
+#[derive(Debug, Error)]
+pub enum Halt {
+    /// A sink has failed; it says why itself.
+    #[error("a sink has failed")]
+    SinkFailed,
+    /// A message that has no bytes.
+    #[error(transparent)]
+    Encode(#[from] CdrError),
+}
+
+/// The worker's way out.
+pub struct Publisher<'a> {
+    fan_out: &'a FanOut<'a>,
+    buffer: Vec<u8>,
+    /// Messages sent by topic; the input's own comes last, when it is sent on.
+    sequences: Vec<u32>,
+    num_bytes: u64,
+    encoding: Duration,
+}
+
+impl<'a> Publisher<'a> {
+    /// A publisher of `num_topics` topics, plus the input's.
+    pub fn new(fan_out: &'a FanOut<'a>, num_topics: usize) -> Self {
+        let sequences = vec![0; num_topics + 1];
+        Self { fan_out, buffer: Vec::new(), sequences, num_bytes: 0, encoding: Duration::ZERO }
+    }
+
+    /// Encodes a result and sends it; its times are those of its input.
+    ///
+    /// # Errors
+    /// A sink has failed, or the message is too long for CDR.
+    pub fn publish<M: Message>(
+        &mut self,
+        output: Output,
+        time_ns: i64,
+        message: &M,
+    ) -> Result<(), Halt> {
+        let started = Instant::now();
+        cdr::encode(message, &mut self.buffer)?;
+        let data = Arc::from(self.buffer.as_slice());
+        self.encoding += started.elapsed();
+        self.send(output as usize, (time_ns, time_ns), data)
+    }
+
+    /// Sends an input message on as it is.
+    ///
+    /// # Errors
+    /// A sink has failed.
+    pub fn forward(&mut self, message: &RawMessage) -> Result<(), Halt> {
+        let times = (message.log_time_ns, message.publish_time_ns);
+        self.send(self.sequences.len() - 1, times, Arc::from(message.data.as_slice()))
+    }
+
+    /// Bytes sent so far.
+    pub const fn num_bytes(&self) -> u64 {
+        self.num_bytes
+    }
+
+    /// Time spent on encoding since the last call.
+    pub fn take_encoding_time(&mut self) -> Duration {
+        std::mem::take(&mut self.encoding)
+    }
+
+    fn send(
+        &mut self,
+        topic: usize,
+        (log_time_ns, publish_time_ns): (i64, i64),
+        data: Arc<[u8]>,
+    ) -> Result<(), Halt> {
+        self.sequences[topic] = self.sequences[topic].wrapping_add(1);
+        self.num_bytes += data.len() as u64;
+        let sequence = self.sequences[topic];
+        let message = Outgoing { topic, log_time_ns, publish_time_ns, sequence, data };
+        self.fan_out.send(&message).map(drop).map_err(|Closed(())| Halt::SinkFailed)
+    }
+}

@@ -1,0 +1,268 @@
+//! The one queue between threads: bounded in items and in bytes, with one answer to "full".
+
+use std::{
+    collections::VecDeque,
+    sync::{Condvar, Mutex, MutexGuard, PoisonError},
+    time::Instant,
+};
+
+/// What happens to an item that finds the queue full.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WhenFull {
+    /// It takes the place of the oldest ones, which are lost and counted: for live input.
+    DropOldest,
+    /// Its sender waits for room: for replay.
+    Wait,
+}
+
+/// How much a queue may hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bound {
+    /// Items, at least 1.
+    pub items: usize,
+    /// Bytes of all items together. An item larger than this passes only through an empty queue.
+    pub bytes: usize,
+}
+
+/// The queue was closed; the item comes back.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Closed<T>(pub T);
+
+/// What came out of the queue.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Popped<T> {
+    /// The oldest item.
+    Item(T),
+    /// The deadline passed.
+    TimedOut,
+    /// The queue is closed and empty.
+    Closed,
+}
+
+struct State<T> {
+    items: VecDeque<(T, usize)>,
+    bytes: usize,
+    is_closed: bool,
+}
+
+/// A queue for any number of senders and receivers.
+pub struct Queue<T> {
+    bound: Bound,
+    when_full: WhenFull,
+    state: Mutex<State<T>>,
+    has_item: Condvar,
+    has_room: Condvar,
+}
+
+impl<T> Queue<T> {
+    /// An open, empty queue.
+    pub fn new(bound: Bound, when_full: WhenFull) -> Self {
+        let bound = Bound { items: bound.items.max(1), ..bound };
+        let state =
+            State { items: VecDeque::with_capacity(bound.items), bytes: 0, is_closed: false };
+        Self {
+            bound,
+            when_full,
+            state: Mutex::new(state),
+            has_item: Condvar::new(),
+            has_room: Condvar::new(),
+        }
+    }
+
+    /// Appends an item of `bytes` bytes; returns how many older items were lost for it.
+    ///
+    /// # Errors
+    /// The queue is closed, perhaps while waiting for room.
+    pub fn push(&self, item: T, bytes: usize) -> Result<usize, Closed<T>> {
+        let mut state = self.lock();
+        let mut num_dropped = 0;
+        while !state.is_closed && !self.has_room_for(&state, bytes) {
+            match self.when_full {
+                WhenFull::Wait => {
+                    state = self.has_room.wait(state).unwrap_or_else(PoisonError::into_inner);
+                }
+                WhenFull::DropOldest => {
+                    state.take();
+                    num_dropped += 1;
+                }
+            }
+        }
+        if state.is_closed {
+            return Err(Closed(item));
+        }
+        state.items.push_back((item, bytes));
+        state.bytes += bytes;
+        drop(state);
+        self.has_item.notify_one();
+        Ok(num_dropped)
+    }
+
+    /// Waits for the oldest item. `None`: the queue is closed and empty.
+    pub fn pop(&self) -> Option<T> {
+        let mut state = self.lock();
+        loop {
+            if let Some(item) = state.take() {
+                self.has_room.notify_all();
+                return Some(item);
+            }
+            if state.is_closed {
+                return None;
+            }
+            state = self.has_item.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Waits for the oldest item, but no longer than to `deadline`.
+    pub fn pop_until(&self, deadline: Instant) -> Popped<T> {
+        let mut state = self.lock();
+        loop {
+            if let Some(item) = state.take() {
+                self.has_room.notify_all();
+                return Popped::Item(item);
+            }
+            if state.is_closed {
+                return Popped::Closed;
+            }
+            let Some(wait) = deadline.checked_duration_since(Instant::now()) else {
+                return Popped::TimedOut;
+            };
+            let waited = self.has_item.wait_timeout(state, wait);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    /// Refuses further items; those inside can still be taken.
+    pub fn close(&self) {
+        self.lock().is_closed = true;
+        self.has_item.notify_all();
+        self.has_room.notify_all();
+    }
+
+    /// Items inside.
+    pub fn len(&self) -> usize {
+        self.lock().items.len()
+    }
+
+    /// Whether nothing is inside.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How much it may hold.
+    pub const fn bound(&self) -> Bound {
+        self.bound
+    }
+
+    /// Every change under the lock is complete in itself, so the state of a panicked holder is sound.
+    fn lock(&self) -> MutexGuard<'_, State<T>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn has_room_for(&self, state: &State<T>, bytes: usize) -> bool {
+        let fits = state.items.len() < self.bound.items
+            && state.bytes.saturating_add(bytes) <= self.bound.bytes;
+        fits || state.items.is_empty()
+    }
+}
+
+impl<T> State<T> {
+    fn take(&mut self) -> Option<T> {
+        let (item, bytes) = self.items.pop_front()?;
+        self.bytes -= bytes;
+        Some(item)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{sync::Arc, thread, time::Duration};
+
+    use super::*;
+
+    fn queue(items: usize, bytes: usize, when_full: WhenFull) -> Arc<Queue<u32>> {
+        Arc::new(Queue::new(Bound { items, bytes }, when_full))
+    }
+
+    #[test]
+    fn items_come_out_in_order() {
+        let queue = queue(3, 100, WhenFull::Wait);
+        for item in 0..3 {
+            assert_eq!(queue.push(item, 10), Ok(0));
+        }
+        assert_eq!([queue.pop(), queue.pop(), queue.pop()], [Some(0), Some(1), Some(2)]);
+    }
+
+    #[test]
+    fn drop_oldest_counts_what_it_drops() {
+        let queue = queue(2, 100, WhenFull::DropOldest);
+        let dropped: Vec<_> = (0..4).map(|item| queue.push(item, 10).unwrap()).collect();
+        assert_eq!(dropped, [0, 0, 1, 1]);
+        assert_eq!(queue.push(9, 95), Ok(2), "bytes count too");
+        assert_eq!((queue.len(), queue.pop()), (1, Some(9)));
+        assert_eq!(queue.push(10, 1000), Ok(0), "larger than the bound, but alone");
+    }
+
+    /// Producers and consumers that would overrun any bound if it did not hold.
+    #[test]
+    fn waiting_loses_nothing_and_keeps_the_bound() {
+        let queue = queue(4, 50, WhenFull::Wait);
+        let senders: Vec<_> = (0..3)
+            .map(|sender| {
+                let queue = Arc::clone(&queue);
+                thread::spawn(move || {
+                    for item in 0..1000 {
+                        assert_eq!(queue.push(sender * 1000 + item, 20), Ok(0));
+                        assert!(queue.len() <= 2, "50 bytes hold two items of 20");
+                    }
+                })
+            })
+            .collect();
+        let receiver = {
+            let queue = Arc::clone(&queue);
+            thread::spawn(move || std::iter::from_fn(|| queue.pop()).collect::<Vec<_>>())
+        };
+        for sender in senders {
+            sender.join().unwrap();
+        }
+        queue.close();
+        let received = receiver.join().unwrap();
+        for sender in 0..3 {
+            let of_sender = received.iter().filter(|item| *item / 1000 == sender);
+            assert!(
+                of_sender.copied().eq(sender * 1000..sender * 1000 + 1000),
+                "in order, complete"
+            );
+        }
+    }
+
+    #[test]
+    fn closing_wakes_a_waiting_sender_and_a_waiting_receiver() {
+        let full = queue(1, 100, WhenFull::Wait);
+        full.push(1, 1).unwrap();
+        let sender = {
+            let full = Arc::clone(&full);
+            thread::spawn(move || full.push(2, 1))
+        };
+        let empty = queue(1, 100, WhenFull::Wait);
+        let receiver = {
+            let empty = Arc::clone(&empty);
+            thread::spawn(move || empty.pop())
+        };
+        full.close();
+        empty.close();
+        assert_eq!(sender.join().unwrap(), Err(Closed(2)));
+        assert_eq!(receiver.join().unwrap(), None);
+        assert_eq!((full.pop(), full.pop()), (Some(1), None), "what is inside is still given out");
+    }
+
+    #[test]
+    fn a_deadline_ends_the_wait() {
+        let queue = queue(1, 100, WhenFull::Wait);
+        assert_eq!(queue.pop_until(Instant::now()), Popped::TimedOut);
+        queue.push(1, 1).unwrap();
+        let far = Instant::now() + Duration::from_hours(1);
+        assert_eq!(queue.pop_until(far), Popped::Item(1));
+        queue.close();
+        assert_eq!(queue.pop_until(far), Popped::Closed);
+    }
+}

@@ -1,0 +1,125 @@
+//! The results' bag as a sink: it explains itself by the parameters, the calibration and the program's version in it.
+
+use std::{collections::BTreeMap, path::Path};
+
+use crate::bag::{
+    Attachment, MetadataRecord, RecordError, RecordOptions, Recorder, Times, Topic, TopicId,
+};
+
+use super::sink::{Outgoing, Sink, SinkError};
+
+/// After so much of the recording's time all of it is readable, whatever happens to this process. Not the wall clock's
+/// time: where chunks end must not depend on the speed of the machine.
+const FLUSH_PERIOD_NS: u64 = 1_000_000_000;
+
+/// What makes a recording explain itself.
+#[derive(Clone, Debug, Default)]
+pub struct Description {
+    /// The effective parameters, canonical YAML.
+    pub parameters: String,
+    /// SHA-256 of that text.
+    pub parameters_sha256: String,
+    /// Names of the input recordings, without their directories: equal input gives equal bytes anywhere.
+    pub inputs: Vec<String>,
+    /// Input topic.
+    pub input_topic: String,
+    /// Text of the calibration, when there is one.
+    pub calibration: Option<String>,
+}
+
+/// A recorder of results.
+pub struct ResultsBag {
+    recorder: Option<Recorder>,
+    ids: Vec<TopicId>,
+    calibration: Option<String>,
+    last_flush_ns: Option<i64>,
+}
+
+impl ResultsBag {
+    /// Creates the bag, makes the topics known and writes the description.
+    ///
+    /// # Errors
+    /// An output that is there already, or cannot be written.
+    pub fn create(
+        directory: &Path,
+        options: &RecordOptions,
+        topics: &[Topic],
+        description: Description,
+    ) -> Result<Self, RecordError> {
+        let mut recorder = Recorder::create(directory, options)?;
+        let ids = topics.iter().map(|topic| recorder.add_topic(topic)).collect::<Result<_, _>>()?;
+        let version = env!("CARGO_PKG_VERSION").to_owned();
+        let entries = [
+            ("version", version),
+            ("parameters", description.parameters),
+            ("parameters_sha256", description.parameters_sha256),
+            ("input", description.inputs.join("\n")),
+            ("input_topic", description.input_topic),
+        ];
+        let entries = entries.map(|(key, value)| (key.to_owned(), value));
+        recorder.metadata(&MetadataRecord {
+            name: "laser_profiler".to_owned(),
+            entries: BTreeMap::from(entries),
+        })?;
+        Ok(Self {
+            recorder: Some(recorder),
+            ids,
+            calibration: description.calibration,
+            last_flush_ns: None,
+        })
+    }
+
+    fn record(&mut self, message: &Outgoing) -> Result<(), RecordError> {
+        let Some(recorder) = &mut self.recorder else { return Ok(()) };
+        attach(recorder, self.calibration.take(), message.log_time_ns)?;
+        let times = Times {
+            log_ns: message.log_time_ns,
+            publish_ns: message.publish_time_ns,
+            sequence: message.sequence,
+        };
+        recorder.write(self.ids[message.topic], times, &message.data)?;
+        let last_flush_ns = *self.last_flush_ns.get_or_insert(message.log_time_ns);
+        if message.log_time_ns.abs_diff(last_flush_ns) >= FLUSH_PERIOD_NS {
+            self.last_flush_ns = Some(message.log_time_ns);
+            recorder.flush()?;
+        }
+        Ok(())
+    }
+
+    fn close(&mut self) -> Result<(), RecordError> {
+        let Some(mut recorder) = self.recorder.take() else { return Ok(()) };
+        attach(&mut recorder, self.calibration.take(), 0)?;
+        recorder.finish().map(drop)
+    }
+}
+
+/// The recorder's errors name the file themselves.
+fn sink_error(error: RecordError) -> SinkError {
+    SinkError { sink: "recording".to_owned(), source: Box::new(error) }
+}
+
+/// Stores the calibration, once, at the time of the first message.
+fn attach(
+    recorder: &mut Recorder,
+    calibration: Option<String>,
+    log_time_ns: i64,
+) -> Result<(), RecordError> {
+    let Some(text) = calibration else { return Ok(()) };
+    recorder.attach(&Attachment {
+        name: "calibration.yaml".to_owned(),
+        media_type: "application/yaml".to_owned(),
+        log_time_ns,
+        create_time_ns: 0,
+        data: text.into_bytes(),
+    })
+}
+
+impl Sink for ResultsBag {
+    fn write(&mut self, message: &Outgoing) -> Result<(), SinkError> {
+        self.record(message).map_err(sink_error)
+    }
+
+    fn finish(&mut self) -> Result<(), SinkError> {
+        self.close().map_err(sink_error)
+    }
+}

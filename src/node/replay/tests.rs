@@ -1,0 +1,133 @@
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::{
+    bag::{RawMessage, Recorder, Times},
+    msg::{cdr, laser_profiler_msgs::Centerline},
+    node::{source::Input, tests::good},
+    ros::{arguments::Assignment, value::Value},
+};
+
+/// Writes a bag with five frames on each of these topics.
+fn recording(directory: &Path, topics: &[&str]) -> PathBuf {
+    let mut recorder = Recorder::create(directory, &RecordOptions::default()).unwrap();
+    for name in topics {
+        for number in 1..=5 {
+            let Input::Message(message) = good(number, i64::from(number) * 500) else {
+                unreachable!()
+            };
+            let topic = Topic { name: (*name).to_owned(), ..(*message.topic).clone() };
+            let id = recorder.add_topic(&topic).unwrap();
+            let (log_ns, publish_ns) = (message.log_time_ns, message.publish_time_ns);
+            recorder
+                .write(id, Times { log_ns, publish_ns, sequence: number }, &message.data)
+                .unwrap();
+        }
+    }
+    recorder.finish().unwrap();
+    directory.to_owned()
+}
+
+fn request(bags: Vec<PathBuf>, output: &Path) -> ReplayRequest {
+    let area = Assignment {
+        node: None,
+        name: "extraction.min_segment_area".into(),
+        value: Value::Integer(20),
+    };
+    let ros = RosArguments { assignments: vec![area], ..RosArguments::default() };
+    ReplayRequest { bags, output: output.to_owned(), ros, ..ReplayRequest::default() }
+}
+
+fn replay(request: ReplayRequest) -> Result<Summary, ReplayError> {
+    Replay::prepare(request)?.run(&Stop::default(), &mut |_| {})
+}
+
+fn messages(bag: &Path) -> BTreeMap<String, Vec<RawMessage>> {
+    let bag = BagReader::open(bag, &ReadOptions::default()).unwrap();
+    let mut by_topic = BTreeMap::<_, Vec<_>>::new();
+    for message in bag.messages(&Filter::all()) {
+        let message = message.unwrap();
+        by_topic.entry(message.topic.name.clone()).or_default().push(message);
+    }
+    by_topic
+}
+
+#[test]
+fn the_results_bag_explains_itself() {
+    let place = tempfile::tempdir().unwrap();
+    let input = recording(&place.path().join("input"), &["/cam/image_raw"]);
+    let calibration = "type: vertical_incidence\nframe_id: laser\nimage_distance_m: 0.05\nobject_distance_m: 0.5\n\
+                       beta_rad: 0.6\npixel_pitch_m: 5.0e-6\nbase_row_px: 16.0\ncenter_column_px: 32.0\nheight_sign: -1\n";
+    fs::write(place.path().join("c.yaml"), calibration).unwrap();
+    let output = place.path().join("results");
+    let mut request = request(vec![input], &output);
+    request.with_images = true;
+    request.ros.assignments.push(Assignment {
+        node: None,
+        name: "calibration_file".into(),
+        value: Value::Text(place.path().join("c.yaml").to_str().unwrap().to_owned()),
+    });
+    assert_eq!(replay(request).unwrap().counts.processed, 5);
+
+    let bag = BagReader::open(&output, &ReadOptions::default()).unwrap();
+    assert!(
+        bag.topics()
+            .iter()
+            .all(|topic| topic.type_hash.starts_with("RIHS01_") && !topic.qos.is_empty()
+                || topic.name == "/cam/image_raw")
+    );
+    let record = bag.metadata().map(Result::unwrap).find(|record| record.name == "laser_profiler");
+    let entries = record.unwrap().entries;
+    assert_eq!(entries["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!((&*entries["input"], &*entries["input_topic"]), ("input", "/cam/image_raw"));
+    assert!(entries["parameters"].contains("extraction.min_segment_area: 20"));
+    assert!(!entries["parameters"].contains(place.path().to_str().unwrap()), "no absolute paths");
+    let attached = bag.attachments().next().unwrap().unwrap();
+    assert_eq!((&*attached.name, &*attached.data), ("calibration.yaml", calibration.as_bytes()));
+
+    let results = messages(&output);
+    let count = |name: &str| results.get(name).map_or(0, Vec::len);
+    assert_eq!(count("/laser_profiler/centerline"), 5);
+    assert_eq!(count("/laser_profiler/profile"), 5);
+    assert_eq!(count("/laser_profiler/points"), 1);
+    assert_eq!(count("/laser_profiler/height_map"), 1);
+    assert_eq!(count("/cam/image_raw"), 5);
+    let line = &results["/laser_profiler/centerline"][0];
+    let line: Centerline<'_> = cdr::decode(&line.data).unwrap();
+    let hash = entries["parameters_sha256"].get(..8).unwrap();
+    assert_eq!(line.method, format!("improved_gravity/{hash}"));
+}
+
+#[test]
+fn a_second_replay_gives_the_same_bytes() {
+    let place = tempfile::tempdir().unwrap();
+    let input = recording(&place.path().join("input"), &["/cam/image_raw"]);
+    let files = ["a", "b"].map(|directory| {
+        let output = place.path().join(directory).join("results");
+        replay(request(vec![input.clone()], &output)).unwrap();
+        ["results_0.mcap", "metadata.yaml"].map(|name| fs::read(output.join(name)).unwrap())
+    });
+    assert!(files[0] == files[1]);
+}
+
+#[test]
+fn what_cannot_be_replayed_is_refused_before_anything_is_written() {
+    let place = tempfile::tempdir().unwrap();
+    let one = recording(&place.path().join("one"), &["/left/image_raw"]);
+    let other = recording(&place.path().join("other"), &["/right/image_raw"]);
+    let two = recording(&place.path().join("two"), &["/left/image_raw", "/right/image_raw"]);
+    let output = place.path().join("results");
+    let refused = |bags: &[&PathBuf], output: &Path| {
+        let bags = bags.iter().map(|bag| (*bag).clone()).collect();
+        let request = ReplayRequest { force: true, ..request(bags, output) };
+        let error = replay(request).unwrap_err();
+        assert!(error.is_usage(), "{error}");
+        error.to_string()
+    };
+    assert!(refused(&[&two], &output).contains("--ros-args -r image_raw:=/right/image_raw"));
+    assert!(refused(&[&one, &other], &output).contains("replay them one by one"));
+    assert!(refused(&[&one], &one).contains("the recording itself"));
+    assert!(refused(&[&one], place.path()).contains("the recording itself"), "its parent");
+    assert!(!output.exists());
+    assert_eq!(messages(&one)["/left/image_raw"].len(), 5, "untouched");
+}

@@ -1,0 +1,94 @@
+//! Where every frame ended: in exactly one bin.
+
+use std::time::Duration;
+
+use super::histogram::Histogram;
+
+/// Counters of one stream. `received = processed + dropped_overload + rejected`, always.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Frames that arrived.
+    pub received: u64,
+    /// Frames that were measured.
+    pub processed: u64,
+    /// Frames that the full queue dropped.
+    pub dropped_overload: u64,
+    /// Size, step, encoding or CDR not valid.
+    pub malformed: u64,
+    /// The stamp of the frame before.
+    pub duplicate: u64,
+    /// A stamp before the last one.
+    pub out_of_order: u64,
+    /// Gaps in the sequence numbers of the middleware.
+    pub lost_transport: u64,
+    /// Points of all centrelines.
+    pub points: u64,
+    /// Slices published.
+    pub slices: u64,
+    /// Bytes handed to the recorder.
+    pub recorder_bytes: u64,
+}
+
+impl Counts {
+    /// Frames that arrived and were refused.
+    pub const fn rejected(&self) -> u64 {
+        self.malformed + self.duplicate + self.out_of_order
+    }
+
+    /// Frames that never arrived.
+    pub const fn lost(&self) -> u64 {
+        self.lost_transport
+    }
+
+    /// Whether every frame that exists was measured.
+    pub const fn is_complete(&self) -> bool {
+        self.rejected() == 0 && self.dropped_overload == 0 && self.lost() == 0
+    }
+}
+
+/// How long the stages of a frame take on this machine: for the summary only, never in a message of a replay.
+#[derive(Clone, Debug, Default)]
+pub struct StageTimes {
+    /// From the message to one channel of numbers.
+    pub decode: Histogram,
+    /// From there to the centreline.
+    pub extract: Histogram,
+    /// From there to the profile in the scan.
+    pub triangulate: Histogram,
+    /// From there to the bytes of all results.
+    pub encode: Histogram,
+}
+
+impl StageTimes {
+    /// Name and times of each stage, in order.
+    pub fn named(&self) -> [(&'static str, &Histogram); 4] {
+        [
+            ("decode", &self.decode),
+            ("extract", &self.extract),
+            ("triangulate", &self.triangulate),
+            ("encode", &self.encode),
+        ]
+    }
+}
+
+/// Frames and time of a whole run.
+#[derive(Clone, Debug, Default)]
+pub struct Summary {
+    /// Where the frames ended.
+    pub counts: Counts,
+    /// Time per stage.
+    pub stages: StageTimes,
+    /// Wall-clock time.
+    pub elapsed: Duration,
+    /// Damaged places in the input, behind which reading went on.
+    pub num_damaged: u64,
+    /// Whether a signal ended it before the input did.
+    pub was_interrupted: bool,
+}
+
+impl Summary {
+    /// Whether all of the input was read and measured.
+    pub const fn is_complete(&self) -> bool {
+        self.counts.is_complete() && self.num_damaged == 0 && !self.was_interrupted
+    }
+}

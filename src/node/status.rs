@@ -1,0 +1,197 @@
+//! `StreamStatus` and `/diagnostics`: what the counters say, once a second of the stream's time and on change.
+
+use std::borrow::Cow;
+
+use sha2::{Digest, Sha256};
+
+use crate::msg::{
+    builtin_interfaces::Time,
+    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
+    laser_profiler_msgs::StreamStatus,
+    std_msgs::Header,
+    unique_identifier_msgs::Uuid,
+};
+
+use super::statistics::Counts;
+
+const PERIOD_NS: i64 = 1_000_000_000;
+
+/// Who reports.
+#[derive(Clone, Debug)]
+pub struct Reporter {
+    /// Fully qualified name of the node.
+    pub node: String,
+    /// Input topic, fully resolved.
+    pub topic: String,
+    /// Frames that can wait for the worker.
+    pub queue_capacity: u32,
+    /// Identity of the session.
+    pub session_id: [u8; 16],
+}
+
+/// A UUID of version 8 from what makes a replay what it is: the same input and parameters give the same bytes.
+pub fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
+    let digest = Sha256::new()
+        .chain_update(topic)
+        .chain_update([0])
+        .chain_update(parameters_sha256)
+        .finalize();
+    let mut id = [0; 16];
+    id.copy_from_slice(&digest[..16]);
+    id[6] = (id[6] & 0x0f) | 0x80;
+    id[8] = (id[8] & 0x3f) | 0x80;
+    id
+}
+
+/// Decides when a report is due, from the times of the messages alone.
+#[derive(Debug, Default)]
+pub struct Schedule {
+    last: Option<(i64, Counts)>,
+    had_faults: bool,
+}
+
+/// Rate and state since the last report.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Frames received a second; 0 before the first interval ends.
+    pub rate_hz: f32,
+    /// Whether a frame was lost, dropped or rejected in it.
+    pub has_faults: bool,
+}
+
+impl Schedule {
+    /// Whether a report is due at `now_ns`: a second after the last one, or at once when the first fault of an
+    /// interval shows. Time that steps back starts a new interval.
+    pub fn poll(&mut self, now_ns: i64, counts: &Counts) -> Option<Interval> {
+        let Some((last_ns, last)) = self.last else {
+            self.last = Some((now_ns, Counts::default()));
+            return None;
+        };
+        let is_over = now_ns.checked_sub(last_ns).is_none_or(|age| !(0..PERIOD_NS).contains(&age));
+        let has_new_fault = !self.had_faults && faults(counts) > faults(&last);
+        (is_over || has_new_fault).then(|| self.close(now_ns, counts))
+    }
+
+    /// Ends the interval now.
+    pub fn close(&mut self, now_ns: i64, counts: &Counts) -> Interval {
+        let (last_ns, last) = self.last.unwrap_or((now_ns, Counts::default()));
+        let seconds = now_ns.saturating_sub(last_ns) as f64 / 1e9;
+        let received = (counts.received - last.received) as f64;
+        let rate_hz = if seconds > 0.0 { (received / seconds) as f32 } else { 0.0 };
+        let has_faults = faults(counts) > faults(&last);
+        self.last = Some((now_ns, *counts));
+        self.had_faults = has_faults;
+        Interval { rate_hz, has_faults }
+    }
+}
+
+const fn faults(counts: &Counts) -> u64 {
+    counts.rejected() + counts.dropped_overload + counts.lost()
+}
+
+impl Reporter {
+    /// The counters as a message. A replay has no latency and no queue worth telling: NaN and 0.
+    pub fn stream_status(
+        &self,
+        now_ns: i64,
+        counts: &Counts,
+        interval: Interval,
+    ) -> StreamStatus<'_> {
+        StreamStatus {
+            header: header(now_ns),
+            session_id: Uuid { uuid: self.session_id },
+            topic: Cow::Borrowed(&self.topic),
+            frames_received: counts.received,
+            frames_processed: counts.processed,
+            frames_published: counts.processed,
+            lost_upstream: 0,
+            lost_transport: counts.lost_transport,
+            dropped_overload: counts.dropped_overload,
+            rejected_malformed: counts.malformed,
+            rejected_duplicate: counts.duplicate,
+            rejected_out_of_order: counts.out_of_order,
+            recorder_dropped: 0,
+            recorder_bytes: counts.recorder_bytes,
+            rate: interval.rate_hz,
+            latency_p50: f32::NAN,
+            latency_p99: f32::NAN,
+            latency_max: f32::NAN,
+            queue_depth: 0,
+            queue_capacity: self.queue_capacity,
+        }
+    }
+
+    /// The state in words, for people and aggregators.
+    pub fn diagnostics(
+        &self,
+        now_ns: i64,
+        counts: &Counts,
+        interval: Interval,
+    ) -> DiagnosticArray<'_> {
+        let (level, message) = if interval.has_faults {
+            (DiagnosticStatus::WARN, "frames were lost, dropped or rejected")
+        } else {
+            (DiagnosticStatus::OK, "every frame measured")
+        };
+        let values = [
+            ("input topic", self.topic.clone()),
+            ("rate [Hz]", format!("{:.3}", interval.rate_hz)),
+            ("frames received", counts.received.to_string()),
+            ("frames processed", counts.processed.to_string()),
+            ("frames lost in transport", counts.lost_transport.to_string()),
+            ("frames dropped by overload", counts.dropped_overload.to_string()),
+            ("frames rejected as malformed", counts.malformed.to_string()),
+            ("frames rejected as duplicate", counts.duplicate.to_string()),
+            ("frames rejected as out of order", counts.out_of_order.to_string()),
+            ("slices", counts.slices.to_string()),
+        ];
+        let value = |(key, value)| KeyValue { key: Cow::Borrowed(key), value: Cow::Owned(value) };
+        let status = DiagnosticStatus {
+            level,
+            name: Cow::Owned(format!("{}: stream", self.node.trim_start_matches('/'))),
+            message: Cow::Borrowed(message),
+            hardware_id: Cow::Borrowed(""),
+            values: values.into_iter().map(value).collect(),
+        };
+        DiagnosticArray { header: header(now_ns), status: vec![status] }
+    }
+}
+
+fn header(now_ns: i64) -> Header<'static> {
+    Header { stamp: Time::from_ns(now_ns), frame_id: Cow::Borrowed("") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: i64 = 1_000_000;
+
+    fn counts(received: u64, malformed: u64) -> Counts {
+        Counts { received, malformed, processed: received - malformed, ..Counts::default() }
+    }
+
+    #[test]
+    fn reports_come_each_second_and_with_the_first_fault() {
+        let mut schedule = Schedule::default();
+        assert_eq!(schedule.poll(0, &counts(0, 0)), None);
+        assert_eq!(schedule.poll(999 * MS, &counts(9, 0)), None);
+        let report = schedule.poll(1000 * MS, &counts(10, 0)).unwrap();
+        assert!((report.rate_hz - 10.0).abs() < 1e-6 && !report.has_faults);
+        let report = schedule.poll(1500 * MS, &counts(15, 1)).unwrap();
+        assert!(report.has_faults, "at once");
+        assert_eq!(schedule.poll(1600 * MS, &counts(16, 2)), None, "one report says it");
+        assert!(schedule.poll(2500 * MS, &counts(25, 2)).unwrap().has_faults, "in this second too");
+        assert!(!schedule.poll(3500 * MS, &counts(35, 2)).unwrap().has_faults, "over");
+        assert!(schedule.poll(0, &counts(36, 2)).is_some(), "time stepped back");
+    }
+
+    #[test]
+    fn a_session_is_known_by_its_input_and_parameters() {
+        let id = session_id("/image_raw", "abc");
+        assert_eq!((id[6] >> 4, id[8] >> 6), (8, 2), "version 8, RFC 9562 variant");
+        assert_eq!(id, session_id("/image_raw", "abc"));
+        assert_ne!(id, session_id("/image_raw", "abd"));
+        assert_ne!(id, session_id("/image", "_rawabc"));
+    }
+}

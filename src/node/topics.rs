@@ -1,0 +1,99 @@
+//! The topics that the node publishes, by their DESIGN names, and what a recording must know of them.
+
+use crate::{
+    bag::{Topic, qos::QosProfile},
+    msg::{
+        diagnostic_msgs::DiagnosticArray,
+        foxglove_msgs::ImageAnnotations,
+        laser_profiler_msgs::{Centerline, Profile, SliceInfo, StreamStatus},
+        schema::{Message, MessageType},
+        sensor_msgs::{Image, PointCloud2},
+    },
+    ros::names::{NameError, NodeNames},
+    scanner::calibration::Calibration,
+};
+
+/// A published topic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Output {
+    /// The centreline of every frame.
+    Centerline,
+    /// The centreline over the image, for viewers.
+    Annotations,
+    /// Counters of the stream.
+    StreamStatus,
+    /// How the node is doing.
+    Diagnostics,
+    /// The metric profile of every frame.
+    Profile,
+    /// An organised slice.
+    Points,
+    /// The same slice without missing points.
+    PointsDense,
+    /// What a slice covers.
+    SliceInfo,
+    /// The heights of a scan.
+    HeightMap,
+}
+
+/// Every topic in the order of [`Output`]: those behind [`Output::Diagnostics`] need a calibration.
+const OUTPUTS: [(Output, &str, &MessageType, QosProfile); 9] = [
+    (Output::Centerline, "~/centerline", Centerline::TYPE, QosProfile::reliable(10)),
+    (Output::Annotations, "~/annotations", ImageAnnotations::TYPE, QosProfile::reliable(10)),
+    (Output::StreamStatus, "~/stream_status", StreamStatus::TYPE, QosProfile::latched(1)),
+    (Output::Diagnostics, "/diagnostics", DiagnosticArray::TYPE, QosProfile::reliable(10)),
+    (Output::Profile, "~/profile", Profile::TYPE, QosProfile::reliable(10)),
+    (Output::Points, "~/points", PointCloud2::TYPE, QosProfile::reliable(10)),
+    (Output::PointsDense, "~/points_dense", PointCloud2::TYPE, QosProfile::reliable(10)),
+    (Output::SliceInfo, "~/slice_info", SliceInfo::TYPE, QosProfile::reliable(10)),
+    (Output::HeightMap, "~/height_map", Image::TYPE, QosProfile::latched(1)),
+];
+
+/// The published topics with their resolved names; without a calibration there is nothing metric.
+///
+/// # Errors
+/// A remap rule that gives a topic a name that ROS does not allow.
+pub fn published(
+    names: &NodeNames,
+    calibration: Option<&Calibration>,
+) -> Result<Vec<Topic>, NameError> {
+    let uncalibrated = Output::Diagnostics as usize + 1;
+    let num = calibration.map_or(uncalibrated, |_| OUTPUTS.len());
+    let topic = |&(_, name, kind, qos): &(Output, &str, &MessageType, QosProfile)| {
+        Ok(Topic {
+            name: names.resolve(name)?,
+            type_name: kind.name.to_owned(),
+            message_encoding: "cdr".to_owned(),
+            schema_encoding: "ros2msg".to_owned(),
+            schema: kind.schema().into_bytes(),
+            type_hash: kind.hash.to_owned(),
+            qos: qos.to_yaml(),
+        })
+    };
+    OUTPUTS[..num].iter().map(topic).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_is_in_the_order_of_the_enum() {
+        for (index, (output, ..)) in OUTPUTS.iter().enumerate() {
+            assert_eq!(*output as usize, index);
+        }
+    }
+
+    #[test]
+    fn names_follow_the_node_and_its_remaps() {
+        let rule = ros2args::RemapRule::new_global("~/points".into(), "/cloud".into());
+        let names = NodeNames::new("laser_profiler", &[rule]).unwrap();
+        let topics = published(&names, Some(&crate::node::tests::calibration())).unwrap();
+        let name = |output: Output| topics[output as usize].name.as_str();
+        assert_eq!(name(Output::Centerline), "/laser_profiler/centerline");
+        assert_eq!(name(Output::Points), "/cloud");
+        assert_eq!(name(Output::Diagnostics), "/diagnostics");
+        assert_eq!(published(&names, None).unwrap().len(), 4);
+    }
+}

@@ -1,0 +1,144 @@
+//! The command line's `--ros-args … --` groups, cut out of the program's own arguments.
+
+use std::path::PathBuf;
+
+use ros2args::{LogLevel, RemapRule, Ros2ArgsError};
+use thiserror::Error;
+
+use super::value::Value;
+
+/// Why ROS arguments are refused.
+#[derive(Debug, Error)]
+pub enum ArgumentError {
+    /// The grammar of ROS arguments.
+    #[error("{0}")]
+    Syntax(#[from] Ros2ArgsError),
+    /// An argument of rcl that this program would have to ignore.
+    #[error("ROS argument {0} is not supported: leave it out")]
+    Unsupported(&'static str),
+    /// A parameter that is not a scalar.
+    #[error("-p {0}: the value must be a single number, word or text")]
+    NotScalar(String),
+}
+
+/// One `-p [node:]name:=value`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assignment {
+    /// The node it speaks of; `None` is every node.
+    pub node: Option<String>,
+    /// The parameter.
+    pub name: String,
+    /// What it is set to.
+    pub value: Value,
+}
+
+/// All `--ros-args` groups of a command line.
+#[derive(Clone, Debug, Default)]
+pub struct RosArguments {
+    /// `-r`, in order.
+    pub remaps: Vec<RemapRule>,
+    /// `-p`, in order.
+    pub assignments: Vec<Assignment>,
+    /// `--params-file`, in order.
+    pub parameter_files: Vec<PathBuf>,
+    /// The last `--log-level` for the whole program.
+    pub log_level: Option<LogLevel>,
+}
+
+/// Splits a command line into ROS arguments and the rest.
+///
+/// # Errors
+/// An unknown or unsupported ROS argument, or one that is badly formed.
+pub fn split(arguments: &[String]) -> Result<(RosArguments, Vec<String>), ArgumentError> {
+    let (parsed, rest) = ros2args::parse_ros2_args(arguments)?;
+    if parsed.log_config_file.is_some() {
+        return Err(ArgumentError::Unsupported("--log-config-file"));
+    }
+    if parsed.enclave.is_some() {
+        return Err(ArgumentError::Unsupported("--enclave"));
+    }
+    let assignments = parsed.param_assignments.iter().map(assignment).collect::<Result<_, _>>()?;
+    let global = parsed.log_levels.iter().rev().find(|rule| rule.logger_name.is_none());
+    let arguments = RosArguments {
+        log_level: global.map(|rule| rule.level),
+        remaps: parsed.remap_rules,
+        assignments,
+        parameter_files: parsed.param_files,
+    };
+    Ok((arguments, rest))
+}
+
+fn assignment(parsed: &ros2args::ParamAssignment) -> Result<Assignment, ArgumentError> {
+    let value = if let Some(value) = parsed.as_bool() {
+        Value::Bool(value)
+    } else if let Some(value) = parsed.as_i64() {
+        Value::Integer(value)
+    } else if let Some(value) = parsed.as_f64() {
+        Value::Float(value)
+    } else if let Some(value) = parsed.as_str() {
+        Value::Text(value.to_owned())
+    } else {
+        return Err(ArgumentError::NotScalar(parsed.name.clone()));
+    };
+    Ok(Assignment { node: parsed.node_name.clone(), name: parsed.name.clone(), value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(text: &str) -> Vec<String> {
+        text.split_whitespace().map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn several_groups_are_cut_out() {
+        let (ros, rest) = split(&line(
+            "replay --ros-args -r a:=b -p top:motion.step:=0.5 -- bag --ros-args --params-file f.yaml --log-level debug",
+        ))
+        .unwrap();
+        assert_eq!(rest, line("replay bag"));
+        assert_eq!(ros.remaps, [RemapRule::new_global("a".into(), "b".into())]);
+        let step = Assignment {
+            node: Some("top".into()),
+            name: "motion.step".into(),
+            value: Value::Float(0.5),
+        };
+        assert_eq!(ros.assignments, [step]);
+        assert_eq!(ros.parameter_files, [PathBuf::from("f.yaml")]);
+        assert_eq!(ros.log_level, Some(LogLevel::Debug));
+    }
+
+    #[test]
+    fn values_keep_their_yaml_type() {
+        let (ros, _) =
+            split(&line("--ros-args -p a:=35 -p b:=35.0 -p c:=auto -p d:=true -p e:='35'"))
+                .unwrap();
+        let values: Vec<_> =
+            ros.assignments.into_iter().map(|assignment| assignment.value).collect();
+        let expected = [
+            Value::Integer(35),
+            Value::Float(35.0),
+            Value::Text("auto".into()),
+            Value::Bool(true),
+            Value::Text("35".into()),
+        ];
+        assert_eq!(values, expected);
+    }
+
+    #[test]
+    fn what_is_not_understood_is_an_error() {
+        for text in [
+            "--bogus",
+            "-r",
+            "-r a",
+            "-p a",
+            "-p a:=[1,2]",
+            "-p a:=",
+            "--enclave /e",
+            "--log-level loud",
+        ] {
+            assert!(split(&line(&format!("--ros-args {text}"))).is_err(), "{text}");
+        }
+    }
+}

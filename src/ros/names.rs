@@ -1,0 +1,163 @@
+//! Names as rcl resolves them: relative, `~/private` and `/absolute`, then the first matching remap rule.
+
+use ros2args::{RemapRule, Ros2ArgsError, names};
+use thiserror::Error;
+
+/// Why a name or a remap rule is refused.
+#[derive(Debug, Error)]
+pub enum NameError {
+    /// A name with characters or slashes that ROS does not allow.
+    #[error("{0}")]
+    Invalid(#[from] Ros2ArgsError),
+    /// Substitutions are not expanded.
+    #[error(
+        "name {0:?} holds a substitution in braces, which is not supported: write the name out"
+    )]
+    Substitution(String),
+}
+
+/// A node's resolved identity and the rules that rename its topics.
+#[derive(Clone, Debug)]
+pub struct NodeNames {
+    name: String,
+    namespace: String,
+    rules: Vec<RemapRule>,
+}
+
+impl NodeNames {
+    /// The node called `name` after its `__node` and `__ns` rules. A rule with a node prefix speaks of the name before
+    /// renaming here and of the final one in [`resolve`](Self::resolve), as in rcl.
+    ///
+    /// # Errors
+    /// A node name, namespace or topic name in a rule that ROS does not allow.
+    pub fn new(name: &str, rules: &[RemapRule]) -> Result<Self, NameError> {
+        let renamed = |keys: &[&str]| {
+            rules
+                .iter()
+                .find(|rule| rule.applies_to_node(name) && keys.contains(&rule.from.as_str()))
+                .map(|rule| rule.to.clone())
+        };
+        // `__name` is the older spelling of `__node`; rcl takes both.
+        let final_name = renamed(&["__node", "__name"]).unwrap_or_else(|| name.to_owned());
+        names::validate_node_name(&final_name)?;
+        let mut namespace = renamed(&["__ns"]).unwrap_or_else(|| "/".to_owned());
+        if !namespace.starts_with('/') {
+            namespace.insert(0, '/');
+        }
+        names::validate_namespace(&namespace)?;
+
+        let rules: Vec<_> =
+            rules.iter().filter(|rule| !rule.from.starts_with("__")).cloned().collect();
+        let names = Self { name: final_name, namespace, rules };
+        for rule in &names.rules {
+            names.expand(topic_of(rule))?;
+            names.expand(&rule.to)?;
+        }
+        Ok(names)
+    }
+
+    /// The node's name without its namespace.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Namespace and name, as in `/cell/laser_profiler`.
+    pub fn fully_qualified(&self) -> String {
+        names::build_node_fqn(&self.namespace, &self.name)
+    }
+
+    /// The absolute name of a topic after remapping; the first rule that matches decides.
+    ///
+    /// # Errors
+    /// A name that ROS does not allow.
+    pub fn resolve(&self, topic: &str) -> Result<String, NameError> {
+        self.remapped(topic)?.map_or_else(|| self.expand(topic), Ok)
+    }
+
+    /// The absolute name that a rule gives to a topic; `None` when no rule speaks of it.
+    ///
+    /// # Errors
+    /// A name that ROS does not allow.
+    pub fn remapped(&self, topic: &str) -> Result<Option<String>, NameError> {
+        let expanded = self.expand(topic)?;
+        for rule in &self.rules {
+            if rule.applies_to_node(&self.name) && self.expand(topic_of(rule))? == expanded {
+                return self.expand(&rule.to).map(Some);
+            }
+        }
+        Ok(None)
+    }
+
+    fn expand(&self, topic: &str) -> Result<String, NameError> {
+        if topic.contains(['{', '}']) {
+            return Err(NameError::Substitution(topic.to_owned()));
+        }
+        Ok(names::expand_topic_name(&self.namespace, &self.name, topic)?)
+    }
+}
+
+/// The topic a rule speaks of; rcl lets `rostopic://` stand before it.
+fn topic_of(rule: &RemapRule) -> &str {
+    rule.from.strip_prefix("rostopic://").unwrap_or(&rule.from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(rules: &[&str]) -> Result<NodeNames, NameError> {
+        let mut arguments = vec!["--ros-args".to_owned()];
+        for rule in rules {
+            arguments.extend(["-r".to_owned(), (*rule).to_owned()]);
+        }
+        NodeNames::new(
+            "laser_profiler",
+            &ros2args::parse_ros2_args(&arguments).unwrap().0.remap_rules,
+        )
+    }
+
+    fn resolved(rules: &[&str], topic: &str) -> String {
+        names(rules).unwrap().resolve(topic).unwrap()
+    }
+
+    #[test]
+    fn names_are_expanded_before_they_are_compared() {
+        assert_eq!(resolved(&[], "image_raw"), "/image_raw");
+        assert_eq!(resolved(&[], "~/points"), "/laser_profiler/points");
+        assert_eq!(resolved(&[], "/diagnostics"), "/diagnostics");
+        assert_eq!(resolved(&["__ns:=/cell"], "image_raw"), "/cell/image_raw");
+        assert_eq!(resolved(&["__ns:=cell", "__node:=top"], "~/points"), "/cell/top/points");
+        assert_eq!(resolved(&["/cell/image_raw:=/a", "__ns:=/cell"], "image_raw"), "/a");
+        assert_eq!(
+            resolved(&["image_raw:=left/image", "__ns:=/cell"], "image_raw"),
+            "/cell/left/image"
+        );
+        assert_eq!(
+            resolved(&["/laser_profiler/points:=~/cloud"], "~/points"),
+            "/laser_profiler/cloud"
+        );
+    }
+
+    #[test]
+    fn the_first_matching_rule_wins() {
+        assert_eq!(resolved(&["image_raw:=/a", "image_raw:=/b"], "image_raw"), "/a");
+        assert_eq!(resolved(&["__node:=a", "__node:=b"], "~/x"), "/a/x");
+    }
+
+    #[test]
+    fn a_node_prefix_speaks_of_one_node_only() {
+        assert_eq!(resolved(&["other:image_raw:=/a", "image_raw:=/b"], "image_raw"), "/b");
+        assert_eq!(resolved(&["laser_profiler:image_raw:=/a"], "image_raw"), "/a");
+        assert_eq!(
+            resolved(&["laser_profiler:__node:=top", "top:image_raw:=/a"], "image_raw"),
+            "/a"
+        );
+    }
+
+    #[test]
+    fn names_that_ros_forbids_are_refused() {
+        for rule in ["__node:=a/b", "__ns:=/a//b", "image_raw:=/9a", "a b:=/c", "x:={node}/a"] {
+            assert!(names(&[rule]).is_err(), "{rule}");
+        }
+    }
+}
