@@ -1,0 +1,237 @@
+//! A scenario file: everything about a simulated scan, imperfections included, and nothing anywhere else.
+
+use std::fmt::Display;
+
+use serde::Deserialize;
+use thiserror::Error;
+
+use super::{camera::Camera, clutter::Clutter, part::Part};
+
+/// Most frames of a scenario.
+const MAX_FRAMES: u32 = 1_000_000;
+/// Most entries of any list in a scenario.
+pub(super) const MAX_ENTRIES: usize = 1000;
+
+/// Why a text is not a scenario.
+#[derive(Debug, Error)]
+pub enum ScenarioError {
+    /// Not YAML, an unknown key, a missing key or a value of the wrong type.
+    #[error("{0}")]
+    Yaml(Box<serde_saphyr::Error>),
+    /// A value outside of what can be simulated.
+    #[error("{key} is {value}: allowed is {allowed}")]
+    Range {
+        /// Path of the value, as in `camera.width_px`.
+        key: String,
+        /// The value.
+        value: String,
+        /// What would be right.
+        allowed: String,
+    },
+}
+
+/// A simulated scan.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Frames that the camera takes, dropped ones included.
+    pub frames: u32,
+    /// Frames a second.
+    pub frame_rate_hz: f64,
+    /// Stamp of frame 0, nanoseconds since the epoch.
+    pub start_time_ns: i64,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Numbers of the frames that are taken but never arrive.
+    #[serde(default)]
+    pub dropped_frames: Vec<u32>,
+    /// How the part moves through the laser plane.
+    pub motion: Motion,
+    /// The plane of light.
+    pub laser: Laser,
+    /// The camera that sees the stripe.
+    pub camera: Camera,
+    /// What is scanned.
+    pub part: Part,
+    /// Light that is not the stripe.
+    #[serde(default)]
+    pub clutter: Clutter,
+}
+
+/// A steady motion: the laser plane meets the part at y = `start_m + frame · step_m`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motion {
+    /// Position of frame 0, metres.
+    pub start_m: f64,
+    /// Metres from a frame to the next.
+    pub step_m: f64,
+}
+
+/// The stripe's light. Grey levels are those of the camera's bit depth.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Laser {
+    /// Grey level at the centre of the stripe on a surface of reflectance 1, if pixels were points.
+    pub amplitude: f64,
+    /// Standard deviation across the stripe, pixels.
+    pub sigma_px: f64,
+    /// Standard deviation of the brightness along the stripe as a share of its mean.
+    #[serde(default)]
+    pub speckle_contrast: f64,
+    /// Standard deviation of the Gaussian that smooths the speckle along the stripe, pixels; 0: white.
+    #[serde(default)]
+    pub speckle_sigma_px: f64,
+}
+
+impl Scenario {
+    /// Reads a scenario and checks every value.
+    ///
+    /// # Errors
+    /// A text that is not a scenario, or a value outside of its range; both name the key.
+    pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
+        let scenario: Self =
+            serde_saphyr::from_str(text).map_err(|error| ScenarioError::Yaml(Box::new(error)))?;
+        scenario.check()?;
+        Ok(scenario)
+    }
+
+    /// Stamp of a frame, nanoseconds since the epoch: the middle of its exposure.
+    pub fn stamp_ns(&self, frame: u32) -> i64 {
+        self.start_time_ns + i64::from(frame) * (1e9 / self.frame_rate_hz).round() as i64
+    }
+
+    /// Where the laser plane meets the part in a frame, metres along the motion.
+    pub fn position_m(&self, frame: u32) -> f64 {
+        self.motion.start_m + f64::from(frame) * self.motion.step_m
+    }
+
+    fn check(&self) -> Result<(), ScenarioError> {
+        check_range("frames", f64::from(self.frames), 1.0, f64::from(MAX_FRAMES))?;
+        check_range("frame_rate_hz", self.frame_rate_hz, 0.01, 1e5)?;
+        // ROS counts seconds in 31 bits, to 2038; the longest scenario takes 10⁸ of them.
+        check_range("start_time_ns", self.start_time_ns as f64, 0.0, 2e18)?;
+        check_range("motion.start_m", self.motion.start_m, -100.0, 100.0)?;
+        check_range("motion.step_m", self.motion.step_m, -1.0, 1.0)?;
+        check_range("laser.amplitude", self.laser.amplitude, 0.0, 1e6)?;
+        check_range("laser.sigma_px", self.laser.sigma_px, 0.1, 100.0)?;
+        check_range("laser.speckle_contrast", self.laser.speckle_contrast, 0.0, 1.0)?;
+        check_range("laser.speckle_sigma_px", self.laser.speckle_sigma_px, 0.0, 100.0)?;
+        for (index, &frame) in self.dropped_frames.iter().enumerate() {
+            let last = f64::from(self.frames - 1);
+            check_range(&format!("dropped_frames[{index}]"), f64::from(frame), 0.0, last)?;
+        }
+        self.camera.check()?;
+        self.part.check()?;
+        self.camera.check_above(&self.part)?;
+        self.clutter.check()
+    }
+}
+
+/// Refuses a value that is not within `min ..= max`; NaN never is.
+pub(super) fn check_range(key: &str, value: f64, min: f64, max: f64) -> Result<(), ScenarioError> {
+    if (min..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(range_error(key, value, format!("{min} to {max}")))
+}
+
+/// Refuses a list that is too long to be meant.
+pub(super) fn check_entries<T>(key: &str, list: &[T]) -> Result<(), ScenarioError> {
+    if list.len() <= MAX_ENTRIES {
+        return Ok(());
+    }
+    Err(range_error(key, format!("{} entries", list.len()), format!("at most {MAX_ENTRIES}")))
+}
+
+/// The error of a value that cannot be simulated.
+pub(super) fn range_error(key: &str, value: impl Display, allowed: String) -> ScenarioError {
+    ScenarioError::Range { key: key.to_owned(), value: value.to_string(), allowed }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A small scene: a cell with a film and one of each defect.
+    pub(crate) const SMALL: &str = "
+frames: 40
+frame_rate_hz: 22.0
+start_time_ns: 1767225600000000000
+seed: 1
+dropped_frames: [7, 8]
+motion: {start_m: -0.005, step_m: 0.0005}
+laser: {amplitude: 183.0, sigma_px: 2.3}
+camera:
+  width_px: 160
+  height_px: 96
+  image_distance_m: 0.026
+  object_distance_m: 0.3
+  beta_rad: 0.5235987755982988
+  pixel_pitch_m: 9.6e-6
+  base_row_px: 75.0
+  center_column_px: 79.5
+  height_sign: -1
+part:
+  table_reflectance: 0.5
+  cell: {width_m: 0.012, length_m: 0.010, height_m: 0.004, reflectance: 0.8}
+  film:
+    margin_m: 0.001
+    thickness_m: 0.0002
+    reflectance: 1.0
+    warp: {bow_x_m: 0.0001, bow_y_m: 0.00005, twist_m: 0.00002}
+    bubbles: [{x_m: 0.002, y_m: 0.005, radius_m: 0.001, height_m: 0.0004}]
+    pits: [{x_m: -0.0035, y_m: 0.007, radius_m: 0.0005, depth_m: 0.0003}]
+    folds: [{from_m: [-0.003, 0.002], to_m: [-0.001, 0.008], half_width_m: 0.0004, height_m: 0.0003}]
+";
+
+    fn refusal(from: &str, to: &str) -> String {
+        assert!(SMALL.contains(from), "{from}");
+        Scenario::from_yaml(&SMALL.replacen(from, to, 1)).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn stamps_and_positions_are_even() {
+        let scenario = Scenario::from_yaml(SMALL).unwrap();
+        assert_eq!(scenario.stamp_ns(0), 1_767_225_600_000_000_000);
+        assert_eq!(scenario.stamp_ns(22), 1_767_225_600_999_999_990, "22 periods of 45454545 ns");
+        assert!((scenario.position_m(30) - 0.010).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_wrong_value_is_refused_with_key_value_and_range() {
+        for (from, to, message) in [
+            ("frames: 40", "frames: 0", "frames is 0: allowed is 1 to 1000000"),
+            ("width_px: 160", "width_px: 9000", "camera.width_px is 9000: allowed is 8 to 8192"),
+            ("sigma_px: 2.3", "sigma_px: .nan", "laser.sigma_px is NaN: allowed is 0.1 to 100"),
+            ("[7, 8]", "[7, 40]", "dropped_frames[1] is 40: allowed is 0 to 39"),
+            ("height_sign: -1", "height_sign: 2", "camera.height_sign is 2: allowed is -1 or 1"),
+            (
+                "height_m: 0.0004",
+                "height_m: 0.1",
+                "part.film.bubbles[0].height_m is 0.1: allowed is 0 to 0.001",
+            ),
+            (
+                "margin_m: 0.001",
+                "margin_m: 0.006",
+                "part.film.margin_m is 0.006: allowed is 0 to 0.005",
+            ),
+        ] {
+            assert_eq!(refusal(from, to), message);
+        }
+    }
+
+    #[test]
+    fn a_key_that_is_unknown_missing_or_of_the_wrong_type_is_named() {
+        for (from, to, word) in [
+            ("seed: 1", "sead: 1", "sead"),
+            ("  height_px: 96\n", "", "height_px"),
+            ("frames: 40", "frames: many", "frames: many"),
+            ("height_px: 96", "height_px: 96\n  bit_depth: 10", "10"),
+            ("height_px: 96", "height_px: 96\n  stripe_direction: diagonal", "diagonal"),
+        ] {
+            let message = refusal(from, to);
+            assert!(message.contains(word), "{message}");
+        }
+    }
+}
