@@ -17,6 +17,7 @@ use crate::{
         names::{NameError, NodeNames},
         node_params::{Compression, NodeParams},
         parameters::{ParameterError, Parameters},
+        value::Value,
     },
     scanner::{
         calibration::{Calibration, CalibrationError},
@@ -151,7 +152,7 @@ impl Replay {
     pub fn prepare(request: ReplayRequest) -> Result<Self, ReplayError> {
         request.rate.map(Pacer::new).transpose()?;
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
-        let values = Parameters::load(&names, &request.ros)?;
+        let mut values = Parameters::load(&names, &request.ros)?;
         let params = NodeParams::new(&values)?;
         let calibration = params.calibration_file.as_deref().map(load_calibration).transpose()?;
         let options = ReadOptions {
@@ -179,6 +180,9 @@ impl Replay {
             bag: PathBuf::new(),
             source: InputError::NoImages(Vec::new()),
         })?;
+        // What is recorded as effective is what was done, not the default that gave way.
+        let transport = Value::Text(image_topic.transport.name().to_owned());
+        values.set("image_transport", transport, "the recording")?;
         Ok(Self { request, names, values, params, calibration, bags, image_topic })
     }
 

@@ -5,7 +5,7 @@ use crate::{
     bag::{RawMessage, Recorder, Times},
     msg::{cdr, laser_profiler_msgs::Centerline},
     node::{source::Input, tests::good},
-    ros::{arguments::Assignment, value::Value},
+    ros::arguments::Assignment,
 };
 
 /// Writes a bag with five frames on each of these topics.
@@ -16,7 +16,10 @@ fn recording(directory: &Path, topics: &[&str]) -> PathBuf {
             let Input::Message(message) = good(number, i64::from(number) * 500) else {
                 unreachable!()
             };
-            let topic = Topic { name: (*name).to_owned(), ..(*message.topic).clone() };
+            let mut topic = Topic { name: (*name).to_owned(), ..(*message.topic).clone() };
+            if name.ends_with("/compressed") {
+                topic.type_name = "sensor_msgs/msg/CompressedImage".to_owned();
+            }
             let id = recorder.add_topic(&topic).unwrap();
             let (log_ns, publish_ns) = (message.log_time_ns, message.publish_time_ns);
             recorder
@@ -96,6 +99,18 @@ fn the_results_bag_explains_itself() {
     let line: Centerline<'_> = cdr::decode(&line.data).unwrap();
     let hash = entries["parameters_sha256"].get(..8).unwrap();
     assert_eq!(line.method, format!("improved_gravity/{hash}"));
+}
+
+#[test]
+fn the_transport_that_was_found_is_the_effective_one() {
+    let place = tempfile::tempdir().unwrap();
+    for (name, transport) in [("/image_raw", "raw"), ("/image_raw/compressed", "compressed")] {
+        let input = recording(&place.path().join(transport), &[name]);
+        let output = place.path().join("results");
+        let replay = Replay::prepare(request(vec![input], &output)).unwrap();
+        let line = format!("image_transport: {transport}\n");
+        assert!(replay.description().parameters.contains(&line));
+    }
 }
 
 #[test]
