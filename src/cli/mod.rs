@@ -6,6 +6,8 @@ pub mod replay;
 pub mod parameters;
 pub mod info;
 pub mod recover;
+pub mod simulate;
+pub mod demo;
 
 use std::{
     ffi::OsString,
@@ -34,6 +36,7 @@ pub struct Usage(pub String);
 
 const EXAMPLES: &str = "\
 Examples:
+  laser_profiler demo                                a bundled recording, replayed, drawn and explained
   laser_profiler replay my_recording -o results
   laser_profiler replay my_recording -o results --ros-args -r image_raw:=/camera/image_raw -p stripe_direction:=vertical
   laser_profiler parameters > my_parameters.yaml     every parameter with its meaning, to edit and to give back:
@@ -56,6 +59,8 @@ enum Verb {
     Replay(replay::ReplayArgs),
     Info(info::InfoArgs),
     Recover(recover::RecoverArgs),
+    Simulate(simulate::SimulateArgs),
+    Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
 }
 
@@ -77,6 +82,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Replay(args) => replay::run(args, ros, out),
         Verb::Info(args) => info::run(&args, out),
         Verb::Recover(args) => recover::run(&args, out),
+        Verb::Simulate(args) => simulate::run(&args, out),
+        Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),
     }
 }

@@ -1,0 +1,226 @@
+//! `laser_profiler demo`: the bundled recording, replayed through the node, drawn and explained.
+
+use std::{
+    cmp::Ordering,
+    fmt::Write as _,
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, Result};
+
+use super::{Outcome, quiet_pipe, replay::replay};
+use crate::{
+    bag::{BagReader, Filter, ReadOptions},
+    msg::{cdr, sensor_msgs::PointCloud2},
+    node::{replay::ReplayRequest, statistics::Summary, stop::Stop},
+    ros::arguments::RosArguments,
+    simulate::scenario::Scenario,
+};
+use deviation::{Deviation, deviations};
+use surface::{Surface, position_m};
+use truth::{known_defects, nearest};
+
+pub mod surface;
+pub mod deviation;
+pub mod truth;
+pub mod picture;
+
+/// What stands out by more counts as a defect, metres.
+const THRESHOLD_M: f64 = 60e-6;
+/// Smaller places are noise, square metres.
+const MIN_AREA_M2: f64 = 0.3e-6;
+/// A defect's middle is found at least so near to its place, metres.
+const REACH_M: f64 = 2e-3;
+/// Columns that the blur of the default parameters mixes with their neighbours.
+const BLUR_REACH: usize = 3;
+/// The cloud that is drawn.
+const POINTS_TOPIC: &str = "/laser_profiler/points";
+
+/// The bundled recording, file by file.
+const FILES: [(&str, &[u8]); 4] = [
+    (
+        "film_defects/film_defects_0.mcap",
+        include_bytes!("../../bags/film_defects/film_defects_0.mcap"),
+    ),
+    ("film_defects/metadata.yaml", include_bytes!("../../bags/film_defects/metadata.yaml")),
+    ("film_defects/calibration.yaml", include_bytes!("../../bags/film_defects/calibration.yaml")),
+    ("film_defects.params.yaml", include_bytes!("../../bags/film_defects.params.yaml")),
+];
+const SCENARIO: &str = include_str!("../../bags/film_defects.scenario.yaml");
+
+/// Replays the bundled recording, draws what was measured and tells how to look at it.
+#[derive(Debug, clap::Args)]
+pub struct DemoArgs {
+    /// Directory of the recording, the results and the pictures; those of an earlier demo are replaced.
+    #[arg(short, long, value_name = "DIR", default_value = "demo")]
+    pub output: PathBuf,
+}
+
+/// What was found.
+#[derive(Debug)]
+struct Findings {
+    surface: Surface,
+    scenario: Scenario,
+    deviations: Vec<Deviation>,
+}
+
+/// Replays, draws and prints on `out` what was found.
+///
+/// # Errors
+/// A directory that cannot be written.
+pub fn run(args: &DemoArgs, out: &mut dyn Write) -> Result<Outcome> {
+    let directory = &args.output;
+    let request = unpack(directory)?;
+    let results = request.output.clone();
+    let summary = replay(request, &Stop::default())?;
+    let findings = Findings::read(&results)?;
+    findings.draw(directory)?;
+    let report = findings.report(&summary, directory)?;
+    quiet_pipe(out.write_all(report.as_bytes())).context("standard output")?;
+    // The recording lacks frames on purpose; nothing else may be missing.
+    let is_as_recorded = summary.counts.lost() == findings.scenario.dropped_frames.len() as u64
+        && summary.counts.received == summary.counts.processed;
+    Ok(if is_as_recorded { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// Lays the bundled recording and its parameters into a directory, ready for a replay.
+fn unpack(directory: &Path) -> Result<ReplayRequest> {
+    let recording = directory.join("film_defects");
+    fs::create_dir_all(&recording)
+        .with_context(|| format!("cannot create {}", recording.display()))?;
+    for (name, content) in FILES {
+        let path = directory.join(name);
+        fs::write(&path, content).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    let parameters = directory.join("film_defects.params.yaml");
+    Ok(ReplayRequest {
+        bags: vec![recording],
+        output: directory.join("results"),
+        force: true,
+        ros: RosArguments { parameter_files: vec![parameters], ..RosArguments::default() },
+        ..ReplayRequest::default()
+    })
+}
+
+impl Findings {
+    /// Takes the slices of a results' recording together and looks for what stands out.
+    fn read(results: &Path) -> Result<Self> {
+        let mut surface = Surface::default();
+        let reader = BagReader::open(results, &ReadOptions::default())?;
+        for message in reader.messages(&Filter::topics([POINTS_TOPIC])) {
+            surface.append(&cdr::decode::<PointCloud2<'_>>(&message?.data)?)?;
+        }
+        let deviations = deviations(&surface, THRESHOLD_M, MIN_AREA_M2);
+        Ok(Self { surface, scenario: Scenario::from_yaml(SCENARIO)?, deviations })
+    }
+
+    fn draw(&self, directory: &Path) -> Result<()> {
+        let part = self.surface.inside_part(BLUR_REACH);
+        let scale_m = part.extent_m(2).context("nothing was measured")?;
+        let title = "Film of a simulated cell: height above the table";
+        picture::save_height_map(&directory.join("height_map.png"), title, &self.surface, scale_m)?;
+        let top = self.deviations.first().context("no defect was found")?;
+        let (position_m, profile) = (part.profiles())
+            .filter_map(|profile| Some((f64::from(position_m(profile)?), profile)))
+            .min_by(|(a, _), (b, _)| nearer(top.center_m[1], *a, *b))
+            .context("nothing was measured")?;
+        let truth_m: Vec<f64> = profile.iter().map(|point| self.true_height_m(point)).collect();
+        let title = format!("Cross-section at y = {:.1} mm", 1e3 * position_m);
+        picture::save_profile(&directory.join("profile.png"), &title, profile, &truth_m)
+    }
+
+    /// What the scenario says about the place of a point; the first frame lies at y = 0.
+    fn true_height_m(&self, point: &[f32; 4]) -> f64 {
+        let [x_m, y_m] = [point[0], point[1]].map(f64::from);
+        self.scenario.part.surface(x_m, y_m + self.scenario.motion.start_m).height_m
+    }
+
+    fn report(&self, summary: &Summary, directory: &Path) -> Result<String> {
+        let counts = &summary.counts;
+        let mut text = format!(
+            "A simulated cell with a film went through the node: {} frames measured, {} lost (the recording lacks \
+             them on purpose),\n{} points in {} slices, {:.2} s.\n\n",
+            counts.processed,
+            counts.lost(),
+            counts.points,
+            counts.slices,
+            summary.elapsed.as_secs_f64(),
+        );
+        let limit_um = 1e6 * THRESHOLD_M;
+        writeln!(
+            text,
+            "What stands out of the film's smooth shape by more than {limit_um:.0} µm:\n"
+        )?;
+        self.write_table(&mut text)?;
+        let file = |name: &str| directory.join(name).display().to_string();
+        write!(
+            text,
+            "
+See    {map}  {profile}
+Data   {results}
+       Foxglove  app.foxglove.dev, Open local file; a 3D panel shows /laser_profiler/points_dense,
+                 an Image panel /laser_profiler/height_map
+       Rerun     rerun {results}
+Again  laser_profiler replay {recording} -o again --params-file {parameters}
+",
+            map = file("height_map.png"),
+            profile = file("profile.png"),
+            results = file("results/results_0.mcap"),
+            recording = file("film_defects"),
+            parameters = file("film_defects.params.yaml"),
+        )?;
+        Ok(text)
+    }
+
+    fn write_table(&self, text: &mut String) -> Result<()> {
+        let known = known_defects(&self.scenario);
+        writeln!(text, "   x [mm]   y [mm]   area [mm²]   height [µm]   true height [µm]")?;
+        for found in &self.deviations {
+            let [x_mm, y_mm] = found.center_m.map(|metres| 1e3 * metres);
+            let (area_mm2, height_um) = (1e6 * found.area_m2, 1e6 * found.height_m);
+            write!(text, "  {x_mm:7.1}  {y_mm:7.1}  {area_mm2:11.1}  {height_um:+12.0}")?;
+            match nearest(&known, found.center_m, REACH_M) {
+                Some(known) => writeln!(text, "  {:+17.0}  {}", 1e6 * known.height_m, known.name)?,
+                None => writeln!(text, "  {:>17}", "none")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Orders two positions by their distance from `goal`.
+fn nearer(goal: f64, a: f64, b: f64) -> Ordering {
+    (a - goal).abs().total_cmp(&(b - goal).abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_demo_finds_the_defects_of_its_scenario_and_nothing_else() {
+        let directory = tempfile::tempdir().unwrap();
+        let args = DemoArgs { output: directory.path().join("a demo: \"quoted\"") };
+        let mut printed = Vec::new();
+        assert_eq!(run(&args, &mut printed).unwrap(), Outcome::Done);
+        let findings = Findings::read(&args.output.join("results")).unwrap();
+        let known = known_defects(&findings.scenario);
+        assert_eq!(findings.deviations.len(), known.len());
+        for defect in &known {
+            let found = (findings.deviations.iter())
+                .find(|found| (found.height_m - defect.height_m).abs() < 15e-6)
+                .unwrap();
+            for axis in [0, 1] {
+                assert!((found.center_m[axis] - defect.center_m[axis]).abs() < 0.3e-3);
+            }
+        }
+        let printed = String::from_utf8(printed).unwrap();
+        assert!(printed.contains("147 frames measured, 3 lost"), "{printed}");
+        for name in ["height_map.png", "profile.png"] {
+            assert!(image::open(args.output.join(name)).unwrap().width() > 1000);
+        }
+        assert_eq!(run(&args, &mut Vec::new()).unwrap(), Outcome::Done, "again, over the first");
+    }
+}

@@ -1,0 +1,286 @@
+//! Pictures of a scan: its heights in colour, and one cross-section beside its truth.
+
+use std::{ops::Range, path::Path};
+
+use anyhow::{Context, anyhow, ensure};
+use plotters::{
+    coord::Shift,
+    prelude::*,
+    style::{colors::colormaps::ViridisRGB, register_font},
+};
+
+use super::surface::{Surface, is_measured};
+use crate::scanner::scan::Point;
+
+type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
+
+const FONT: &str = "sans-serif";
+const TITLE: (&str, i32) = (FONT, 24);
+const AXIS: (&str, i32) = (FONT, 19);
+const TICK: (&str, i32) = (FONT, 17);
+/// Reach of the axis of errors, micrometres.
+const ERROR_UM: f64 = 60.0;
+const NOT_MEASURED: RGBColor = RGBColor(208, 208, 208);
+const OFF_SCALE: RGBColor = RGBColor(80, 80, 80);
+// Blue and vermilion of Okabe and Ito: told apart with any colour vision.
+const MEASURED: RGBColor = RGBColor(0, 114, 178);
+const TRUTH: RGBColor = RGBColor(213, 94, 0);
+
+/// Draws the heights of a scan seen from above into a PNG.
+///
+/// Colours span `scale_m` (from, to); heights beyond are dark grey, what was not measured is light grey.
+///
+/// # Errors
+/// A scan without points, or a file that cannot be written.
+pub fn save_height_map(
+    path: &Path,
+    title: &str,
+    surface: &Surface,
+    scale_m: [f32; 2],
+) -> anyhow::Result<()> {
+    let [x_mm, y_mm] = [0, 1].map(|axis| surface.extent_m(axis).unwrap_or_default());
+    let [x_mm, y_mm] = [x_mm, y_mm].map(|[low, high]| 1e3 * low..1e3 * high);
+    ensure!(!x_mm.is_empty() && !y_mm.is_empty(), "a scan without points has no picture");
+    // A millimetre is as long across as it is up: 900 px are the motion's length.
+    let map_px = 900.0 * (x_mm.end - x_mm.start) / (y_mm.end - y_mm.start);
+    save(path, (1130, map_px.clamp(250.0, 1500.0) as u32 + 126), |root| {
+        let root = root.titled(title, TITLE)?;
+        let (map, bar) = root.split_horizontally(986);
+        draw_map(&map, surface, scale_m, [y_mm, x_mm])?;
+        let height_px = bar.dim_in_pixel().1;
+        let (bar, key) = bar.split_vertically(height_px.saturating_sub(76));
+        draw_color_bar(&bar, scale_m)?;
+        draw_key(&key)
+    })
+}
+
+fn draw_map(
+    area: &Area<'_>,
+    surface: &Surface,
+    scale_m: [f32; 2],
+    [y_mm, x_mm]: [Range<f32>; 2],
+) -> anyhow::Result<()> {
+    let mut chart = ChartBuilder::on(area)
+        .margin(10)
+        .x_label_area_size(56)
+        .y_label_area_size(66)
+        .build_cartesian_2d(y_mm, x_mm)?;
+    chart.plotting_area().fill(&NOT_MEASURED)?;
+    // A little more than half the pitch: rounding to pixels must leave no seams.
+    let [half_x, half_y] = surface.pitch_m().map(|metres| 0.55e3 * metres);
+    chart.draw_series(surface.measured().map(|point| {
+        let [x, y] = [1e3 * point[0], 1e3 * point[1]];
+        let corners = [(y - half_y, x - half_x), (y + half_y, x + half_x)];
+        Rectangle::new(corners, color_of(point[2], scale_m).filled())
+    }))?;
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .label_style(TICK)
+        .axis_desc_style(AXIS)
+        .x_desc("y, along the motion [mm]")
+        .y_desc("x, along the stripe [mm]")
+        .x_labels(12)
+        .x_label_formatter(&|mm| format!("{mm:.0}"))
+        .y_label_formatter(&|mm| format!("{mm:.0}"))
+        .draw()?;
+    Ok(())
+}
+
+fn color_of(height_m: f32, [low, high]: [f32; 2]) -> RGBColor {
+    if (low..=high).contains(&height_m) {
+        ViridisRGB.get_color_normalized(height_m, low, high)
+    } else {
+        OFF_SCALE
+    }
+}
+
+fn draw_color_bar(area: &Area<'_>, scale_m: [f32; 2]) -> anyhow::Result<()> {
+    let [low, high] = scale_m.map(|metres| 1e3 * metres);
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(10)
+        .margin_bottom(10)
+        .margin_left(10)
+        .right_y_label_area_size(90)
+        .build_cartesian_2d(0.0_f32..1.0, low..high)?;
+    let step = (high - low) / 256.0;
+    chart.draw_series((0..256_u16).map(|i| {
+        let from = low + f32::from(i) * step;
+        let color = ViridisRGB.get_color_normalized(f32::from(i), 0.0, 255.0);
+        Rectangle::new([(0.0, from), (1.0, from + step)], color.filled())
+    }))?;
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .label_style(TICK)
+        .y_label_formatter(&|mm| format!("{mm:.2} mm"))
+        .draw()?;
+    Ok(())
+}
+
+fn draw_key(area: &Area<'_>) -> anyhow::Result<()> {
+    for (row, color, text) in [(0, OFF_SCALE, "off the scale"), (1, NOT_MEASURED, "not measured")] {
+        let top = 8 + 28 * row;
+        area.draw(&Rectangle::new([(10, top), (26, top + 16)], color.filled()))?;
+        area.draw(&Text::new(text, (34, top), TextStyle::from(TICK)))?;
+    }
+    Ok(())
+}
+
+/// Draws a profile beside its truth, and below it what lies between them, into a PNG. `truth_m` is the true height at
+/// each point of the profile, metres.
+///
+/// # Errors
+/// A profile without points, or a file that cannot be written.
+pub fn save_profile(
+    path: &Path,
+    title: &str,
+    profile: &[Point],
+    truth_m: &[f64],
+) -> anyhow::Result<()> {
+    let curve = |z_m: &dyn Fn(&Point, f64) -> f64, unit: f64| -> Vec<(f64, f64)> {
+        let points = profile.iter().zip(truth_m).filter(|(point, _)| is_measured(point));
+        points.map(|(p, &truth)| (1e3 * f64::from(p[0]), unit * z_m(p, truth))).collect()
+    };
+    let measured = curve(&|point, _| f64::from(point[2]), 1e3);
+    let truth = curve(&|_, truth| truth, 1e3);
+    let error = curve(&|point, truth| f64::from(point[2]) - truth, 1e6);
+    let (Some(first), Some(last)) = (measured.first(), measured.last()) else {
+        return Err(anyhow!("a profile without points has no picture"));
+    };
+    let x_mm = first.0..last.0;
+    save(path, (1130, 720), |root| {
+        let root = root.titled(title, TITLE)?;
+        let (upper, lower) = root.split_vertically(460);
+        let z_mm = padded(measured.iter().chain(&truth).map(|point| point.1));
+        let mut chart = axes(&upper, [x_mm.clone(), z_mm], ["", "height z [mm]"])?;
+        chart
+            .draw_series(LineSeries::new(truth, TRUTH.stroke_width(4)))?
+            .label("true surface")
+            .legend(|(x, y)| Rectangle::new([(x, y - 2), (x + 20, y + 2)], TRUTH.filled()));
+        chart
+            .draw_series(measured.iter().map(|&at| Circle::new(at, 2, MEASURED.filled())))?
+            .label("measured")
+            .legend(|(x, y)| Circle::new((x + 10, y), 3, MEASURED.filled()));
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
+            .label_font(TICK)
+            .background_style(WHITE)
+            .border_style(BLACK)
+            .draw()?;
+        let (inside, beyond): (Vec<_>, Vec<_>) =
+            error.into_iter().partition(|(_, micrometres)| micrometres.abs() <= ERROR_UM);
+        let x_label = match beyond.len() {
+            0 => "x, along the stripe [mm]".to_owned(),
+            count => {
+                format!("x, along the stripe [mm]  ({count} points lie beyond ±{ERROR_UM} µm)")
+            }
+        };
+        let labels = [x_label.as_str(), "measured - true [µm]"];
+        let mut chart = axes(&lower, [x_mm, -ERROR_UM..ERROR_UM], labels)?;
+        chart.draw_series(inside.iter().map(|&at| Circle::new(at, 2, MEASURED.filled())))?;
+        Ok(())
+    })
+}
+
+/// The range of the values and a tenth of it on both sides.
+fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+    let margin = (0.1 * (high - low)).max(1e-3);
+    low - margin..high + margin
+}
+
+type Chart<'a, 'b> = ChartContext<
+    'a,
+    BitMapBackend<'b>,
+    Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>,
+>;
+
+fn axes<'a, 'b>(
+    area: &'a Area<'b>,
+    [x, y]: [Range<f64>; 2],
+    [x_label, y_label]: [&str; 2],
+) -> anyhow::Result<Chart<'a, 'b>> {
+    let mut chart = ChartBuilder::on(area)
+        .margin(10)
+        .margin_right(24)
+        .x_label_area_size(if x_label.is_empty() { 30 } else { 56 })
+        .y_label_area_size(76)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .label_style(TICK)
+        .axis_desc_style(AXIS)
+        .x_desc(x_label)
+        .y_desc(y_label)
+        .y_labels(7)
+        .x_label_formatter(&|mm| format!("{mm:.0}"))
+        .draw()?;
+    Ok(chart)
+}
+
+/// Draws on white and writes a PNG.
+fn save(
+    path: &Path,
+    (width, height): (u32, u32),
+    draw: impl FnOnce(&Area<'_>) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT)
+        .map_err(|_invalid| anyhow!("the built-in font is not a font"))?;
+    let mut pixels = vec![0; width as usize * height as usize * 3];
+    {
+        let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
+        root.fill(&WHITE)?;
+        draw(&root)?;
+        root.present()?;
+    }
+    image::save_buffer(path, &pixels, width, height, image::ColorType::Rgb8)
+        .with_context(|| format!("cannot write {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::surface::tests::surface, *};
+
+    #[test]
+    fn a_height_map_shows_heights_in_colour_and_holes_in_grey() {
+        let scan = surface(|x, _| {
+            if x > 3.0 {
+                f32::NAN
+            } else if x > 0.0 {
+                2e-3
+            } else {
+                1e-3
+            }
+        });
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("map.png");
+        save_height_map(&path, "A title", &scan, [1e-3, 2e-3]).unwrap();
+        let picture = image::open(&path).unwrap().to_rgb8();
+        let count = |color: RGBColor| {
+            let wanted = image::Rgb([color.0, color.1, color.2]);
+            picture.pixels().filter(|&&pixel| pixel == wanted).count()
+        };
+        let [low, high] = [1e-3, 2e-3].map(|height| count(color_of(height, [1e-3, 2e-3])));
+        // 5 mm of the low, 3 mm of the high step; nothing beyond was measured, so the map ends there.
+        assert!(low > 100_000 && high * 8 > low * 4 && high < low, "{low} {high}");
+        assert!(count(NOT_MEASURED) < 1000);
+    }
+
+    #[test]
+    fn nothing_measured_is_an_error_and_no_picture() {
+        let nothing = surface(|_, _| f32::NAN);
+        let path = Path::new("/nonexistent/map.png");
+        for error in [
+            save_height_map(path, "", &nothing, [0.0, 1.0]).unwrap_err(),
+            save_profile(path, "", &[[f32::NAN; 4]], &[0.0]).unwrap_err(),
+        ] {
+            assert!(error.to_string().contains("without points"), "{error}");
+        }
+        let scan = surface(|x, _| 1e-3 * x);
+        let error = save_height_map(path, "", &scan, [0.0, 1.0]).unwrap_err();
+        assert!(error.to_string().contains("/nonexistent/map.png"), "{error}");
+    }
+}

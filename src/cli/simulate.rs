@@ -1,0 +1,127 @@
+//! `laser_profiler simulate`: a scenario becomes a recording whose truth is known.
+
+use std::{
+    fs::File,
+    io::{Read, Write},
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, Result};
+
+use super::{Outcome, Usage};
+use crate::{
+    bag::{Compression, RecordOptions},
+    simulate::scenario::Scenario,
+};
+use recording::record;
+
+pub mod recording;
+#[cfg(test)]
+mod expected;
+
+/// Longest scenario file that is read, bytes.
+const MAX_SCENARIO_BYTES: u64 = 1 << 20;
+
+const HELP: &str = "\
+Example:
+  laser_profiler simulate bags/film_defects.scenario.yaml -o film --force
+
+OUT becomes a rosbag2 directory with the topics /camera/image_raw, /axis/joint_states and /truth/centerline, and beside
+the recording the calibration.yaml of its camera. The same scenario gives the same bytes.
+
+--json prints one object: frames (taken), images (recorded), dropped, output, bytes";
+
+/// Renders a scenario into a recording whose truth is known.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub struct SimulateArgs {
+    /// Scenario file (YAML).
+    pub scenario: PathBuf,
+    /// Directory of the recording.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Print a machine-readable summary on standard output.
+    #[arg(long)]
+    pub json: bool,
+    /// Replace an existing recording.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Renders and prints the summary on `out`.
+///
+/// # Errors
+/// [`Usage`] for a file that is no scenario; an input that cannot be read, an output that exists or cannot be written.
+pub fn run(args: &SimulateArgs, out: &mut dyn Write) -> Result<Outcome> {
+    let text = read_scenario(&args.scenario)?;
+    let scenario = Scenario::from_yaml(&text)
+        .map_err(|error| Usage(format!("{}: {error}", args.scenario.display())))?;
+    let options = RecordOptions { compression: Compression::Zstd, force: args.force };
+    let summary = record(&scenario, &text, &args.output, options)?;
+    let report = if args.json {
+        serde_json::to_string(&summary)?
+    } else {
+        format!(
+            "{}: {} images, {} of {} frames dropped, {:.2} MB",
+            summary.output.display(),
+            summary.images,
+            summary.dropped,
+            summary.frames,
+            summary.bytes as f64 / 1e6,
+        )
+    };
+    super::quiet_pipe(writeln!(out, "{report}")).context("standard output")?;
+    Ok(Outcome::Done)
+}
+
+fn read_scenario(path: &Path) -> Result<String> {
+    let cannot_read = || format!("cannot read the scenario {}", path.display());
+    let mut text = String::new();
+    let file = File::open(path).with_context(cannot_read)?;
+    let length = file.take(MAX_SCENARIO_BYTES + 1).read_to_string(&mut text);
+    let is_too_long = length.with_context(cannot_read)? as u64 > MAX_SCENARIO_BYTES;
+    anyhow::ensure!(!is_too_long, "{}: longer than {MAX_SCENARIO_BYTES} bytes", path.display());
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::scenario::tests::SMALL;
+
+    /// Runs the command on a file with that text.
+    fn simulate(text: &str, flags: &[&str]) -> Result<String> {
+        let directory = tempfile::tempdir()?;
+        let scenario = directory.path().join("scenario.yaml");
+        std::fs::write(&scenario, text)?;
+        let output = directory.path().join("out");
+        let mut printed = Vec::new();
+        let json = flags.contains(&"--json");
+        run(&SimulateArgs { scenario, output, json, force: false }, &mut printed)?;
+        Ok(String::from_utf8(printed)?)
+    }
+
+    #[test]
+    fn the_summary_counts_frames() {
+        let line = simulate(SMALL, &[]).unwrap();
+        assert!(line.contains("38 images, 2 of 40 frames dropped"), "{line}");
+        let json: serde_json::Value =
+            serde_json::from_str(&simulate(SMALL, &["--json"]).unwrap()).unwrap();
+        assert_eq!(
+            (&json["frames"], &json["images"], &json["dropped"]),
+            (&40.into(), &38.into(), &2.into())
+        );
+    }
+
+    #[test]
+    fn a_wrong_scenario_is_wrong_usage_and_named() {
+        let error = simulate(&SMALL.replace("frames: 40", "frames: 0"), &[]).unwrap_err();
+        assert!(error.is::<Usage>(), "{error}");
+        assert!(
+            error.to_string().ends_with("scenario.yaml: frames is 0: allowed is 1 to 1000000"),
+            "{error}"
+        );
+        let error = simulate(&" ".repeat(MAX_SCENARIO_BYTES as usize + 1), &[]).unwrap_err();
+        assert!(error.to_string().contains("longer than"), "{error}");
+    }
+}
