@@ -3,9 +3,9 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use laser_profiler::{
+    ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
         channel::{AnyPlane, Plane},
-        params::*,
         stripe::{Centerline, Extractor},
     },
     simulate::stripe::{StripeScene, render_stripe},
@@ -25,18 +25,8 @@ fn extract(criterion: &mut Criterion) {
     render_stripe(&scene, |column| 900.0 + 0.05 * f64::from(column), &mut samples);
     let plane =
         AnyPlane::Eight(Plane { width: 2592, height: 2048, stride: 2592, samples: &samples });
-    let params = ExtractionParams {
-        method: Method::ImprovedGravity,
-        window: Window::Fractional,
-        blur_radius: 3,
-        segment_threshold: 35.0,
-        min_segment_area: 500,
-        width_threshold: 50.0,
-        peak_selection: PeakSelection::Brightest,
-        read_noise: 2.0,
-        shot_gain: 0.0,
-    };
-    let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
+    let params = NodeParams::new(&Parameters::default()).expect("defaults are valid").scanner;
+    let mut extractor = Extractor::new(params.extraction, params.stripe_direction);
     let mut centerline = Centerline::default();
 
     let mut group = criterion.benchmark_group("frame_2592x2048");

@@ -9,12 +9,8 @@ pub mod recover;
 pub mod simulate;
 pub mod demo;
 
-use std::{
-    ffi::OsString,
-    io::{self, Write},
-};
+use std::{ffi::OsString, io};
 
-use anyhow::Context;
 use clap::{Parser, Subcommand};
 use thiserror::Error;
 
@@ -86,14 +82,6 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),
     }
-}
-
-/// Prints a line of a result on standard output.
-///
-/// # Errors
-/// A failing standard output, but not one whose reader has gone.
-pub(crate) fn print_line(line: &str) -> anyhow::Result<()> {
-    quiet_pipe(writeln!(io::stdout(), "{line}")).context("standard output")
 }
 
 /// A reader that goes away, as `| head` does, has seen enough.

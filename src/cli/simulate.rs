@@ -90,22 +90,23 @@ mod tests {
     use crate::simulate::scenario::tests::SMALL;
 
     /// Runs the command on a file with that text.
-    fn simulate(text: &str, json: bool) -> Result<String> {
+    fn simulate(text: &str, flags: &[&str]) -> Result<String> {
         let directory = tempfile::tempdir()?;
         let scenario = directory.path().join("scenario.yaml");
         std::fs::write(&scenario, text)?;
         let output = directory.path().join("out");
         let mut printed = Vec::new();
+        let json = flags.contains(&"--json");
         run(&SimulateArgs { scenario, output, json, force: false }, &mut printed)?;
         Ok(String::from_utf8(printed)?)
     }
 
     #[test]
     fn the_summary_counts_frames() {
-        let line = simulate(SMALL, false).unwrap();
+        let line = simulate(SMALL, &[]).unwrap();
         assert!(line.contains("38 images, 2 of 40 frames dropped"), "{line}");
         let json: serde_json::Value =
-            serde_json::from_str(&simulate(SMALL, true).unwrap()).unwrap();
+            serde_json::from_str(&simulate(SMALL, &["--json"]).unwrap()).unwrap();
         assert_eq!(
             (&json["frames"], &json["images"], &json["dropped"]),
             (&40.into(), &38.into(), &2.into())
@@ -114,13 +115,13 @@ mod tests {
 
     #[test]
     fn a_wrong_scenario_is_wrong_usage_and_named() {
-        let error = simulate(&SMALL.replace("frames: 40", "frames: 0"), false).unwrap_err();
+        let error = simulate(&SMALL.replace("frames: 40", "frames: 0"), &[]).unwrap_err();
         assert!(error.is::<Usage>(), "{error}");
         assert!(
             error.to_string().ends_with("scenario.yaml: frames is 0: allowed is 1 to 1000000"),
             "{error}"
         );
-        let error = simulate(&" ".repeat(MAX_SCENARIO_BYTES as usize + 1), false).unwrap_err();
+        let error = simulate(&" ".repeat(MAX_SCENARIO_BYTES as usize + 1), &[]).unwrap_err();
         assert!(error.to_string().contains("longer than"), "{error}");
     }
 }

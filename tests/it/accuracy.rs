@@ -1,6 +1,7 @@
 //! Centrelines of rendered stripes against the centres they were rendered with.
 
 use laser_profiler::{
+    ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
         channel::{AnyPlane, Plane},
         params::{ExtractionParams, Method, PeakSelection, StripeDirection, Window},
@@ -9,17 +10,10 @@ use laser_profiler::{
     simulate::stripe::{StripeScene, render_stripe},
 };
 
-const PAPER: ExtractionParams = ExtractionParams {
-    method: Method::ImprovedGravity,
-    window: Window::Fractional,
-    blur_radius: 3,
-    segment_threshold: 35.0,
-    min_segment_area: 500,
-    width_threshold: 50.0,
-    peak_selection: PeakSelection::Brightest,
-    read_noise: 2.0,
-    shot_gain: 0.0,
-};
+/// The defaults, which are the paper's values with the fractional window.
+fn paper() -> ExtractionParams {
+    NodeParams::new(&Parameters::default()).unwrap().scanner.extraction
+}
 
 /// 2592 columns over which the stripe passes every sub-pixel phase many times.
 const SCENE: fn(f64, f64, f64) -> StripeScene = |amplitude, sigma_px, read_noise| StripeScene {
@@ -73,7 +67,7 @@ fn improved_gravity_meets_its_limits() {
         ("noisy", 123.0, 2.2, 9.0, 0.090),
         ("very noisy", 199.0, 2.2, 30.0, 0.19),
     ] {
-        let rms_px = rms(&errors_px(&SCENE(amplitude, sigma_px, read_noise), PAPER));
+        let rms_px = rms(&errors_px(&SCENE(amplitude, sigma_px, read_noise), paper()));
         eprintln!(
             "{name}: A {amplitude} s {sigma_px} noise {read_noise}: RMS {rms_px:.4} px, limit {limit_px}"
         );
@@ -115,8 +109,8 @@ fn half_amplitude(errors: &[f64]) -> f64 {
 #[test]
 fn rounded_window_locks_to_pixels() {
     let rounded =
-        half_amplitude(&error_by_phase_px(ExtractionParams { window: Window::Rounded, ..PAPER }));
-    let fractional = half_amplitude(&error_by_phase_px(PAPER));
+        half_amplitude(&error_by_phase_px(ExtractionParams { window: Window::Rounded, ..paper() }));
+    let fractional = half_amplitude(&error_by_phase_px(paper()));
     eprintln!(
         "half amplitude over the phase: rounded {rounded:.4} px, fractional {fractional:.4} px"
     );
@@ -127,7 +121,7 @@ fn rounded_window_locks_to_pixels() {
 #[test]
 fn the_compared_methods_find_every_column_too() {
     for (method, limit_px) in [(Method::GrayGravity, 0.08), (Method::GaussianFit, 0.03)] {
-        let errors = errors_px(&SCENE(183.0, 2.3, 2.0), ExtractionParams { method, ..PAPER });
+        let errors = errors_px(&SCENE(183.0, 2.3, 2.0), ExtractionParams { method, ..paper() });
         let rms_px = rms(&errors);
         eprintln!("{}: RMS {rms_px:.4} px", method.name());
         assert!(rms_px <= limit_px, "{}: RMS {rms_px:.4} px", method.name());
@@ -144,7 +138,7 @@ fn sigma_is_true() {
         (Method::GaussianFit, 2.2),
     ] {
         let scene = SCENE(183.0, sigma_px, 6.0);
-        let params = ExtractionParams { method, read_noise: 6.0, ..PAPER };
+        let params = ExtractionParams { method, read_noise: 6.0, ..paper() };
         let centerline = extract(&scene, params);
         let errors = errors_px(&scene, params);
         let bias = errors.iter().sum::<f64>() / errors.len() as f64;
@@ -171,7 +165,7 @@ fn a_vertical_stripe_is_as_good_as_a_horizontal_one() {
         direction: StripeDirection::Vertical,
         ..SCENE(183.0, 2.3, 2.0)
     };
-    let centerline = extract(&scene, PAPER);
+    let centerline = extract(&scene, paper());
     assert_eq!(centerline.len(), 2592);
     let errors: Vec<f64> = centerline
         .v_px
@@ -200,7 +194,7 @@ fn deep_images_measure_the_same_thresholds() {
     let plane =
         AnyPlane::Sixteen(Plane { width: 640, height: 256, stride: 640, samples: &samples });
     let mut centerline = Centerline::default();
-    Extractor::new(PAPER, StripeDirection::Horizontal).extract(
+    Extractor::new(paper(), StripeDirection::Horizontal).extract(
         &plane,
         (0, 0),
         4095,
@@ -224,7 +218,7 @@ fn deep_images_measure_the_same_thresholds() {
 fn width_saturation_and_borders_are_told() {
     // Full width at half maximum of a Gaussian: 2.3548 s.
     for (sigma_px, tolerance) in [(1.2_f64, 0.12), (2.3, 0.03), (4.0, 0.03)] {
-        let centerline = extract(&SCENE(183.0, sigma_px, 0.0), PAPER);
+        let centerline = extract(&SCENE(183.0, sigma_px, 0.0), paper());
         let mean = centerline.width_px.iter().map(|&w| f64::from(w)).sum::<f64>() / 2592.0;
         assert!(
             (mean / (2.3548 * sigma_px) - 1.0).abs() < tolerance,
@@ -232,7 +226,7 @@ fn width_saturation_and_borders_are_told() {
         );
         assert!(centerline.flags.iter().all(|&flags| flags == 0));
     }
-    let saturated = extract(&SCENE(690.0, 2.9, 0.0), PAPER);
+    let saturated = extract(&SCENE(690.0, 2.9, 0.0), paper());
     assert!(saturated.flags.iter().all(|&flags| flags == flag::SATURATED));
     assert_eq!(saturated.stripe_start, [0], "one connected stripe");
 
@@ -241,7 +235,7 @@ fn width_saturation_and_borders_are_told() {
     render_stripe(&scene, |_| 1.0, &mut samples);
     let plane = AnyPlane::Eight(Plane { width: 128, height: 64, stride: 128, samples: &samples });
     let mut centerline = Centerline::default();
-    Extractor::new(PAPER, StripeDirection::Horizontal).extract(
+    Extractor::new(paper(), StripeDirection::Horizontal).extract(
         &plane,
         (0, 0),
         255,
@@ -266,7 +260,7 @@ fn of_two_stripes_the_chosen_one_is_found_and_the_other_told() {
         (PeakSelection::Widest, 30.2),
     ] {
         let mut centerline = Centerline::default();
-        let params = ExtractionParams { peak_selection, ..PAPER };
+        let params = ExtractionParams { peak_selection, ..paper() };
         Extractor::new(params, StripeDirection::Horizontal).extract(
             &plane,
             (0, 0),
@@ -293,7 +287,7 @@ fn a_gap_starts_another_stripe() {
     );
     let plane = AnyPlane::Eight(Plane { width: 400, height: 64, stride: 400, samples: &samples });
     let mut centerline = Centerline::default();
-    Extractor::new(PAPER, StripeDirection::Horizontal).extract(
+    Extractor::new(paper(), StripeDirection::Horizontal).extract(
         &plane,
         (0, 0),
         255,

@@ -9,6 +9,7 @@ use crate::{
     msg::{cdr, laser_profiler_msgs::Centerline},
     node::{replay::ReplayRequest, statistics::Summary, stop::Stop},
     ros::arguments::RosArguments,
+    scanner::params::StripeDirection,
 };
 
 /// By stamp, the position across the stripe on each line along it, pixels.
@@ -24,16 +25,15 @@ struct Errors {
     false_points: usize,
 }
 
-fn centerlines(bag: &Path, topic: &str, is_vertical: bool) -> Lines {
+fn centerlines(bag: &Path, topic: &str, direction: StripeDirection) -> Lines {
     let reader = BagReader::open(bag, &ReadOptions::default()).unwrap();
     let mut lines = Lines::new();
     for message in reader.messages(&Filter::topics([topic])) {
         let message = message.unwrap();
         let centerline: Centerline<'_> = cdr::decode(&message.data).unwrap();
-        let (along, across) = if is_vertical {
-            (&centerline.v, &centerline.u)
-        } else {
-            (&centerline.u, &centerline.v)
+        let (along, across) = match direction {
+            StripeDirection::Horizontal => (&centerline.u, &centerline.v),
+            StripeDirection::Vertical => (&centerline.v, &centerline.u),
         };
         let points = along.iter().zip(across.iter());
         let points = points.map(|(&along, &across)| (along as u32, f64::from(across))).collect();
@@ -43,7 +43,7 @@ fn centerlines(bag: &Path, topic: &str, is_vertical: bool) -> Lines {
 }
 
 /// Replays a bundled recording with its parameters and compares every centreline with its truth.
-fn compare(name: &str, is_vertical: bool) -> (Summary, Errors) {
+fn compare(name: &str, direction: StripeDirection) -> (Summary, Errors) {
     let bags = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags");
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("results");
@@ -55,8 +55,8 @@ fn compare(name: &str, is_vertical: bool) -> (Summary, Errors) {
         ..ReplayRequest::default()
     };
     let summary = replay(request, &Stop::default()).unwrap();
-    let measured = centerlines(&output, "/laser_profiler/centerline", is_vertical);
-    let truth = centerlines(&bags.join(name), TRUTH_TOPIC, is_vertical);
+    let measured = centerlines(&output, "/laser_profiler/centerline", direction);
+    let truth = centerlines(&bags.join(name), TRUTH_TOPIC, direction);
     assert!(measured.keys().eq(truth.keys()), "one centreline an image");
     let mut errors = Errors::default();
     for (measured, truth) in measured.values().zip(truth.values()) {
@@ -86,7 +86,7 @@ impl Errors {
 
 #[test]
 fn film_defects_is_measured_as_expected() {
-    let (summary, errors) = compare("film_defects", false);
+    let (summary, errors) = compare("film_defects", StripeDirection::Horizontal);
     assert_eq!((summary.counts.processed, summary.counts.lost()), (147, 3));
     errors.assert_within([0.008, 0.035, 1.0]);
     assert!(errors.px.len() > 43_900 && errors.missing <= 2, "{}", errors.missing);
@@ -95,7 +95,7 @@ fn film_defects_is_measured_as_expected() {
 
 #[test]
 fn saturated_vertical_is_measured_as_expected() {
-    let (summary, errors) = compare("saturated_vertical", true);
+    let (summary, errors) = compare("saturated_vertical", StripeDirection::Vertical);
     assert_eq!((summary.counts.processed, summary.counts.lost()), (35, 3));
     // The reflection lies 25 px beside the stripe.
     errors.assert_within([0.02, 0.1, 1.0]);

@@ -1,0 +1,61 @@
+//! After the first frame and the first slice the measurement allocates nothing.
+
+use laser_profiler::{
+    ros::{node_params::NodeParams, parameters::Parameters},
+    scanner::{
+        calibration::Calibration,
+        image::{Frame, Image, PixelFormat},
+        params::{Params, StripeDirection},
+        pipeline::{FrameIndex, Pipeline},
+    },
+    simulate::stripe::{StripeScene, render_stripe},
+};
+
+const RIG: &str = "{type: vertical_incidence, frame_id: laser_plane, image_distance_m: 0.026, object_distance_m: 0.3,
+    beta_rad: 0.5236, pixel_pitch_m: 4.8e-6, base_row_px: 60.0, center_column_px: 319.5, height_sign: -1}";
+
+#[test]
+fn a_frame_after_the_first_slice_allocates_nothing() {
+    for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
+        let scanner = NodeParams::new(&Parameters::default()).unwrap().scanner;
+        let params = Params {
+            stripe_direction: direction,
+            slice_profiles: 4,
+            scan_max_profiles: 10,
+            ..scanner
+        };
+        let (width, height) = match direction {
+            StripeDirection::Horizontal => (640, 128),
+            StripeDirection::Vertical => (128, 640),
+        };
+        let scene =
+            StripeScene { width, height, direction, read_noise: 2.0, ..StripeScene::default() };
+        let frames: Vec<Vec<u8>> = (0..5_u32)
+            .map(|i| {
+                let mut samples = Vec::new();
+                let centre = move |along: u32| 40.0 + f64::from(i) * 3.0 + 0.02 * f64::from(along);
+                render_stripe(&StripeScene { seed: i.into(), ..scene }, centre, &mut samples);
+                samples
+            })
+            .collect();
+        let mut pipeline = Pipeline::new(params, Some(Calibration::from_yaml(RIG).unwrap()));
+        let mut points = 0;
+        let mut process = |number: usize| {
+            let image =
+                Image::new(width, height, width, PixelFormat::Mono8, &frames[number % 5]).unwrap();
+            let index = FrameIndex { frame_number: number as u64, ..FrameIndex::default() };
+            let output =
+                pipeline.process(&Frame { stamp_ns: number as i64, image }, index, |_| ()).unwrap();
+            points += output.slice.map_or(0, |slice| slice.account.points);
+        };
+        // Two whole scans: every buffer has been both of a pair that takes turns.
+        (0..25).for_each(&mut process);
+        let counted = allocation_counter::measure(|| (25..125).for_each(&mut process));
+        assert_eq!(
+            (counted.count_total, counted.bytes_total),
+            (0, 0),
+            "{direction:?}: {counted:?}"
+        );
+        assert!(points > 100 * 600, "the frames were measured: {points} points");
+    }
+}
