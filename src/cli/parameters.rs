@@ -14,8 +14,14 @@ use crate::ros::{
     table::{Kind, Parameter},
 };
 
+const HELP: &str = "\
+Examples:
+  laser_profiler parameters > rig.yaml      edit it, then:
+  laser_profiler replay my_recording -o results --params-file rig.yaml";
+
 /// Prints every parameter with its meaning, unit, range and default, as a parameter file.
 #[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
 pub struct ParametersArgs {
     /// One JSON array on standard output: name, type, unit, default, min and max or choices, description.
     #[arg(long)]
