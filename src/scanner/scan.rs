@@ -240,6 +240,7 @@ impl Scan {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the values are exact")]
 mod tests {
     use super::*;
     use proptest::prelude::*;
