@@ -5,5 +5,16 @@
     reason = "tests fail by panicking and say on stderr what they skip"
 )]
 
+mod program;
+mod recordings;
+
 mod accuracy;
 mod allocation;
+mod cli;
+mod determinism;
+mod memory;
+mod bad_bags;
+mod bad_images;
+mod bad_output;
+mod interop;
+mod tidy;

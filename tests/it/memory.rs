@@ -1,0 +1,55 @@
+//! The memory of a replay does not grow with the recording.
+
+use std::{fs, path::Path, process::Stdio, thread, time::Duration};
+
+use crate::{
+    program::laser_profiler,
+    recordings::{image_of, record_images},
+};
+
+const WIDTH: u32 = 640;
+const HEIGHT: u32 = 96;
+/// What the index of the longer files may take; the long recording is 80 MB larger than the short one.
+const SLACK_KIB: u64 = 8 * 1024;
+
+/// Largest resident memory of a replay, KiB, as Linux counts it. Polled, since it is gone with the process: what grows
+/// with the recording shows all the same.
+fn peak_kib(input: &Path, output: &Path) -> u64 {
+    let mut command = laser_profiler(&["replay", "-o"]);
+    let mut child =
+        command.arg(output).arg(input).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut peak = 0;
+    while child.try_wait().unwrap().is_none() {
+        let status = fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let resident = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kib = resident.and_then(|text| text.trim().strip_suffix(" kB")?.parse().ok());
+        peak = peak.max(kib.unwrap_or(0));
+        thread::sleep(Duration::from_millis(2));
+    }
+    assert!(child.wait().unwrap().success());
+    assert!(peak > 0, "measured");
+    peak
+}
+
+#[test]
+fn a_long_recording_takes_no_more_than_a_short_one() {
+    let directory = tempfile::tempdir().unwrap();
+    let pixels: Vec<u8> = (0..HEIGHT)
+        .flat_map(|row| vec![if row.abs_diff(40) < 3 { 200 } else { 5 }; WIDTH as usize])
+        .collect();
+    let peaks = [100, 1500].map(|num| {
+        let (input, output) =
+            (directory.path().join(format!("in{num}")), directory.path().join(format!("out{num}")));
+        let frames: Vec<_> = (0..num)
+            .map(|number| {
+                image_of(&pixels, number, |image| {
+                    (image.width, image.height, image.step) = (WIDTH, HEIGHT, WIDTH);
+                })
+            })
+            .collect();
+        record_images(&input, &frames);
+        peak_kib(&input, &output)
+    });
+    eprintln!("peak of 100 frames {} KiB, of 1500 frames {} KiB", peaks[0], peaks[1]);
+    assert!(peaks[1] < peaks[0] + SLACK_KIB, "{peaks:?} KiB");
+}

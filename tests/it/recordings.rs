@@ -1,0 +1,135 @@
+//! Recordings to replay: bundled ones, real ones, and small ones made here whose centrelines are known.
+
+use std::path::{Path, PathBuf};
+
+use laser_profiler::{
+    bag::{
+        BagReader, Compression, Filter, ReadOptions, RecordOptions, Recorder, Times, Topic,
+        qos::QosProfile,
+    },
+    msg::{
+        builtin_interfaces::Time,
+        cdr,
+        laser_profiler_msgs::Centerline,
+        schema::{Message, MessageType},
+        sensor_msgs::Image,
+        std_msgs::Header,
+    },
+};
+
+pub(crate) const WIDTH: u32 = 160;
+pub(crate) const HEIGHT: u32 = 32;
+/// The stripe is symmetrical about this row, so its centre is there whatever the estimator.
+pub(crate) const CENTER_ROW: u32 = 10;
+/// Between frames, nanoseconds.
+pub(crate) const PERIOD_NS: i64 = 10_000_000;
+/// 2026-01-01, so that times have their real size.
+const START_NS: i64 = 1_767_225_600_000_000_000;
+
+/// A recording that the project ships.
+pub(crate) fn bundled(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("bags").join(name)
+}
+
+/// A recording of a real camera, beside the repository; they are nobody's to ship. Tells when it is missing.
+pub(crate) fn real(name: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED {name}: {} is missing", path.display());
+    None
+}
+
+/// A level stripe, `mono8`.
+pub(crate) fn picture() -> Vec<u8> {
+    let level = |row: u32| match row.abs_diff(CENTER_ROW) {
+        0 => 200,
+        1 => 160,
+        2 => 90,
+        _ => 5,
+    };
+    (0..HEIGHT).flat_map(|row| vec![level(row); WIDTH as usize]).collect()
+}
+
+pub(crate) fn stamp_ns(number: usize) -> i64 {
+    START_NS + number as i64 * PERIOD_NS
+}
+
+/// CDR bytes of the picture as frame `number`, after `edit`.
+pub(crate) fn image(number: usize, edit: impl FnOnce(&mut Image<'_>)) -> Vec<u8> {
+    image_of(&picture(), number, edit)
+}
+
+/// The same with other pixels.
+pub(crate) fn image_of(data: &[u8], number: usize, edit: impl FnOnce(&mut Image<'_>)) -> Vec<u8> {
+    let stamp = Time::from_ns(stamp_ns(number));
+    let mut image = Image {
+        header: Header { stamp, frame_id: "camera".into() },
+        height: HEIGHT,
+        width: WIDTH,
+        encoding: "mono8".into(),
+        is_bigendian: 0,
+        step: WIDTH,
+        data,
+    };
+    edit(&mut image);
+    let mut bytes = Vec::new();
+    cdr::encode(&image, &mut bytes).unwrap();
+    bytes
+}
+
+pub(crate) fn good_images(num: usize) -> Vec<Vec<u8>> {
+    (0..num).map(|number| image(number, |_| {})).collect()
+}
+
+pub(crate) fn topic(name: &str, kind: &MessageType) -> Topic {
+    Topic {
+        name: name.into(),
+        type_name: kind.name.into(),
+        message_encoding: "cdr".into(),
+        schema_encoding: "ros2msg".into(),
+        schema: kind.schema().into_bytes(),
+        type_hash: kind.hash.into(),
+        qos: QosProfile::reliable(10).to_yaml(),
+    }
+}
+
+/// Records messages on every one of the topics, uncompressed, each in a chunk of its own, and returns at what length of
+/// the file each was complete.
+pub(crate) fn record(directory: &Path, topics: &[Topic], messages: &[Vec<u8>]) -> Vec<u64> {
+    let options = RecordOptions { compression: Compression::None, force: false };
+    let mut recorder = Recorder::create(directory, &options).unwrap();
+    let ids: Vec<_> = topics.iter().map(|topic| recorder.add_topic(topic).unwrap()).collect();
+    let mut ends = Vec::new();
+    for (number, message) in messages.iter().enumerate() {
+        let (log_ns, sequence) = (stamp_ns(number), number as u32 + 1);
+        for &id in &ids {
+            let times = Times { log_ns, publish_ns: log_ns, sequence };
+            recorder.write(id, times, message).unwrap();
+        }
+        recorder.flush().unwrap();
+        ends.push(recorder.written_bytes());
+    }
+    recorder.finish().unwrap();
+    ends
+}
+
+/// Records messages as `/image_raw`.
+pub(crate) fn record_images(directory: &Path, messages: &[Vec<u8>]) -> Vec<u64> {
+    record(directory, &[topic("/image_raw", Image::TYPE)], messages)
+}
+
+/// Stamps of the centrelines in a results' bag; each must be that of the picture.
+pub(crate) fn centerline_stamps(results: &Path) -> Vec<i64> {
+    let reader = BagReader::open(results, &ReadOptions::default()).unwrap();
+    let messages = reader.messages(&Filter::topics(["/laser_profiler/centerline"]));
+    let stamp = |message: laser_profiler::bag::RawMessage| {
+        let centerline: Centerline<'_> = cdr::decode(&message.data).unwrap();
+        assert_eq!(centerline.u.len(), WIDTH as usize, "a point in every column");
+        let is_right = |v: &f32| (v - CENTER_ROW as f32).abs() < 1e-4;
+        assert!(centerline.v.iter().all(is_right), "{:?}", centerline.v);
+        centerline.header.stamp.to_ns()
+    };
+    messages.map(|message| stamp(message.unwrap())).collect()
+}

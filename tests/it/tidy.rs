@@ -1,0 +1,250 @@
+//! The architecture as a test: what ARCHITECTURE.md says of the source is true of it.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use laser_profiler::simulate::scenario::Scenario;
+
+use crate::program::{end, laser_profiler};
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const MAX_LINES: usize = 400;
+
+/// What each module may use of the others.
+const MAY_USE: [(&str, &[&str]); 7] = [
+    ("scanner", &[]),
+    ("simulate", &["scanner"]),
+    ("msg", &["scanner"]),
+    ("ros", &["msg", "scanner"]),
+    ("bag", &["msg"]),
+    ("node", &["ros", "bag", "msg", "scanner"]),
+    ("cli", &["node", "ros", "bag", "msg", "scanner", "simulate"]),
+];
+
+/// What a module that only computes does not use.
+const PURE: [&str; 3] = ["scanner", "simulate", "msg"];
+const IMPURE: [&str; 14] = [
+    "std::fs",
+    "std::net",
+    "std::io",
+    "std::thread",
+    "std::process",
+    "std::env",
+    "std::time",
+    "Instant",
+    "SystemTime",
+    "tokio",
+    "async ",
+    ".await",
+    "Mutex",
+    "Atomic",
+];
+
+/// Nothing unfinished stands in the source, and nothing prints around the writer that commands are given.
+const FORBIDDEN: [&str; 9] =
+    ["todo!", "unimplemented!", "dbg!", "#[ignore", "FIXME", "TODO", "XXX", "println!", "eprint!"];
+
+/// Every file of the repository that git has or would take, by its path from the root.
+fn files() -> Vec<PathBuf> {
+    let mut command = Command::new("git");
+    command.args(["ls-files", "--cached", "--others", "--exclude-standard"]).current_dir(ROOT);
+    let listed = end(&mut command);
+    assert_eq!(listed.code, Some(0), "{listed:?}");
+    listed
+        .stdout
+        .lines()
+        .map(PathBuf::from)
+        .filter(|path| Path::new(ROOT).join(path).is_file())
+        .collect()
+}
+
+fn files_ending_in(ending: &str) -> Vec<PathBuf> {
+    files().into_iter().filter(|path| path.to_string_lossy().ends_with(ending)).collect()
+}
+
+fn text(path: &Path) -> String {
+    String::from_utf8_lossy(&fs::read(Path::new(ROOT).join(path)).unwrap()).into_owned()
+}
+
+/// The code that ships, without comments: unit tests stand at the end of a file or in files called `tests`.
+fn shipped(path: &Path) -> String {
+    if path.iter().any(|part| part == "tests" || part == "tests.rs") {
+        return String::new();
+    }
+    let text = text(path);
+    let own = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    own.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
+}
+
+/// The files of `src/<module>` and `src/<module>.rs`.
+fn source_of(module: &str) -> Vec<PathBuf> {
+    let parts = [format!("src/{module}/"), format!("src/{module}.rs")];
+    let files = files_ending_in(".rs").into_iter();
+    files.filter(|path| parts.iter().any(|part| path.to_string_lossy().starts_with(part))).collect()
+}
+
+/// The modules that code names behind `crate::`, alone or in braces.
+fn modules_used(code: &str) -> Vec<String> {
+    let code: String = code.split_whitespace().collect();
+    let mut used = Vec::new();
+    for rest in code.split("crate::").skip(1) {
+        let Some(list) = rest.strip_prefix('{') else {
+            used.push(rest.to_owned());
+            continue;
+        };
+        let mut depth = 0;
+        let mut is_start = true;
+        for (at, letter) in list.char_indices() {
+            if depth == 0 && is_start && letter.is_alphabetic() {
+                used.push(list[at..].to_owned());
+            }
+            is_start = letter == ',';
+            depth += i32::from(letter == '{') - i32::from(letter == '}');
+            if depth < 0 {
+                break;
+            }
+        }
+    }
+    let name = |text: String| {
+        text.chars().take_while(|letter| letter.is_alphanumeric() || *letter == '_').collect()
+    };
+    used.into_iter().map(name).collect()
+}
+
+#[test]
+fn modules_are_found_in_every_form() {
+    let code = "use crate::{\n bag::{self, info::x}, node,\n};\nfn f() { crate::ros::names::g(); }";
+    assert_eq!(modules_used(code), ["bag", "node", "ros"]);
+}
+
+fn complain(complaints: &[String]) {
+    assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
+}
+
+#[test]
+fn dependencies_point_one_way() {
+    let mut complaints = Vec::new();
+    for (module, may_use) in MAY_USE {
+        let files = source_of(module);
+        assert!(!files.is_empty(), "{module} is there");
+        for path in files {
+            for used in modules_used(&shipped(&path)) {
+                let is_module = MAY_USE.iter().any(|(name, _)| *name == used);
+                if is_module && used != module && !may_use.contains(&used.as_str()) {
+                    complaints.push(format!("{}: {module} must not use {used}", path.display()));
+                }
+            }
+        }
+    }
+    complain(&complaints);
+}
+
+#[test]
+fn every_module_has_its_rule() {
+    let declared = text(Path::new("src/lib.rs"));
+    let declared: Vec<_> = declared
+        .lines()
+        .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'))
+        .collect();
+    assert!(MAY_USE.iter().all(|(name, _)| declared.contains(name)), "{declared:?}");
+    assert_eq!(declared.len(), MAY_USE.len(), "{declared:?}");
+}
+
+#[test]
+fn what_computes_touches_no_file_thread_or_clock() {
+    let mut complaints = Vec::new();
+    for path in PURE.into_iter().flat_map(source_of) {
+        let code = shipped(&path);
+        // `use std::{fs, …}` would hide what is looked for.
+        let hidden = ["std::{fs", "std::{io", "std::{net", "std::{thread", "std::{time"];
+        for word in IMPURE.iter().chain(&hidden).filter(|word| code.contains(**word)) {
+            complaints.push(format!("{}: {word}", path.display()));
+        }
+    }
+    complain(&complaints);
+}
+
+#[test]
+fn files_are_short_and_finished() {
+    let mut complaints = Vec::new();
+    let mut lengths = Vec::new();
+    for path in files_ending_in(".rs").into_iter().filter(|path| !path.ends_with("tidy.rs")) {
+        let text = text(&path);
+        lengths.push(text.lines().count());
+        if text.lines().count() > MAX_LINES {
+            complaints.push(format!("{}: more than {MAX_LINES} lines", path.display()));
+        }
+        let is_shipped = path.starts_with("src") && !shipped(&path).is_empty();
+        let code = if is_shipped { shipped(&path) } else { text.replace("eprintln!", "") };
+        for word in FORBIDDEN.iter().filter(|word| code.contains(**word)) {
+            complaints.push(format!("{}: {word}", path.display()));
+        }
+    }
+    lengths.sort_unstable();
+    eprintln!("{} Rust files, median {} lines", lengths.len(), lengths[lengths.len() / 2]);
+    complain(&complaints);
+}
+
+/// `rustc` does not look for files that nobody names: their tests would never run.
+#[test]
+fn every_file_is_a_module_of_its_parent() {
+    let is_module = |path: &PathBuf| path.starts_with("src") || path.starts_with("tests/it");
+    let is_root = |path: &PathBuf| path.ends_with("lib.rs") || path.ends_with("main.rs");
+    let mut complaints = Vec::new();
+    for path in files_ending_in(".rs").into_iter().filter(|path| is_module(path) && !is_root(path))
+    {
+        // `a/b/mod.rs` and `a/b.rs` both are `mod b;` of `a`.
+        let own = if path.ends_with("mod.rs") {
+            path.parent().unwrap()
+        } else {
+            &path.with_extension("")
+        };
+        let (home, name) = (own.parent().unwrap(), own.file_name().unwrap().to_string_lossy());
+        let inside = ["mod.rs", "lib.rs", "main.rs"].map(|file| home.join(file));
+        let parents = inside.into_iter().chain([home.with_extension("rs")]);
+        let mut parents = parents.filter(|parent| Path::new(ROOT).join(parent).exists());
+        if !parents.any(|parent| text(&parent).contains(&format!("mod {name};"))) {
+            complaints.push(format!("{}: nothing says `mod {name};`", path.display()));
+        }
+    }
+    complain(&complaints);
+}
+
+#[test]
+fn no_file_knows_the_machine_it_was_written_on() {
+    let places = [["/wo", "rk/"], ["/ro", "ot/"], ["/ho", "me/"], ["/tmp/", "wt"]]
+        .map(|parts| parts.concat());
+    let mut complaints = Vec::new();
+    for path in files().into_iter().filter(|path| !path.to_string_lossy().ends_with(".mcap")) {
+        for place in places.iter().filter(|place| text(&path).contains(place.as_str())) {
+            complaints.push(format!("{}: {place}", path.display()));
+        }
+    }
+    complain(&complaints);
+}
+
+#[test]
+fn every_stored_parameter_file_and_scenario_loads() {
+    let directory = tempfile::tempdir().unwrap();
+    let parameter_files = files_ending_in(".params.yaml");
+    assert!(parameter_files.len() >= 2, "{parameter_files:?}");
+    for path in parameter_files {
+        let name =
+            path.file_name().unwrap().to_str().unwrap().strip_suffix(".params.yaml").unwrap();
+        let mut command = laser_profiler(&["replay", "--params-file"]);
+        command
+            .arg(&path)
+            .arg(Path::new("bags").join(name))
+            .arg("-o")
+            .arg(directory.path().join(name));
+        let ended = end(&mut command);
+        assert!(matches!(ended.code, Some(0 | 3)), "{}: {ended:?}", path.display());
+    }
+    for path in files_ending_in(".scenario.yaml") {
+        let scenario = Scenario::from_yaml(&text(&path));
+        assert!(scenario.is_ok(), "{}: {:?}", path.display(), scenario.err());
+    }
+}
