@@ -1,0 +1,19 @@
+# Shortcuts; each is one plain command, so `just` itself is not needed.
+
+# All that CI does.
+check:
+    .ci/run
+
+test:
+    cargo test --no-default-features
+
+# Speed of one frame of 2592 x 2048.
+bench:
+    cargo bench --bench extract
+
+demo:
+    cargo run --release -- demo
+
+# Licences, sources and advisories of the dependencies (needs cargo-deny).
+deny:
+    cargo deny check
