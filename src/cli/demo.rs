@@ -50,8 +50,13 @@ const FILES: [(&str, &[u8]); 4] = [
 ];
 const SCENARIO: &str = include_str!("../../bags/film_defects.scenario.yaml");
 
+const HELP: &str = "\
+Example:
+  laser_profiler demo -o film      writes film/height_map.png, film/profile.png and the recordings";
+
 /// Replays the bundled recording, draws what was measured and tells how to look at it.
 #[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
 pub struct DemoArgs {
     /// Directory of the recording, the results and the pictures; those of an earlier demo are replaced.
     #[arg(short, long, value_name = "DIR", default_value = "demo")]

@@ -15,7 +15,7 @@ use crate::bag::{BagReader, ReadOptions};
 /// A bag with a sound index is not read further; `--verify` reads every message and tests every checksum. A bag
 /// that was cut short or is damaged is read from end to end, and the exit code is 3.
 #[derive(Debug, Args)]
-#[command(after_long_help = JSON_HELP)]
+#[command(after_long_help = HELP)]
 pub struct InfoArgs {
     /// A rosbag2 directory or an .mcap file.
     pub bag: PathBuf,
@@ -27,7 +27,11 @@ pub struct InfoArgs {
     pub verify: bool,
 }
 
-const JSON_HELP: &str = "\
+const HELP: &str = "\
+Examples:
+  laser_profiler info my_recording
+  laser_profiler info results/results_0.mcap --json | jq .topics
+
 --json prints one object:
   path, bytes, start_ns, end_ns (null without messages), duration_s, messages, verified (every message was read)
   files:       [{path, bytes, indexed, compression: [\"none\"|\"lz4\"|\"zstd\"]}]

@@ -17,7 +17,7 @@ use crate::bag::recover::{RecoverOptions, Recovery, recover};
 /// All topics, messages, attachments and metadata are kept. A damaged chunk is skipped; where no record begins, the
 /// search goes on for the next chunk. The exit code is 3 when anything was skipped.
 #[derive(Debug, Args)]
-#[command(after_long_help = JSON_HELP)]
+#[command(after_long_help = HELP)]
 pub struct RecoverArgs {
     /// A rosbag2 directory or an .mcap file.
     pub bag: PathBuf,
@@ -46,7 +46,10 @@ pub enum CompressionName {
     Zstd,
 }
 
-const JSON_HELP: &str = "\
+const HELP: &str = "\
+Example:
+  laser_profiler recover cut_off.mcap -o recovered
+
 --json prints one object:
   output, bytes, messages, topics: {name: count}, attachments, metadata (numbers of records)
   damaged: [{file, offset, end, what}]; offsets in bytes from the start of the file
