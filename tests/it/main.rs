@@ -9,6 +9,7 @@ mod program;
 mod recordings;
 
 mod accuracy;
+mod bright_scene;
 mod allocation;
 mod cli;
 mod determinism;

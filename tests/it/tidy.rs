@@ -226,6 +226,34 @@ fn no_file_knows_the_machine_it_was_written_on() {
     complain(&complaints);
 }
 
+/// Paths in backquotes, alone or with the name of a function in the file.
+#[test]
+fn documents_name_what_exists() {
+    let mut complaints = Vec::new();
+    let mut checked = 0;
+    for document in files_ending_in(".md") {
+        let text = text(&document);
+        for span in text.split('`').skip(1).step_by(2) {
+            let (path, function) = span.split_once("::").unwrap_or((span, ""));
+            let place = path.split('/').next().unwrap_or_default();
+            let is_path = ["src", "tests", "bags", "benches", "docs", "msgs"].contains(&place)
+                && !path.contains(['*', '$', ' ', '\n']);
+            if !is_path || !path.contains('/') {
+                continue;
+            }
+            checked += 1;
+            let path = Path::new(path);
+            let is_there = Path::new(ROOT).join(path).exists()
+                && (function.is_empty() || self::text(path).contains(&format!("fn {function}(")));
+            if !is_there {
+                complaints.push(format!("{}: {span}", document.display()));
+            }
+        }
+    }
+    assert!(checked > 30, "only {checked} paths found");
+    complain(&complaints);
+}
+
 #[test]
 fn every_stored_parameter_file_and_scenario_loads() {
     let directory = tempfile::tempdir().unwrap();
