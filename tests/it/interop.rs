@@ -10,7 +10,7 @@ use std::{
 };
 
 use crate::{
-    program::{Ended, end, replay},
+    program::{Ended, end, replay, skip},
     recordings::{bundled, real},
 };
 
@@ -22,7 +22,7 @@ fn python() -> Option<&'static Path> {
     match PYTHON.get_or_init(virtual_environment) {
         Ok(python) => Some(python),
         Err(reason) => {
-            eprintln!("SKIPPED interop: {reason}");
+            skip("interop", reason);
             assert!(env::var_os("CI").is_none(), "CI skips nothing: {reason}");
             None
         }

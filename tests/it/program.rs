@@ -3,6 +3,7 @@
 use std::{
     ffi::OsStr,
     fs,
+    io::{self, Write},
     path::Path,
     process::{Command, Output},
 };
@@ -52,6 +53,11 @@ pub(crate) fn replay(input: &Path, output: &Path, code: i32, arguments: &[&str])
     let accounted = frames("processed") + frames("rejected") + frames("dropped");
     assert_eq!(frames("received"), accounted, "a frame in no bin, or in two: {summary}");
     (summary, ended.stderr)
+}
+
+/// Says that something is not tested, and why. Not by `eprintln!`, which the test harness hides when a test passes.
+pub(crate) fn skip(what: &str, reason: &str) {
+    io::stderr().write_all(format!("SKIPPED {what}: {reason}\n").as_bytes()).unwrap();
 }
 
 /// Names and contents of the files in a directory, in order.

@@ -17,6 +17,8 @@ use laser_profiler::{
     },
 };
 
+use crate::program::skip;
+
 pub(crate) const WIDTH: u32 = 160;
 pub(crate) const HEIGHT: u32 = 32;
 /// The stripe is symmetrical about this row, so its centre is there whatever the estimator.
@@ -37,7 +39,7 @@ pub(crate) fn real(name: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    eprintln!("SKIPPED {name}: {} is missing", path.display());
+    skip(name, &format!("{} is missing", path.display()));
     None
 }
 

@@ -1,7 +1,7 @@
 //! Files of other writers: unchunked, without index, out of order, of ROS 1; and recordings of real cameras.
 
 use std::collections::BTreeMap;
-use std::io::Cursor;
+use std::io::{Cursor, Write as _};
 
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
@@ -149,7 +149,6 @@ fn a_time_that_does_not_fit_is_named() {
 }
 
 #[test]
-#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
 fn recordings_of_real_cameras_open() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
     let recordings: [(&str, &[(&str, usize)]); 2] = [
@@ -159,7 +158,9 @@ fn recordings_of_real_cameras_open() {
     for (name, expected) in recordings {
         let path = data.join(name);
         if !path.exists() {
-            eprintln!("SKIPPED {name}: {} is missing", path.display());
+            // Not by `eprintln!`, which the test harness hides when a test passes.
+            let skipped = format!("SKIPPED {name}: {} is missing\n", path.display());
+            std::io::stderr().write_all(skipped.as_bytes()).unwrap();
             continue;
         }
         let (messages, errors) = read_all(&path, &ReadOptions::default()).unwrap();
