@@ -19,6 +19,8 @@ pub(super) fn start(level: Option<LogLevel>) {
         .without_time()
         .with_ansi(io::stderr().is_terminal())
         .with_writer(io::stderr)
+        // It would print its own failure to standard error, and panic where that is what fails.
+        .log_internal_errors(false)
         .finish();
     // Fails only when a subscriber is there already, as in tests.
     drop(tracing::subscriber::set_global_default(subscriber));
