@@ -1,7 +1,7 @@
 //! A replay from its request to its results: opens, checks and connects everything before the first frame is read.
 
 use std::{
-    fs,
+    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::{
     bag::{
-        self, BagError, BagReader, Filter, ReadOptions, RecordError, RecordOptions, Topic,
+        self, BagError, BagReader, Filter, ReadOptions, RecordError, RecordOptions, Topic, place,
         player::{Pacer, RateError},
     },
     ros::{
@@ -93,8 +93,8 @@ pub enum ReplayError {
         expected: String,
     },
     /// Results would replace their own input.
-    #[error("{}: is the recording itself; choose another output", .0.display())]
-    OutputIsInput(PathBuf),
+    #[error("{0}; choose another output")]
+    OutputIsInput(io::Error),
     /// The calibration cannot be used.
     #[error("calibration_file {}: {source}", path.display())]
     Calibration {
@@ -109,7 +109,7 @@ pub enum ReplayError {
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// A recording cannot be read.
     #[error(transparent)]
@@ -170,9 +170,7 @@ impl Replay {
                 let (expected, found) = (expected.name.clone(), found.name);
                 return Err(ReplayError::Mixed { bag: path.clone(), found, expected });
             }
-            if is_same(path, &request.output) {
-                return Err(ReplayError::OutputIsInput(request.output));
-            }
+            place::refuse_same(path, &request.output).map_err(ReplayError::OutputIsInput)?;
             bags.push(bag);
         }
         // Without any recording there is nothing to choose from.
@@ -301,14 +299,6 @@ fn load_calibration(path: &Path) -> Result<(Calibration, String), ReplayError> {
     let text = fs::read_to_string(path).map_err(io)?;
     let calibration = Calibration::from_yaml(&text).map_err(wrong)?;
     Ok((calibration, text))
-}
-
-/// Whether both are one file or directory, or the first one lies in the second.
-fn is_same(input: &Path, output: &Path) -> bool {
-    match (input.canonicalize(), output.canonicalize()) {
-        (Ok(input), Ok(output)) => input.starts_with(output),
-        _ => false,
-    }
 }
 
 #[cfg(test)]
