@@ -8,11 +8,12 @@ use std::{
 
 use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::{Value as Json, json};
+use serde::Serialize;
 
 use super::{Outcome, Usage, interrupt};
 use crate::{
     node::{
+        histogram::Histogram,
         replay::{Replay, ReplayError, ReplayRequest},
         statistics::Summary,
         stop::Stop,
@@ -52,7 +53,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "FILE")]
     pub params_file: Vec<PathBuf>,
     /// Times the speed of the recording, instead of as fast as possible.
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub rate: Option<f64>,
     /// Print a machine-readable summary on standard output.
     #[arg(long)]
@@ -76,7 +77,7 @@ pub fn run(args: ReplayArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::
     let output = args.output.clone();
     let summary = replay(request(args, ros), &stop)?;
     let text = if json {
-        format!("{}\n", summary_json(&summary, &output.to_string_lossy()))
+        format!("{}\n", serde_json::to_string(&Told::of(&summary, &output.to_string_lossy()))?)
     } else {
         summary_text(&summary, &output.to_string_lossy())
     };
@@ -97,7 +98,7 @@ pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
     let lossy = match topic.transport {
         ImageTransport::Raw => "",
         ImageTransport::Compressed => {
-            " (compressed; JPEG moves centrelines by some hundredths of a pixel)"
+            " (compressed; JPEG would move centrelines by some hundredths of a pixel)"
         }
     };
     tracing::info!("taking images from {}{lossy}", topic.name);
@@ -139,32 +140,70 @@ fn frames_per_second(summary: &Summary) -> f64 {
     if seconds > 0.0 { summary.counts.processed as f64 / seconds } else { 0.0 }
 }
 
-fn summary_json(summary: &Summary, output: &str) -> Json {
-    let counts = &summary.counts;
-    let stages: serde_json::Map<_, _> = summary
-        .stages
-        .named()
-        .into_iter()
-        .map(|(name, times)| {
-            let times = json!({"p50": times.percentile_ms(0.50), "p99": times.percentile_ms(0.99)});
-            (name.to_owned(), times)
-        })
-        .collect();
-    json!({
-        "frames": {
-            "received": counts.received,
-            "processed": counts.processed,
-            "rejected": counts.rejected(),
-            "dropped": counts.dropped_overload,
-            "lost": counts.lost(),
-        },
-        "points": counts.points,
-        "slices": counts.slices,
-        "seconds": summary.elapsed.as_secs_f64(),
-        "frames_per_second": frames_per_second(summary),
-        "stages_ms": stages,
-        "output": output,
-    })
+/// The summary of `--json`, with its keys in their published order.
+#[derive(Serialize)]
+struct Told<'a> {
+    frames: Frames,
+    points: u64,
+    slices: u64,
+    seconds: f64,
+    frames_per_second: f64,
+    stages_ms: Stages,
+    output: &'a str,
+}
+
+#[derive(Serialize)]
+struct Frames {
+    received: u64,
+    processed: u64,
+    rejected: u64,
+    dropped: u64,
+    lost: u64,
+}
+
+#[derive(Serialize)]
+struct Stages {
+    decode: Percentiles,
+    extract: Percentiles,
+    triangulate: Percentiles,
+    encode: Percentiles,
+}
+
+/// Milliseconds.
+#[derive(Serialize)]
+struct Percentiles {
+    p50: f64,
+    p99: f64,
+}
+
+impl<'a> Told<'a> {
+    fn of(summary: &Summary, output: &'a str) -> Self {
+        let Summary { counts, stages, .. } = summary;
+        let of = |times: &Histogram| Percentiles {
+            p50: times.percentile_ms(0.50),
+            p99: times.percentile_ms(0.99),
+        };
+        Self {
+            frames: Frames {
+                received: counts.received,
+                processed: counts.processed,
+                rejected: counts.rejected(),
+                dropped: counts.dropped_overload,
+                lost: counts.lost(),
+            },
+            points: counts.points,
+            slices: counts.slices,
+            seconds: summary.elapsed.as_secs_f64(),
+            frames_per_second: frames_per_second(summary),
+            stages_ms: Stages {
+                decode: of(&stages.decode),
+                extract: of(&stages.extract),
+                triangulate: of(&stages.triangulate),
+                encode: of(&stages.encode),
+            },
+            output,
+        }
+    }
 }
 
 fn summary_text(summary: &Summary, output: &str) -> String {
@@ -211,10 +250,10 @@ fn summary_text(summary: &Summary, output: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::statistics::Counts;
+    use crate::node::statistics::{Counts, StageTimes};
 
     #[test]
-    fn the_summary_has_the_published_keys_and_adds_up() {
+    fn the_summary_has_the_published_keys_in_their_order_and_adds_up() {
         let counts = Counts {
             received: 10,
             processed: 4,
@@ -223,26 +262,22 @@ mod tests {
             duplicate: 1,
             out_of_order: 1,
             lost_transport: 5,
+            points: 60,
+            slices: 2,
             ..Counts::default()
         };
-        let summary =
-            Summary { counts, elapsed: std::time::Duration::from_secs(2), ..Summary::default() };
-        let json = summary_json(&summary, "out");
-        let frames = &json["frames"];
-        assert_eq!(
-            *frames,
-            json!({"received": 10, "processed": 4, "rejected": 3, "dropped": 3, "lost": 5})
+        let stages = StageTimes::default();
+        let elapsed = std::time::Duration::from_secs(2);
+        let summary = Summary { counts, stages, elapsed, ..Summary::default() };
+        let json = serde_json::to_string(&Told::of(&summary, "out")).unwrap();
+        let zero = r#"{"p50":0.0,"p99":0.0}"#;
+        let expected = format!(
+            "{}{}",
+            r#"{"frames":{"received":10,"processed":4,"rejected":3,"dropped":3,"lost":5},"points":60,"slices":2,"#,
+            format_args!(
+                r#""seconds":2.0,"frames_per_second":2.0,"stages_ms":{{"decode":{zero},"extract":{zero},"triangulate":{zero},"encode":{zero}}},"output":"out"}}"#
+            )
         );
-        for stage in ["decode", "extract", "triangulate", "encode"] {
-            assert!(
-                json["stages_ms"][stage]["p50"].is_f64()
-                    && json["stages_ms"][stage]["p99"].is_f64()
-            );
-        }
-        assert_eq!(json["frames_per_second"], 2.0);
-        let keys: Vec<_> = json.as_object().unwrap().keys().map(String::as_str).collect();
-        let expected =
-            ["frames", "frames_per_second", "output", "points", "seconds", "slices", "stages_ms"];
-        assert_eq!(keys, expected);
+        assert_eq!(json, expected);
     }
 }
