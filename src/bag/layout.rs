@@ -19,8 +19,6 @@ pub(super) struct Layout {
     pub(super) counts: Option<BTreeMap<u16, u64>>,
     /// The same as the file itself states it.
     pub(super) stated_counts: Option<BTreeMap<u16, u64>>,
-    /// Times of the first and the last message, where known.
-    pub(super) bounds: Option<(u64, u64)>,
     /// From the file's own index; otherwise found by walking.
     pub(super) is_indexed: bool,
     /// Names of the compressions of its chunks, sorted.
@@ -105,8 +103,6 @@ impl Layout {
             }
         }
         if let Some(statistics) = summary.statistics {
-            layout.bounds =
-                (message_count > 0).then_some((statistics.start_time, statistics.end_time));
             layout.counts = Some(statistics.channel_counts);
         }
         layout.sort();

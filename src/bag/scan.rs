@@ -114,7 +114,6 @@ impl Scan<'_> {
                 };
                 self.suspect = Some(Suspect { offset: span.offset, channel: Some(header.channel) });
                 *self.counts.entry(header.channel).or_default() += 1;
-                self.widen(header.log_time, header.log_time);
                 match self.layout.parts.last_mut() {
                     Some(part)
                         if matches!(part.kind, PartKind::Loose) && part.end == span.offset =>
@@ -174,7 +173,7 @@ impl Scan<'_> {
 
     /// Opens a chunk for its channels, counts and times. What is wrong inside is told when its messages are read.
     fn chunk(&mut self, chunk: &ChunkHeader) -> Result<Option<u64>, BagError> {
-        let mut times: Option<(u64, u64)> = None;
+        let mut start_time: Option<u64> = None;
         let (channels, counts) = (&mut self.layout.channels, &mut self.counts);
         let decoded = self.decoder.decode(self.source, chunk, &mut |opcode, body| {
             if opcode != op::MESSAGE {
@@ -182,27 +181,19 @@ impl Scan<'_> {
                 let _told_later = channels.add(opcode, body);
             } else if let Some((header, _)) = MessageHeader::split(body) {
                 *counts.entry(header.channel).or_default() += 1;
-                let (first, last) = times.unwrap_or((header.log_time, header.log_time));
-                times = Some((first.min(header.log_time), last.max(header.log_time)));
+                start_time =
+                    Some(start_time.map_or(header.log_time, |time| time.min(header.log_time)));
             }
         });
         if let Err(error @ BagError::Io { .. }) = decoded {
             return Err(error);
         }
-        if let Some((first, last)) = times {
-            self.widen(first, last);
-        }
         self.suspect = None;
         if !self.layout.compressions.contains(&chunk.compression) {
             self.layout.compressions.push(chunk.compression.clone());
         }
-        self.part(PartKind::Chunk, &chunk.span, times.map_or(chunk.start_time, |(first, _)| first));
+        self.part(PartKind::Chunk, &chunk.span, start_time.unwrap_or(chunk.start_time));
         Ok((chunk.span.end <= self.source.len_bytes).then_some(chunk.span.end))
-    }
-
-    fn widen(&mut self, first: u64, last: u64) {
-        let (start, end) = self.layout.bounds.unwrap_or((first, last));
-        self.layout.bounds = Some((start.min(first), end.max(last)));
     }
 
     fn part(&mut self, kind: PartKind, span: &RecordSpan, start_time: u64) {

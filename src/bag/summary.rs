@@ -31,12 +31,10 @@ pub(super) struct ChunkIndex {
     pub(super) compression: String,
 }
 
-/// Numbers of messages, and times of the first and the last.
+/// Numbers of messages.
 #[derive(Debug)]
 pub(super) struct FileStatistics {
     pub(super) message_count: u64,
-    pub(super) start_time: u64,
-    pub(super) end_time: u64,
     pub(super) channel_counts: BTreeMap<u16, u64>,
 }
 
@@ -101,15 +99,9 @@ fn chunk_index(fields: &mut Fields<'_>) -> Option<ChunkIndex> {
 
 fn statistics(fields: &mut Fields<'_>) -> Option<FileStatistics> {
     let message_count = fields.u64()?;
-    // Numbers of schemas, channels, attachments, metadata records and chunks.
-    fields.bytes(2 + 4 + 4 + 4 + 4)?;
-    let (start_time, end_time) = (fields.u64()?, fields.u64()?);
-    Some(FileStatistics {
-        message_count,
-        start_time,
-        end_time,
-        channel_counts: fields.channel_map()?,
-    })
+    // Numbers of schemas, channels, attachments, metadata records and chunks; first and last time.
+    fields.bytes(2 + 4 + 4 + 4 + 4 + 8 + 8)?;
+    Some(FileStatistics { message_count, channel_counts: fields.channel_map()? })
 }
 
 /// First byte of the summary and of the footer behind it, when footer, magic and checksum are right.
