@@ -25,22 +25,31 @@ pub struct Place {
 pub struct Sequence {
     last: Option<u32>,
     num_taken: u64,
+    /// Frames that arrived after the last one and were dropped unseen.
+    num_dropped: u32,
 }
 
 /// A larger step is a restart or damage, not a loss: an hour and more of frames.
 const MAX_GAP: u32 = 100_000;
 
 impl Sequence {
-    /// Takes the sequence number of the next message to arrive.
+    /// Leaves places for frames that arrived, but were dropped before anybody saw their numbers: they are not missing.
+    pub fn skip(&mut self, num_dropped: u32) {
+        self.num_dropped = self.num_dropped.saturating_add(num_dropped);
+    }
+
+    /// Takes the sequence number of the next message.
     pub fn take(&mut self, sequence: u32) -> Place {
         let step = self.step(sequence);
-        let frame_number = self.num_taken + u64::from(step.map_or(0, |step| step - 1));
+        let num_dropped = std::mem::take(&mut self.num_dropped);
+        let num_absent = step.map_or(num_dropped, |step| num_dropped.max(step - 1));
+        let frame_number = self.num_taken + u64::from(num_absent);
         self.last = Some(sequence);
         self.num_taken = frame_number + 1;
         Place {
             frame_number,
             source: step.map_or(NumberSource::Host, |_| NumberSource::Transport),
-            missing: step.map(|step| step - 1),
+            missing: step.map(|step| (step - 1).saturating_sub(num_dropped)),
         }
     }
 
@@ -93,8 +102,6 @@ pub struct StampOrder {
     last_ns: Option<i64>,
     /// The last refused stamp, and how many ascended up to it.
     behind: Option<(i64, u32)>,
-    /// The next stamp belongs to another recording.
-    is_new: bool,
 }
 
 impl StampOrder {
@@ -110,10 +117,6 @@ impl StampOrder {
             self.accept(stamp_ns);
             return Ok(StampStep::Forward);
         };
-        if std::mem::take(&mut self.is_new) && stamp_ns <= last_ns {
-            self.accept(stamp_ns);
-            return Ok(StampStep::ClockSetBack);
-        }
         if stamp_ns == last_ns {
             return Err(StampFault::Duplicate);
         }
@@ -131,11 +134,6 @@ impl StampOrder {
         }
         self.behind = Some((stamp_ns, num_behind));
         Err(StampFault::OutOfOrder)
-    }
-
-    /// Another recording follows: its first stamp may lie anywhere.
-    pub fn restart(&mut self) {
-        self.is_new = true;
     }
 
     fn accept(&mut self, stamp_ns: i64) {
@@ -184,6 +182,24 @@ mod tests {
         assert_eq!(sequence.take(20).missing, None);
     }
 
+    #[test]
+    fn dropped_frames_have_numbers_but_are_not_missing() {
+        for counts in [true, false] {
+            let mut sequence = Sequence::default();
+            let mut take = |number: u32, num_dropped| {
+                sequence.skip(num_dropped);
+                let place = sequence.take(if counts { number } else { 0 });
+                (place.frame_number, place.missing)
+            };
+            let known = |missing| counts.then_some(missing);
+            assert_eq!(take(10, 0), (0, None));
+            assert_eq!(take(14, 3), (4, known(0)));
+            assert_eq!(take(15, 0), (5, known(0)));
+            let lost = u64::from(counts);
+            assert_eq!(take(18, 1), (7 + lost, known(1)), "one dropped; one lost if that shows");
+        }
+    }
+
     fn judged(stamps: &[i64]) -> String {
         let mut order = StampOrder::default();
         let letter = |&stamp: &i64| match order.take(stamp) {
@@ -203,15 +219,6 @@ mod tests {
     #[test]
     fn zero_stamps_are_no_duplicates() {
         assert_eq!(judged(&[0, 0, 10, 0, 10, 20]), "++++=+");
-    }
-
-    #[test]
-    fn a_new_recording_may_be_older() {
-        let mut order = StampOrder::default();
-        assert_eq!(order.take(10), Ok(StampStep::Forward));
-        order.restart();
-        assert_eq!(order.take(5), Ok(StampStep::ClockSetBack));
-        assert_eq!(order.take(4), Err(StampFault::OutOfOrder), "only its first stamp is free");
     }
 
     #[test]

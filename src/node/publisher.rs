@@ -39,6 +39,7 @@ pub struct Publisher<'a> {
     /// Messages sent by topic; the input's own comes last, when it is sent on.
     sequences: Vec<u32>,
     num_bytes: u64,
+    num_dropped: u64,
     encoding: Duration,
 }
 
@@ -46,7 +47,14 @@ impl<'a> Publisher<'a> {
     /// A publisher of `num_topics` topics, plus the input's.
     pub fn new(fan_out: &'a FanOut<'a>, num_topics: usize) -> Self {
         let sequences = vec![0; num_topics + 1];
-        Self { fan_out, buffer: Vec::new(), sequences, num_bytes: 0, encoding: Duration::ZERO }
+        Self {
+            fan_out,
+            buffer: Vec::new(),
+            sequences,
+            num_bytes: 0,
+            num_dropped: 0,
+            encoding: Duration::ZERO,
+        }
     }
 
     /// Encodes a result and sends it; its times are those of its input.
@@ -80,6 +88,11 @@ impl<'a> Publisher<'a> {
         self.num_bytes
     }
 
+    /// Messages that full sinks dropped so far, one a sink.
+    pub const fn num_dropped(&self) -> u64 {
+        self.num_dropped
+    }
+
     /// Time spent on encoding since the last call.
     pub fn take_encoding_time(&mut self) -> Duration {
         std::mem::take(&mut self.encoding)
@@ -95,6 +108,8 @@ impl<'a> Publisher<'a> {
         self.num_bytes += data.len() as u64;
         let sequence = self.sequences[topic];
         let message = Outgoing { topic, log_time_ns, publish_time_ns, sequence, data };
-        self.fan_out.send(&message).map(drop).map_err(|Closed(())| Halt::SinkFailed)
+        let num_dropped = self.fan_out.send(&message).map_err(|Closed(())| Halt::SinkFailed)?;
+        self.num_dropped += num_dropped as u64;
+        Ok(())
     }
 }

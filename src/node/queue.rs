@@ -42,6 +42,8 @@ pub enum Popped<T> {
 struct State<T> {
     items: VecDeque<(T, usize)>,
     bytes: usize,
+    /// Items lost since the last one was taken.
+    num_dropped: u32,
     is_closed: bool,
 }
 
@@ -58,8 +60,8 @@ impl<T> Queue<T> {
     /// An open, empty queue.
     pub fn new(bound: Bound, when_full: WhenFull) -> Self {
         let bound = Bound { items: bound.items.max(1), ..bound };
-        let state =
-            State { items: VecDeque::with_capacity(bound.items), bytes: 0, is_closed: false };
+        let items = VecDeque::with_capacity(bound.items);
+        let state = State { items, bytes: 0, num_dropped: 0, is_closed: false };
         Self {
             bound,
             when_full,
@@ -83,6 +85,7 @@ impl<T> Queue<T> {
                 }
                 WhenFull::DropOldest => {
                     state.take();
+                    state.num_dropped = state.num_dropped.saturating_add(1);
                     num_dropped += 1;
                 }
             }
@@ -99,11 +102,16 @@ impl<T> Queue<T> {
 
     /// Waits for the oldest item. `None`: the queue is closed and empty.
     pub fn pop(&self) -> Option<T> {
+        self.pop_counted().map(|(item, _)| item)
+    }
+
+    /// As [`pop`](Self::pop), with the number of items that were lost between the one taken before and this one.
+    pub fn pop_counted(&self) -> Option<(T, u32)> {
         let mut state = self.lock();
         loop {
             if let Some(item) = state.take() {
                 self.has_room.notify_all();
-                return Some(item);
+                return Some((item, std::mem::take(&mut state.num_dropped)));
             }
             if state.is_closed {
                 return None;
@@ -200,6 +208,21 @@ mod tests {
         assert_eq!(queue.push(9, 95), Ok(2), "bytes count too");
         assert_eq!((queue.len(), queue.pop()), (1, Some(9)));
         assert_eq!(queue.push(10, 1000), Ok(0), "larger than the bound, but alone");
+    }
+
+    #[test]
+    fn an_item_tells_how_many_were_lost_before_it() {
+        let queue = queue(2, 100, WhenFull::DropOldest);
+        let push = |items: std::ops::Range<u32>| {
+            for item in items {
+                queue.push(item, 1).unwrap();
+            }
+        };
+        push(0..5);
+        assert_eq!(queue.pop_counted(), Some((3, 3)));
+        assert_eq!(queue.pop_counted(), Some((4, 0)));
+        push(5..8);
+        assert_eq!(queue.pop_counted(), Some((6, 1)));
     }
 
     /// Producers and consumers that would overrun any bound if it did not hold.

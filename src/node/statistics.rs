@@ -25,6 +25,8 @@ pub struct Counts {
     pub points: u64,
     /// Slices published.
     pub slices: u64,
+    /// Results that a sink's full queue dropped.
+    pub recorder_dropped: u64,
     /// Bytes handed to the recorder.
     pub recorder_bytes: u64,
 }
@@ -40,9 +42,12 @@ impl Counts {
         self.lost_transport
     }
 
-    /// Whether every frame that exists was measured.
+    /// Whether every frame that exists was measured, and every result kept.
     pub const fn is_complete(&self) -> bool {
-        self.rejected() == 0 && self.dropped_overload == 0 && self.lost() == 0
+        self.rejected() == 0
+            && self.dropped_overload == 0
+            && self.lost() == 0
+            && self.recorder_dropped == 0
     }
 }
 

@@ -46,7 +46,10 @@ pub fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
 /// Decides when a report is due, from the times of the messages alone.
 #[derive(Debug, Default)]
 pub struct Schedule {
-    last: Option<(i64, Counts)>,
+    /// When the interval began; `None` until its first frame.
+    since_ns: Option<i64>,
+    /// The counters then.
+    base: Counts,
     had_faults: bool,
 }
 
@@ -63,30 +66,38 @@ impl Schedule {
     /// Whether a report is due at `now_ns`: a second after the last one, or at once when the first fault of an
     /// interval shows. Time that steps back starts a new interval.
     pub fn poll(&mut self, now_ns: i64, counts: &Counts) -> Option<Interval> {
-        let Some((last_ns, last)) = self.last else {
-            self.last = Some((now_ns, Counts::default()));
+        let Some(since_ns) = self.since_ns else {
+            self.since_ns = Some(now_ns);
+            // The interval begins with this frame; one that ends a second later has the frames behind it.
+            self.base.received = counts.received;
             return None;
         };
-        let is_over = now_ns.checked_sub(last_ns).is_none_or(|age| !(0..PERIOD_NS).contains(&age));
-        let has_new_fault = !self.had_faults && faults(counts) > faults(&last);
+        let is_over = now_ns.checked_sub(since_ns).is_none_or(|age| !(0..PERIOD_NS).contains(&age));
+        let has_new_fault = !self.had_faults && faults(counts) > faults(&self.base);
         (is_over || has_new_fault).then(|| self.close(now_ns, counts))
     }
 
     /// Ends the interval now.
     pub fn close(&mut self, now_ns: i64, counts: &Counts) -> Interval {
-        let (last_ns, last) = self.last.unwrap_or((now_ns, Counts::default()));
-        let seconds = now_ns.saturating_sub(last_ns) as f64 / 1e9;
-        let received = (counts.received - last.received) as f64;
+        let since_ns = self.since_ns.unwrap_or(now_ns);
+        let seconds = now_ns.saturating_sub(since_ns) as f64 / 1e9;
+        let received = (counts.received - self.base.received) as f64;
         let rate_hz = if seconds > 0.0 { (received / seconds) as f32 } else { 0.0 };
-        let has_faults = faults(counts) > faults(&last);
-        self.last = Some((now_ns, *counts));
+        let has_faults = faults(counts) > faults(&self.base);
+        self.since_ns = Some(now_ns);
+        self.base = *counts;
         self.had_faults = has_faults;
         Interval { rate_hz, has_faults }
+    }
+
+    /// What follows was recorded on another occasion: the time until then is nobody's interval.
+    pub fn restart(&mut self) {
+        self.since_ns = None;
     }
 }
 
 const fn faults(counts: &Counts) -> u64 {
-    counts.rejected() + counts.dropped_overload + counts.lost()
+    counts.rejected() + counts.dropped_overload + counts.lost() + counts.recorder_dropped
 }
 
 impl Reporter {
@@ -110,7 +121,7 @@ impl Reporter {
             rejected_malformed: counts.malformed,
             rejected_duplicate: counts.duplicate,
             rejected_out_of_order: counts.out_of_order,
-            recorder_dropped: 0,
+            recorder_dropped: counts.recorder_dropped,
             recorder_bytes: counts.recorder_bytes,
             rate: interval.rate_hz,
             latency_p50: f32::NAN,
@@ -143,6 +154,7 @@ impl Reporter {
             ("frames rejected as malformed", counts.malformed.to_string()),
             ("frames rejected as duplicate", counts.duplicate.to_string()),
             ("frames rejected as out of order", counts.out_of_order.to_string()),
+            ("results not recorded", counts.recorder_dropped.to_string()),
             ("slices", counts.slices.to_string()),
         ];
         let value = |(key, value)| KeyValue { key: Cow::Borrowed(key), value: Cow::Owned(value) };
@@ -174,9 +186,9 @@ mod tests {
     #[test]
     fn reports_come_each_second_and_with_the_first_fault() {
         let mut schedule = Schedule::default();
-        assert_eq!(schedule.poll(0, &counts(0, 0)), None);
-        assert_eq!(schedule.poll(999 * MS, &counts(9, 0)), None);
-        let report = schedule.poll(1000 * MS, &counts(10, 0)).unwrap();
+        assert_eq!(schedule.poll(0, &counts(1, 0)), None);
+        assert_eq!(schedule.poll(999 * MS, &counts(10, 0)), None);
+        let report = schedule.poll(1000 * MS, &counts(11, 0)).unwrap();
         assert!((report.rate_hz - 10.0).abs() < 1e-6 && !report.has_faults);
         let report = schedule.poll(1500 * MS, &counts(15, 1)).unwrap();
         assert!(report.has_faults, "at once");
@@ -184,6 +196,10 @@ mod tests {
         assert!(schedule.poll(2500 * MS, &counts(25, 2)).unwrap().has_faults, "in this second too");
         assert!(!schedule.poll(3500 * MS, &counts(35, 2)).unwrap().has_faults, "over");
         assert!(schedule.poll(0, &counts(36, 2)).is_some(), "time stepped back");
+        schedule.restart();
+        assert_eq!(schedule.poll(9000 * MS, &counts(37, 3)), None, "a new interval");
+        let report = schedule.poll(10_000 * MS, &counts(42, 3)).unwrap();
+        assert!((report.rate_hz - 5.0).abs() < 1e-6 && report.has_faults, "{report:?}");
     }
 
     #[test]

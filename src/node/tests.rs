@@ -1,5 +1,7 @@
 //! The node from source to sink, with a source and sinks in memory.
 
+mod streams;
+
 use std::sync::{Arc, Mutex};
 
 use super::{
@@ -386,14 +388,4 @@ fn a_raised_stop_ends_the_input_and_keeps_the_results() {
     assert!(summary.was_interrupted && !summary.is_complete());
     assert_eq!(summary.counts.processed, 4);
     assert_eq!(on(&kept.lock().unwrap(), Output::Centerline).len(), 4);
-}
-
-#[test]
-fn an_older_recording_begins_a_new_scan() {
-    let setup = Setup { calibrated: true, ..Setup::default() };
-    let inputs = vec![good(1, 500), good(2, 600), Input::NewRecording, good(1, 0), good(2, 100)];
-    let (summary, messages) = run(&setup, inputs);
-    assert!(summary.unwrap().is_complete());
-    assert_eq!(on(&messages, Output::Centerline).len(), 4);
-    assert_eq!(on(&messages, Output::HeightMap).len(), 2);
 }

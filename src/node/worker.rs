@@ -20,7 +20,7 @@ use crate::{
 };
 
 use super::{
-    order::{Sequence, StampFault, StampOrder, StampStep},
+    order::{Place, Sequence, StampFault, StampOrder, StampStep},
     publisher::{Halt, Publisher},
     queue::Queue,
     results::{Measured, Results},
@@ -61,6 +61,9 @@ enum Rejection {
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
     missing: u32,
+    /// Whether more may be missing than is known.
+    is_unknown: bool,
+    /// Refused, or dropped by the full queue.
     rejected: u32,
 }
 
@@ -116,16 +119,19 @@ impl Worker {
         out: &mut Publisher<'_>,
     ) -> Result<(Counts, StageTimes), Halt> {
         let _closed_at_the_end = CloseOnDrop(input);
-        while let Some(input) = input.pop() {
+        while let Some((input, num_dropped)) = input.pop_counted() {
             match input {
                 Input::Message(message) => {
+                    self.take_dropped(num_dropped);
                     self.take(&message, out)?;
                     // A closed or full queue of spares: the buffer is simply freed.
                     _ = spare.push(message.data, 0);
                 }
                 Input::NewRecording => {
-                    self.stamps.restart();
+                    self.end_scan(out)?;
+                    self.stamps = StampOrder::default();
                     self.sequence.restart();
+                    self.schedule.restart();
                 }
                 // Counted and told where it was read.
                 Input::Damage(_) => {}
@@ -135,6 +141,14 @@ impl Worker {
         let interval = self.schedule.close(self.last_time_ns, &self.counts);
         self.report(interval, out)?;
         Ok((self.counts, self.stages))
+    }
+
+    /// Counts frames that a full queue has dropped before the next one.
+    fn take_dropped(&mut self, num_dropped: u32) {
+        self.counts.received += u64::from(num_dropped);
+        self.counts.dropped_overload += u64::from(num_dropped);
+        self.pending.rejected = self.pending.rejected.saturating_add(num_dropped);
+        self.sequence.skip(num_dropped);
     }
 
     fn take(&mut self, message: &RawMessage, out: &mut Publisher<'_>) -> Result<(), Halt> {
@@ -148,6 +162,7 @@ impl Worker {
             Err(rejection) => self.reject(&rejection, message),
         }
         self.counts.recorder_bytes = out.num_bytes();
+        self.counts.recorder_dropped = out.num_dropped();
         match self.schedule.poll(message.log_time_ns, &self.counts) {
             Some(interval) => self.report(interval, out),
             None => Ok(()),
@@ -166,8 +181,7 @@ impl Worker {
         let measured = match decoded {
             Ok((header, image)) => self.measure_image(started, (&header, image), message, out),
             Err(rejection) => {
-                let place = self.sequence.take(message.sequence);
-                self.miss(place.missing.unwrap_or(0));
+                self.place(message.sequence);
                 Ok(Err(rejection))
             }
         };
@@ -200,8 +214,7 @@ impl Worker {
                 }));
             }
         }
-        let place = self.sequence.take(message.sequence);
-        self.miss(place.missing.unwrap_or(0));
+        let place = self.place(message.sequence);
         let index = FrameIndex {
             frame_number: place.frame_number,
             frames_missing: self.pending.missing,
@@ -222,6 +235,14 @@ impl Worker {
             .publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
         self.stages.encode.record(out.take_encoding_time());
         Ok(Ok(()))
+    }
+
+    /// The place of the next frame, with all that is missing since the last good one.
+    fn place(&mut self, sequence: u32) -> Place {
+        let place = self.sequence.take(sequence);
+        self.miss(place.missing.unwrap_or(0));
+        self.pending.is_unknown |= place.missing.is_none();
+        Place { missing: (!self.pending.is_unknown).then_some(self.pending.missing), ..place }
     }
 
     fn miss(&mut self, missing: u32) {

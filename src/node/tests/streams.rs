@@ -1,0 +1,235 @@
+//! Streams as cameras and recorders make them: too fast, in several recordings, with counters at their limits.
+
+use std::thread;
+
+use super::*;
+use crate::node::{
+    publisher::Publisher,
+    queue::{Bound, Queue, WhenFull},
+    sink::FanOut,
+    statistics::Counts,
+};
+
+/// What a worker makes of frames that arrive faster than it takes them.
+fn overrun(inputs: Vec<Input>) -> (Counts, Vec<Outgoing>) {
+    let kept = Arc::default();
+    let sink = Box::new(Memory { kept: Arc::clone(&kept), room: usize::MAX });
+    let (input, spare) = (live_queue(3), live_queue(3));
+    for item in inputs {
+        input.push(item, 1).unwrap();
+    }
+    input.close();
+    let setup = Setup { calibrated: true, ..Setup::default() };
+    let (counts, _) = thread::scope(|scope| {
+        let fan_out = FanOut::start(scope, vec![sink], WhenFull::Wait);
+        let worked = worker(&setup).run(&input, &spare, &mut Publisher::new(&fan_out, 9)).unwrap();
+        fan_out.finish().unwrap();
+        worked
+    });
+    let kept = std::mem::take(&mut *kept.lock().unwrap());
+    (counts, kept)
+}
+
+fn live_queue<T>(items: usize) -> Queue<T> {
+    Queue::new(Bound { items, bytes: 1 << 20 }, WhenFull::DropOldest)
+}
+
+fn lines(messages: &[Outgoing]) -> Vec<FrameTrace> {
+    let decode = |message: &&Outgoing| cdr::decode::<Centerline<'_>>(&message.data).unwrap().trace;
+    on(messages, Output::Centerline).iter().map(decode).collect()
+}
+
+#[test]
+fn what_a_full_queue_drops_is_counted_and_not_taken_for_lost() {
+    // Frame 4 never arrived; 1, 2, 3, 5 and 6 are dropped; 7 is malformed; 8 and 9 are measured.
+    let mut inputs: Vec<_> = [1, 2, 3, 5, 6].map(|n| good(n, i64::from(n) * 10)).into();
+    inputs.push(frame(7, 70, 70, |image| image.step = 1));
+    inputs.extend([8, 9].map(|n| good(n, i64::from(n) * 10)));
+    let (counts, messages) = overrun(inputs);
+    assert_eq!((counts.received, counts.processed), (8, 2));
+    assert_eq!((counts.dropped_overload, counts.malformed), (5, 1));
+    assert_eq!(counts.received, counts.processed + counts.rejected() + counts.dropped_overload);
+    assert_eq!(counts.lost(), 0, "nobody saw the counter before frame 7");
+    assert!(!counts.is_complete());
+    let infos = on(&messages, Output::SliceInfo);
+    let info: SliceInfo<'_> = cdr::decode(&infos[0].data).unwrap();
+    assert_eq!((info.frames_accepted, info.frames_rejected, info.frames_expected), (2, 6, 8));
+    let numbers: Vec<_> = lines(&messages).iter().map(|trace| trace.frame_number).collect();
+    assert_eq!(numbers, [6, 7]);
+    let reports = on(&messages, Output::StreamStatus);
+    let status: StreamStatus<'_> = cdr::decode(&reports.last().unwrap().data).unwrap();
+    assert_eq!((status.dropped_overload, status.rejected_malformed), (5, 1));
+}
+
+#[test]
+fn every_counter_reaches_its_field_of_the_status() {
+    let counts = Counts {
+        received: 1,
+        processed: 2,
+        dropped_overload: 3,
+        malformed: 4,
+        duplicate: 5,
+        out_of_order: 6,
+        lost_transport: 7,
+        slices: 8,
+        recorder_dropped: 9,
+        recorder_bytes: 10,
+        ..Counts::default()
+    };
+    let reporter = Reporter {
+        node: "/cell/top".into(),
+        topic: "/image_raw".into(),
+        queue_capacity: 4,
+        session_id: [7; 16],
+    };
+    let interval = crate::node::status::Interval { rate_hz: 12.5, has_faults: true };
+    let status = reporter.stream_status(5, &counts, interval);
+    let fields = [
+        status.frames_received,
+        status.frames_processed,
+        status.dropped_overload,
+        status.rejected_malformed,
+        status.rejected_duplicate,
+        status.rejected_out_of_order,
+        status.lost_transport,
+        status.recorder_dropped,
+        status.recorder_bytes,
+    ];
+    assert_eq!(fields, [1, 2, 3, 4, 5, 6, 7, 9, 10]);
+    let diagnostics = reporter.diagnostics(5, &counts, interval);
+    let state = &diagnostics.status[0];
+    assert_eq!((state.level, &*state.name), (1, "cell/top: stream"));
+    let values: Vec<_> = state.values.iter().map(|pair| (&*pair.key, &*pair.value)).collect();
+    let expected = [
+        ("input topic", "/image_raw"),
+        ("rate [Hz]", "12.500"),
+        ("frames received", "1"),
+        ("frames processed", "2"),
+        ("frames lost in transport", "7"),
+        ("frames dropped by overload", "3"),
+        ("frames rejected as malformed", "4"),
+        ("frames rejected as duplicate", "5"),
+        ("frames rejected as out of order", "6"),
+        ("results not recorded", "9"),
+        ("slices", "8"),
+    ];
+    assert_eq!(values, expected);
+}
+
+#[test]
+fn every_recording_begins_a_new_scan_whether_older_or_newer() {
+    let setup = Setup { calibrated: true, ..Setup::default() };
+    for later_ms in [-1000, 0, 1_000_000] {
+        let mut inputs = vec![good(8, 500), good(9, 600), Input::NewRecording];
+        inputs.extend([1, 2].map(|n| good(n, 500 + later_ms + i64::from(n) * 100)));
+        let (summary, messages) = run(&setup, inputs);
+        assert!(summary.unwrap().is_complete(), "{later_ms}");
+        let traces = lines(&messages);
+        let numbers: Vec<_> = traces.iter().map(|trace| trace.frame_number).collect();
+        assert_eq!(numbers, [0, 1, 2, 3]);
+        assert!(!traces[2].frames_missing_valid, "what lies between is unknown");
+        let maps = on(&messages, Output::HeightMap);
+        assert_eq!(maps.len(), 2, "{later_ms}");
+        assert_eq!(maps[0].log_time_ns, START_NS + 600 * MS);
+        assert_eq!(on(&messages, Output::SliceInfo).len(), 2);
+    }
+}
+
+#[test]
+fn a_steady_stream_has_its_rate_from_the_first_second_on() {
+    let inputs = (0..=20).map(|n| good(n, i64::from(n) * 100)).collect();
+    let (_, messages) = run(&Setup::default(), inputs);
+    for message in &on(&messages, Output::StreamStatus)[..2] {
+        let status: StreamStatus<'_> = cdr::decode(&message.data).unwrap();
+        assert!((status.rate - 10.0).abs() < 1e-5, "{}", status.rate);
+    }
+}
+
+#[test]
+fn a_gap_is_unknown_until_a_frame_follows_a_good_one() {
+    let bad = frame(1, 0, 0, |image| image.step = 1);
+    let (_, messages) = run(&Setup::default(), vec![bad, good(2, 100), good(4, 200)]);
+    let known: Vec<_> = lines(&messages)
+        .iter()
+        .map(|trace| (trace.frames_missing_valid, trace.frames_missing))
+        .collect();
+    assert_eq!(known, [(false, 0), (true, 1)]);
+}
+
+#[test]
+fn numbers_at_their_limits_do_no_harm() {
+    let at = |sequence: u32, log_time_ns: i64, sec: i32, nanosec: u32| {
+        let input = frame(sequence, 0, 0, |image| image.header.stamp = Time { sec, nanosec });
+        let Input::Message(mut message) = input else { unreachable!() };
+        (message.log_time_ns, message.publish_time_ns) = (log_time_ns, log_time_ns);
+        Input::Message(message)
+    };
+    let setup = Setup { calibrated: true, ..Setup::default() };
+    let inputs = vec![
+        at(u32::MAX, i64::MAX, i32::MIN, 0),
+        at(0, 0, i32::MAX, u32::MAX),
+        at(u32::MAX, i64::MAX, i32::MIN, u32::MAX),
+        at(u32::MAX - 1, i64::MIN, 0, 0),
+        at(0, 1, -1, u32::MAX),
+    ];
+    let (summary, messages) = run(&setup, inputs);
+    let counts = summary.unwrap().counts;
+    assert_eq!((counts.received, counts.processed + counts.rejected()), (5, 5));
+    assert_eq!(on(&messages, Output::Centerline).len() as u64, counts.processed);
+}
+
+/// A source and a sink that let others go first as often as a number says: the threads meet in another order.
+struct Yielding<T>(T, u32);
+
+impl<T> Yielding<T> {
+    fn give_way(&self) {
+        (0..self.1).for_each(|_| thread::yield_now());
+    }
+}
+
+impl Source for Yielding<Listed> {
+    fn next(&mut self) -> Option<Input> {
+        self.give_way();
+        self.0.next()
+    }
+}
+
+impl Sink for Yielding<Memory> {
+    fn write(&mut self, message: &Outgoing) -> Result<(), SinkError> {
+        self.give_way();
+        self.0.write(message)
+    }
+
+    fn finish(&mut self) -> Result<(), SinkError> {
+        self.0.finish()
+    }
+}
+
+#[test]
+fn neither_a_slow_source_nor_a_slow_sink_changes_a_byte() {
+    let setup = Setup { calibrated: true, ..Setup::default() };
+    let stream = || {
+        let mut inputs = troubled();
+        inputs.push(Input::NewRecording);
+        inputs.extend((1..60).map(|n| good(n, 2000 + i64::from(n) * 40)));
+        inputs
+    };
+    let run = |source_yields, sink_yields| {
+        let kept = Arc::default();
+        let memory = Memory { kept: Arc::clone(&kept), room: usize::MAX };
+        let run = Run {
+            source: &mut Yielding(Listed(stream().into_iter()), source_yields),
+            worker: worker(&setup),
+            sinks: vec![Box::new(Yielding(memory, sink_yields))],
+            num_topics: 9,
+            stop: &setup.stop,
+            on_message: &mut |_| {},
+        };
+        run.replay().unwrap();
+        let kept = std::mem::take(&mut *kept.lock().unwrap());
+        kept.into_iter().map(|m| (m.topic, m.log_time_ns, m.sequence, m.data)).collect::<Vec<_>>()
+    };
+    let first = run(0, 0);
+    assert!(first.len() > 200);
+    assert!(first == run(200, 0) && first == run(0, 200));
+}
