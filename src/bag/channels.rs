@@ -13,11 +13,17 @@ pub(super) const TYPE_HASH_KEY: &str = "topic_type_hash";
 /// Key of a channel's metadata that holds the quality of service.
 pub(super) const QOS_KEY: &str = "offered_qos_profiles";
 
+/// Longest name of a topic, a type or an encoding: ROS allows 256 bytes.
+const MAX_NAME_BYTES: usize = 4096;
+/// What all schemas and topics may hold: every topic has a copy of its schema, and 65535 may name the same one.
+const MAX_BYTES: usize = 64 << 20;
+
 /// What a file has said about its channels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Channels {
     schemas: BTreeMap<u16, Schema>,
     topics: BTreeMap<u16, Arc<Topic>>,
+    bytes: usize,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -59,11 +65,15 @@ impl Channels {
         let (name, encoding) = (fields.string()?, fields.string()?);
         let length = fields.u32()?;
         let new = Schema { name, encoding, data: fields.bytes(length.into())?.to_vec() };
-        let schema = self.schemas.entry(id).or_insert_with(|| new.clone());
-        Some(if *schema == new {
-            Ok(())
-        } else {
-            Err(format!("schema {id} is defined twice, by {} and {}", schema.name, new.name))
+        if let Err(why) = check_names([&new.name, &new.encoding]) {
+            return Some(Err(why));
+        }
+        Some(match self.schemas.get(&id) {
+            Some(schema) if *schema == new => Ok(()),
+            Some(schema) => {
+                Err(format!("schema {id} is defined twice, by {} and {}", schema.name, new.name))
+            }
+            None => self.make_room(new.data.len()).map(|()| drop(self.schemas.insert(id, new))),
         })
     }
 
@@ -72,17 +82,47 @@ impl Channels {
         let (id, schema_id) = (fields.u16()?, fields.u16()?);
         let (name, encoding) = (fields.string()?, fields.string()?);
         let metadata = fields.string_map()?;
+        if let Err(why) = check_names([&name, &encoding]) {
+            return Some(Err(why));
+        }
         let schema = self.schemas.get(&schema_id);
         if schema.is_none() && schema_id != 0 {
             return Some(Err(format!("{name}: its schema {schema_id} is missing")));
         }
         let new = topic(&name, &encoding, schema, &metadata);
-        let topic = self.topics.entry(id).or_insert_with(|| Arc::new(new.clone()));
-        Some(if **topic == new {
-            Ok(())
-        } else {
-            Err(format!("channel {id} is defined twice, as {} and {}", topic.name, new.name))
+        Some(match self.topics.get(&id) {
+            Some(topic) if **topic == new => Ok(()),
+            Some(topic) => {
+                Err(format!("channel {id} is defined twice, as {} and {}", topic.name, new.name))
+            }
+            None => self
+                .make_room(size_bytes(&new))
+                .map(|()| drop(self.topics.insert(id, Arc::new(new)))),
         })
+    }
+
+    /// Refuses content beyond the limit.
+    fn make_room(&mut self, bytes: usize) -> Result<(), String> {
+        let sum = self.bytes.saturating_add(bytes);
+        if sum > MAX_BYTES {
+            return Err(format!("schemas and channels of more than {MAX_BYTES} bytes"));
+        }
+        self.bytes = sum;
+        Ok(())
+    }
+}
+
+fn size_bytes(topic: &Topic) -> usize {
+    let Topic { name, type_name, message_encoding, schema_encoding, schema, type_hash, qos } =
+        topic;
+    let texts = [name, type_name, message_encoding, schema_encoding, type_hash, qos];
+    texts.map(String::len).iter().sum::<usize>() + schema.len()
+}
+
+fn check_names(names: [&str; 2]) -> Result<(), String> {
+    match names.into_iter().find(|name| name.len() > MAX_NAME_BYTES) {
+        Some(name) => Err(format!("a name of {} bytes, the limit is {MAX_NAME_BYTES}", name.len())),
+        None => Ok(()),
     }
 }
 
@@ -101,5 +141,67 @@ fn topic(
         schema: schema.map_or_else(Vec::new, |schema| schema.data.clone()),
         type_hash: entry(TYPE_HASH_KEY),
         qos: entry(QOS_KEY),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(text: &[u8]) -> Vec<u8> {
+        [&(text.len() as u32).to_le_bytes(), text].concat()
+    }
+
+    fn schema(id: u16, name: &str, data: &[u8]) -> Vec<u8> {
+        [id.to_le_bytes().to_vec(), text(name.as_bytes()), text(b"ros2msg"), text(data)].concat()
+    }
+
+    fn channel(id: u16, schema: u16, name: &str) -> Vec<u8> {
+        let numbers = [id.to_le_bytes(), schema.to_le_bytes()].concat();
+        [numbers, text(name.as_bytes()), text(b"cdr"), vec![0; 4]].concat()
+    }
+
+    #[test]
+    fn many_channels_of_one_large_schema_take_bounded_memory() {
+        let mut channels = Channels::default();
+        channels.add(op::SCHEMA, &schema(1, "a/msg/A", &vec![b' '; 1 << 20])).unwrap();
+        let added = (0..u16::MAX)
+            .map(|id| channels.add(op::CHANNEL, &channel(id, 1, &format!("/t{id}"))))
+            .take_while(Result::is_ok);
+        assert_eq!(added.count(), 62, "64 MiB with the schema itself and the names");
+        let again = channels.add(op::CHANNEL, &channel(5, 1, "/t5"));
+        assert_eq!(again, Ok(()), "what is known takes no more room");
+        let refused = channels.add(op::CHANNEL, &channel(99, 1, "/t99")).unwrap_err();
+        assert!(refused.contains("more than 67108864 bytes"), "{refused}");
+    }
+
+    #[test]
+    fn every_number_of_a_channel_can_be_used() {
+        let mut channels = Channels::default();
+        channels.add(op::SCHEMA, &schema(1, "a/msg/A", b"int32 a")).unwrap();
+        for id in 0..=u16::MAX {
+            channels.add(op::CHANNEL, &channel(id, 1, &format!("/t{id}"))).unwrap();
+        }
+        assert_eq!(channels.iter().count(), 65_536);
+    }
+
+    #[test]
+    fn a_name_without_end_is_refused() {
+        let long = "x".repeat(4097);
+        let mut channels = Channels::default();
+        assert!(channels.add(op::SCHEMA, &schema(1, &long, b"")).unwrap_err().contains("4097"));
+        assert!(channels.add(op::CHANNEL, &channel(1, 0, &long)).unwrap_err().contains("4097"));
+        assert!(channels.add(op::CHANNEL, &channel(1, 0, &long[1..])).is_ok());
+    }
+
+    #[test]
+    fn the_first_of_two_definitions_stays() {
+        let mut channels = Channels::default();
+        channels.add(op::CHANNEL, &channel(1, 0, "/a")).unwrap();
+        let twice = channels.add(op::CHANNEL, &channel(1, 0, "/b")).unwrap_err();
+        assert_eq!(twice, "channel 1 is defined twice, as /a and /b");
+        assert_eq!(channels.get(1).unwrap().name, "/a");
+        let missing = channels.add(op::CHANNEL, &channel(2, 9, "/c")).unwrap_err();
+        assert_eq!(missing, "/c: its schema 9 is missing");
     }
 }

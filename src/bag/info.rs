@@ -230,9 +230,13 @@ fn message_index(
     if head[..2] != channel.to_le_bytes() || entries.len() % 16 != 0 {
         return Ok(None);
     }
-    let mut times: Vec<_> = entries.chunks_exact(16).map(|entry| u64_at(entry, 0) as i64).collect();
-    times.sort_unstable();
-    Ok(Some(times))
+    // A time beyond 2262 is a fault that the reader of the messages tells.
+    let times = entries.chunks_exact(16).map(|entry| i64::try_from(u64_at(entry, 0)).ok());
+    let mut times: Option<Vec<_>> = times.collect();
+    if let Some(times) = &mut times {
+        times.sort_unstable();
+    }
+    Ok(times)
 }
 
 fn topic_info(topic: &Topic, statistics: &ByTopic, read: Depth) -> TopicInfo {

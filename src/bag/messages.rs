@@ -14,6 +14,8 @@ use super::{BagError, RawMessage, ReadOptions, scan};
 
 /// Buffers of delivered messages that are kept for the next ones.
 const SPARE_BUFFERS: usize = 8;
+/// Kinds of faults in one chunk that are told.
+const MAX_FAULTS: usize = 8;
 
 /// Which messages are read.
 #[derive(Clone, Debug, Default)]
@@ -253,17 +255,20 @@ impl FileMessages {
         let (channels, filter) = (&mut self.channels, &self.filter);
         let (found, spare) = (&mut self.found, &mut self.spare);
         let decoded = self.decoder.decode(&mut self.source, &chunk, &mut |opcode, body| {
-            if opcode != op::MESSAGE {
-                faults.extend(channels.add(opcode, body).err());
-                return;
-            }
-            match message(channels, filter, body, spare) {
-                Ok(Some((channel, message))) => {
-                    *found.entry(channel).or_default() += 1;
-                    messages.push(message);
-                }
-                Ok(None) => {}
-                Err(what) => drop(faults.insert(what)),
+            let fault = if opcode == op::MESSAGE {
+                message(channels, filter, body, spare).map(|taken| {
+                    if let Some((channel, message)) = taken {
+                        *found.entry(channel).or_default() += 1;
+                        messages.push(message);
+                    }
+                })
+            } else {
+                channels.add(opcode, body)
+            };
+            if let Err(what) = fault
+                && faults.len() < MAX_FAULTS
+            {
+                faults.insert(what);
             }
         });
         let last_time = messages

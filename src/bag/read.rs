@@ -87,8 +87,9 @@ impl BagReader {
         for (_, layout) in &self.files {
             let by_channel = layout.counts.as_ref()?;
             for (channel, topic) in layout.channels.iter() {
-                *counts.entry(topic.name.as_str()).or_default() +=
-                    by_channel.get(&channel).copied().unwrap_or(0);
+                let count: &mut u64 = counts.entry(topic.name.as_str()).or_default();
+                // What a file states may be any number.
+                *count = count.saturating_add(by_channel.get(&channel).copied().unwrap_or(0));
             }
         }
         Some(counts)

@@ -82,6 +82,8 @@ pub struct Recorder {
     file_name: String,
     file: Option<File>,
     topics: Vec<(Topic, u64)>,
+    /// Places in `topics`.
+    places: BTreeMap<String, usize>,
     channels: Vec<u16>,
     bounds_ns: Option<(i64, i64)>,
     written_bytes: Arc<AtomicU64>,
@@ -136,6 +138,7 @@ impl Recorder {
             file_name,
             file: None,
             topics: Vec::new(),
+            places: BTreeMap::new(),
             channels: Vec::new(),
             bounds_ns: None,
             written_bytes,
@@ -158,7 +161,7 @@ impl Recorder {
     /// # Errors
     /// A name that has another type already; a failing disk.
     pub fn add_topic(&mut self, topic: &Topic) -> Result<TopicId, RecordError> {
-        if let Some(at) = self.topics.iter().position(|(known, _)| known.name == topic.name) {
+        if let Some(&at) = self.places.get(&topic.name) {
             let known = &self.topics[at].0;
             if known.type_name != topic.type_name || known.schema != topic.schema {
                 return Err(RecordError::TopicConflict {
@@ -185,6 +188,7 @@ impl Recorder {
             };
             writer.add_channel(schema, &topic.name, &topic.message_encoding, &metadata)
         })?;
+        self.places.insert(topic.name.clone(), self.topics.len());
         self.topics.push((topic.clone(), 0));
         self.channels.push(channel);
         Ok(TopicId(self.topics.len() - 1))

@@ -193,7 +193,7 @@ impl Replay {
     pub fn num_messages(&self) -> Option<u64> {
         let of_bag =
             |bag: &BagReader| bag.message_counts()?.get(self.image_topic.name.as_str()).copied();
-        self.bags.iter().map(of_bag).sum()
+        self.bags.iter().map(of_bag).try_fold(0, |sum: u64, count| Some(sum.saturating_add(count?)))
     }
 
     /// Replays to the end, or until `stop` is raised. `on_message` hears how many messages were read.
