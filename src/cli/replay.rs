@@ -250,7 +250,10 @@ fn summary_text(summary: &Summary, output: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::statistics::{Counts, StageTimes};
+    use crate::{
+        bag::{RecordOptions, Recorder, Topic},
+        node::statistics::{Counts, StageTimes},
+    };
 
     #[test]
     fn the_summary_has_the_published_keys_in_their_order_and_adds_up() {
@@ -279,5 +282,48 @@ mod tests {
             )
         );
         assert_eq!(json, expected);
+    }
+
+    fn args(bag: &str, output: &str) -> ReplayArgs {
+        ReplayArgs {
+            bags: vec![bag.into()],
+            output: output.into(),
+            params_file: vec!["own.yaml".into()],
+            rate: None,
+            json: false,
+            force: true,
+            with_images: false,
+        }
+    }
+
+    #[test]
+    fn the_own_parameter_files_come_before_those_of_ros() {
+        let ros =
+            RosArguments { parameter_files: vec!["ros.yaml".into()], ..RosArguments::default() };
+        let request = request(args("bag", "out"), ros);
+        assert_eq!(request.ros.parameter_files, [PathBuf::from("own.yaml"), "ros.yaml".into()]);
+        assert!(request.force && !request.with_images);
+    }
+
+    #[test]
+    fn a_recording_without_frames_is_a_failure() {
+        let place = tempfile::tempdir().unwrap();
+        let bag = place.path().join("empty");
+        let mut recorder = Recorder::create(&bag, &RecordOptions::default()).unwrap();
+        let topic = Topic {
+            name: "/image_raw".into(),
+            type_name: "sensor_msgs/msg/Image".into(),
+            message_encoding: "cdr".into(),
+            schema_encoding: "ros2msg".into(),
+            schema: Vec::new(),
+            type_hash: String::new(),
+            qos: String::new(),
+        };
+        recorder.add_topic(&topic).unwrap();
+        recorder.finish().unwrap();
+        let output = place.path().join("out");
+        let request = ReplayRequest { bags: vec![bag], output, ..ReplayRequest::default() };
+        let error = replay(request, &Stop::default()).unwrap_err();
+        assert_eq!(error.to_string(), "no frame could be read from /image_raw");
     }
 }

@@ -36,7 +36,7 @@ pub enum Halt {
 pub struct Publisher<'a> {
     fan_out: &'a FanOut<'a>,
     buffer: Vec<u8>,
-    /// Messages sent by topic; the input's own comes last, when it is sent on.
+    /// Messages sent by topic.
     sequences: Vec<u32>,
     num_bytes: u64,
     num_dropped: u64,
@@ -46,7 +46,7 @@ pub struct Publisher<'a> {
 impl<'a> Publisher<'a> {
     /// A publisher of `num_topics` topics, plus the input's.
     pub fn new(fan_out: &'a FanOut<'a>, num_topics: usize) -> Self {
-        let sequences = vec![0; num_topics + 1];
+        let sequences = vec![0; num_topics];
         Self {
             fan_out,
             buffer: Vec::new(),
@@ -71,16 +71,22 @@ impl<'a> Publisher<'a> {
         cdr::encode(message, &mut self.buffer)?;
         let data = Arc::from(self.buffer.as_slice());
         self.encoding += started.elapsed();
-        self.send(output as usize, (time_ns, time_ns), data)
+        let (topic, log_time_ns, publish_time_ns) = (output as usize, time_ns, time_ns);
+        self.sequences[topic] = self.sequences[topic].wrapping_add(1);
+        let sequence = self.sequences[topic];
+        self.send(&Outgoing { topic, log_time_ns, publish_time_ns, sequence, data })
     }
 
-    /// Sends an input message on as it is.
+    /// Sends an input message on as it is, with its own sequence number: a later replay sees the same gaps.
     ///
     /// # Errors
     /// A sink has failed.
     pub fn forward(&mut self, message: &RawMessage) -> Result<(), Halt> {
-        let times = (message.log_time_ns, message.publish_time_ns);
-        self.send(self.sequences.len() - 1, times, Arc::from(message.data.as_slice()))
+        let &RawMessage { log_time_ns, publish_time_ns, sequence, ref data, .. } = message;
+        // The input's own topic stands behind the published ones.
+        let topic = self.sequences.len();
+        let data = Arc::from(data.as_slice());
+        self.send(&Outgoing { topic, log_time_ns, publish_time_ns, sequence, data })
     }
 
     /// Bytes sent so far.
@@ -98,17 +104,9 @@ impl<'a> Publisher<'a> {
         std::mem::take(&mut self.encoding)
     }
 
-    fn send(
-        &mut self,
-        topic: usize,
-        (log_time_ns, publish_time_ns): (i64, i64),
-        data: Arc<[u8]>,
-    ) -> Result<(), Halt> {
-        self.sequences[topic] = self.sequences[topic].wrapping_add(1);
-        self.num_bytes += data.len() as u64;
-        let sequence = self.sequences[topic];
-        let message = Outgoing { topic, log_time_ns, publish_time_ns, sequence, data };
-        let num_dropped = self.fan_out.send(&message).map_err(|Closed(())| Halt::SinkFailed)?;
+    fn send(&mut self, message: &Outgoing) -> Result<(), Halt> {
+        self.num_bytes += message.data.len() as u64;
+        let num_dropped = self.fan_out.send(message).map_err(|Closed(())| Halt::SinkFailed)?;
         self.num_dropped += num_dropped as u64;
         Ok(())
     }

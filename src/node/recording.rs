@@ -61,6 +61,8 @@ impl ResultsBag {
             name: "laser_profiler".to_owned(),
             entries: BTreeMap::from(entries),
         })?;
+        // What a run was is known even when it ends in its first second.
+        recorder.flush()?;
         Ok(Self {
             recorder: Some(recorder),
             ids,
@@ -121,5 +123,58 @@ impl Sink for ResultsBag {
 
     fn finish(&mut self) -> Result<(), SinkError> {
         self.close().map_err(sink_error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bag::{BagReader, Filter, ReadOptions};
+
+    fn create(directory: &Path) -> ResultsBag {
+        let topic = Topic {
+            name: "/a".into(),
+            type_name: "a/msg/A".into(),
+            message_encoding: "cdr".into(),
+            schema_encoding: "ros2msg".into(),
+            schema: Vec::new(),
+            type_hash: String::new(),
+            qos: String::new(),
+        };
+        let description = Description {
+            calibration: Some("type: of_laser".to_owned()),
+            ..Description::default()
+        };
+        ResultsBag::create(directory, &RecordOptions::default(), &[topic], description).unwrap()
+    }
+
+    fn open(directory: &Path) -> BagReader {
+        BagReader::open(directory, &ReadOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn after_a_second_everything_can_be_read_though_nothing_is_finished() {
+        let place = tempfile::tempdir().unwrap();
+        let directory = place.path().join("results");
+        let mut bag = create(&directory);
+        assert_eq!(open(&directory).metadata().flatten().count(), 1, "what explains it, at once");
+        let mut write_at = |log_time_ns| {
+            let data = [7; 8].into();
+            let publish_time_ns = log_time_ns;
+            bag.write(&Outgoing { topic: 0, log_time_ns, publish_time_ns, sequence: 1, data })
+                .unwrap();
+            open(&directory).messages(&Filter::all()).flatten().count()
+        };
+        assert_eq!([0, 500_000_000, 1_000_000_000, 1_500_000_000].map(&mut write_at), [0, 0, 3, 3]);
+        assert_eq!(write_at(0), 5, "time that steps back by a second, too");
+    }
+
+    #[test]
+    fn a_recording_without_messages_has_its_calibration() {
+        let place = tempfile::tempdir().unwrap();
+        let directory = place.path().join("results");
+        create(&directory).finish().unwrap();
+        let attached = open(&directory).attachments().next().unwrap().unwrap();
+        assert_eq!(&*attached.data, b"type: of_laser");
     }
 }

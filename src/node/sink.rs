@@ -18,7 +18,7 @@ pub struct Outgoing {
     pub log_time_ns: i64,
     /// When it was sent, nanoseconds since the epoch.
     pub publish_time_ns: i64,
-    /// Counter of this topic, from 1.
+    /// Counter of this topic, from 1; of an input message its own.
     pub sequence: u32,
     /// CDR bytes with their header.
     pub data: Arc<[u8]>,

@@ -131,13 +131,20 @@ impl Sink for Memory {
 struct Setup {
     calibrated: bool,
     sends_images: bool,
+    max_frame_bytes: u64,
     room: usize,
     stop: Stop,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { calibrated: false, sends_images: false, room: usize::MAX, stop: Stop::default() }
+        Self {
+            calibrated: false,
+            sends_images: false,
+            max_frame_bytes: 1 << 20,
+            room: usize::MAX,
+            stop: Stop::default(),
+        }
     }
 }
 
@@ -169,7 +176,7 @@ fn worker(setup: &Setup) -> Worker {
     let calibration = setup.calibrated.then(calibration);
     let options = WorkerOptions {
         transport: ImageTransport::Raw,
-        max_frame_bytes: params.max_frame_bytes,
+        max_frame_bytes: setup.max_frame_bytes,
         sends_images: setup.sends_images,
     };
     let results = Results::new(&params.scanner, calibration.as_ref(), &values.sha256());
@@ -235,6 +242,7 @@ fn every_frame_lands_in_exactly_one_bin() {
     let summary = summary.unwrap();
     let counts = summary.counts;
     assert_eq!((counts.received, counts.processed), (13, 6));
+    assert_eq!(counts.points, 6 * u64::from(WIDTH));
     assert_eq!((counts.malformed, counts.duplicate, counts.out_of_order), (5, 1, 1));
     assert_eq!(counts.received, counts.processed + counts.rejected() + counts.dropped_overload);
     assert_eq!((counts.lost(), summary.num_damaged), (2, 1));
@@ -349,7 +357,7 @@ fn images_are_sent_on_unchanged() {
     let Input::Message(original) = good(5, 0) else { unreachable!() };
     let images: Vec<_> = messages.iter().filter(|message| message.topic == 9).collect();
     assert_eq!(images.len(), 1);
-    assert_eq!(*images[0].data, *original.data);
+    assert_eq!((images[0].sequence, &*images[0].data), (5, &*original.data));
 }
 
 #[test]

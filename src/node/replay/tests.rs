@@ -8,6 +8,9 @@ use crate::{
     ros::arguments::Assignment,
 };
 
+/// From an image's sending to its recording.
+const DELAY_NS: i64 = 3_000_000;
+
 /// Writes a bag with five frames on each of these topics.
 fn recording(directory: &Path, topics: &[&str]) -> PathBuf {
     let mut recorder = Recorder::create(directory, &RecordOptions::default()).unwrap();
@@ -21,7 +24,7 @@ fn recording(directory: &Path, topics: &[&str]) -> PathBuf {
                 topic.type_name = "sensor_msgs/msg/CompressedImage".to_owned();
             }
             let id = recorder.add_topic(&topic).unwrap();
-            let (log_ns, publish_ns) = (message.log_time_ns, message.publish_time_ns);
+            let (log_ns, publish_ns) = (message.log_time_ns, message.publish_time_ns - DELAY_NS);
             recorder
                 .write(id, Times { log_ns, publish_ns, sequence: number }, &message.data)
                 .unwrap();
@@ -95,7 +98,16 @@ fn the_results_bag_explains_itself() {
     assert_eq!(count("/laser_profiler/points"), 1);
     assert_eq!(count("/laser_profiler/height_map"), 1);
     assert_eq!(count("/cam/image_raw"), 5);
-    let line = &results["/laser_profiler/centerline"][0];
+    let lines = &results["/laser_profiler/centerline"];
+    for (number, (line, image)) in (1..).zip(lines.iter().zip(&results["/cam/image_raw"])) {
+        let log_ns = image.log_time_ns;
+        assert_eq!(
+            (line.sequence, line.log_time_ns, line.publish_time_ns),
+            (number, log_ns, log_ns)
+        );
+        assert_eq!((image.sequence, image.publish_time_ns), (number, log_ns - DELAY_NS));
+    }
+    let line = &lines[0];
     let line: Centerline<'_> = cdr::decode(&line.data).unwrap();
     let hash = entries["parameters_sha256"].get(..8).unwrap();
     assert_eq!(line.method, format!("improved_gravity/{hash}"));
@@ -145,4 +157,53 @@ fn what_cannot_be_replayed_is_refused_before_anything_is_written() {
     assert!(refused(&[&one], place.path()).contains("is or contains the input"), "its parent");
     assert!(!output.exists());
     assert_eq!(messages(&one)["/left/image_raw"].len(), 5, "untouched");
+}
+
+#[test]
+fn recordings_follow_one_another_whatever_their_times() {
+    let place = tempfile::tempdir().unwrap();
+    let bag = recording(&place.path().join("input"), &["/cam/image_raw"]);
+    let summary = replay(request(vec![bag.clone(), bag], &place.path().join("out"))).unwrap();
+    assert_eq!((summary.counts.received, summary.counts.processed), (10, 10));
+    assert!(summary.is_complete());
+}
+
+#[test]
+fn a_damaged_recording_is_replayed_as_far_as_it_goes_and_not_complete() {
+    let place = tempfile::tempdir().unwrap();
+    let bag = recording(&place.path().join("input"), &["/cam/image_raw"]);
+    let file = bag.join("input_0.mcap");
+    let mut bytes = fs::read(&file).unwrap();
+    // Inside the only chunk: its checksum no longer fits.
+    let chunk = bytes.windows(4).position(|name| name == b"zstd").unwrap();
+    bytes[chunk + 200] ^= 1;
+    fs::write(&file, bytes).unwrap();
+    let summary = replay(request(vec![bag], &place.path().join("out"))).unwrap();
+    assert!(summary.num_damaged > 0 && !summary.is_complete());
+}
+
+#[test]
+fn a_rate_keeps_the_distances_of_the_recording() {
+    let place = tempfile::tempdir().unwrap();
+    let bag = recording(&place.path().join("input"), &["/cam/image_raw"]);
+    let request = request(vec![bag], &place.path().join("out"));
+    let summary = replay(ReplayRequest { rate: Some(100.0), ..request }).unwrap();
+    assert_eq!(summary.counts.processed, 5);
+    // Two seconds from the first frame to the last.
+    assert!(summary.elapsed.as_millis() >= 20, "{:?}", summary.elapsed);
+}
+
+#[test]
+fn an_existing_output_stays_without_force() {
+    let place = tempfile::tempdir().unwrap();
+    let bag = recording(&place.path().join("input"), &["/cam/image_raw"]);
+    let output = place.path().join("out");
+    let file = output.join("out_0.mcap");
+    replay(request(vec![bag.clone()], &output)).unwrap();
+    let before = fs::read(&file).unwrap();
+    let error = replay(request(vec![bag.clone()], &output)).unwrap_err();
+    assert!(error.to_string().contains("--force"), "{error}");
+    assert!(fs::read(&file).unwrap() == before);
+    replay(ReplayRequest { force: true, ..request(vec![bag], &output) }).unwrap();
+    assert!(fs::read(&file).unwrap() == before, "the same again");
 }

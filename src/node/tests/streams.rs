@@ -157,6 +157,24 @@ fn a_gap_is_unknown_until_a_frame_follows_a_good_one() {
 }
 
 #[test]
+fn positions_follow_the_frame_numbers() {
+    let (_, messages) = run(&Setup::default(), vec![good(1, 0), good(2, 100), good(6, 500)]);
+    let positions = lines(&messages).into_iter().map(|trace| (trace.position * 1e3).round());
+    assert!(positions.eq([0.0, 1.0, 5.0]), "a millimetre a frame, lost ones counted");
+}
+
+#[test]
+fn an_image_larger_than_allowed_is_rejected() {
+    let bytes = u64::from(WIDTH * HEIGHT);
+    for (max_frame_bytes, processed) in [(bytes, 2), (bytes - 1, 0)] {
+        let setup = Setup { max_frame_bytes, ..Setup::default() };
+        let (summary, _) = run(&setup, vec![good(1, 0), good(2, 100)]);
+        let counts = summary.unwrap().counts;
+        assert_eq!((counts.processed, counts.malformed), (processed, 2 - processed));
+    }
+}
+
+#[test]
 fn numbers_at_their_limits_do_no_harm() {
     let at = |sequence: u32, log_time_ns: i64, sec: i32, nanosec: u32| {
         let input = frame(sequence, 0, 0, |image| image.header.stamp = Time { sec, nanosec });
