@@ -45,7 +45,7 @@ pub fn refuse_same(input: &Path, output: &Path) -> io::Result<()> {
     let Ok(output_real) = fs::canonicalize(output) else { return Ok(()) };
     let input_real = fs::canonicalize(input)?;
     if input_real.starts_with(&output_real) {
-        let message = format!("{} is or contains the input {}", output.display(), input.display());
+        let message = format!("{} is the recording itself, or holds it", output.display());
         return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
     }
     Ok(())

@@ -125,6 +125,18 @@ fn results_that_cannot_be_printed_are_a_failure() {
     assert!(ended.stderr.contains("standard output"), "{ended:?}");
 }
 
+#[test]
+fn a_broken_standard_error_stops_no_replay() {
+    let directory = tempfile::tempdir().unwrap();
+    let [input, output] = ["in", "out"].map(|name| directory.path().join(name));
+    record_images(&input, &good_images(3));
+    let mut command = Command::new("bash");
+    command.args(["-c", "\"$0\" \"$@\" 2>/dev/full", env!("CARGO_BIN_EXE_laser_profiler")]);
+    let ended = end(command.arg("replay").arg(&input).arg("-o").arg(&output).arg("--json"));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(centerline_stamps(&output).len(), 3);
+}
+
 /// Waits until `is_so`; a test that waits in vain fails.
 fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
     let started = Instant::now();

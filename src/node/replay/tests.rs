@@ -153,8 +153,8 @@ fn what_cannot_be_replayed_is_refused_before_anything_is_written() {
     };
     assert!(refused(&[&two], &output).contains("--ros-args -r image_raw:=/right/image_raw"));
     assert!(refused(&[&one, &other], &output).contains("replay them one by one"));
-    assert!(refused(&[&one], &one).contains("is or contains the input"));
-    assert!(refused(&[&one], place.path()).contains("is or contains the input"), "its parent");
+    assert!(refused(&[&one], &one).contains("is the recording itself"));
+    assert!(refused(&[&one], place.path()).contains("is the recording itself"), "its parent");
     assert!(!output.exists());
     assert_eq!(messages(&one)["/left/image_raw"].len(), 5, "untouched");
 }
