@@ -131,7 +131,7 @@ pub enum RecordError {
         /// The time, nanoseconds since the epoch.
         time_ns: i64,
     },
-    /// The format's own limits: 65535 topics.
+    /// The format's own limits: 65534 topics.
     #[error("{}: {what}", path.display())]
     Format {
         /// The file.

@@ -20,6 +20,8 @@ use super::{Attachment, MetadataRecord, RecordError, Topic, place, qos};
 
 /// Uncompressed bytes after which a chunk is closed.
 const CHUNK_BYTES: u64 = 1 << 20;
+/// Topics of one file: the crate counts channels from 1 and one further than it uses, in 16 bits.
+const MAX_TOPICS: usize = 65_534;
 /// Name of the metadata record that rosbag2 reads.
 pub(super) const OWN_RECORD: &str = "rosbag2";
 const IDENTITY: &str = concat!("laser_profiler ", env!("CARGO_PKG_VERSION"));
@@ -171,6 +173,10 @@ impl Recorder {
                 });
             }
             return Ok(TopicId(at));
+        }
+        if self.topics.len() == MAX_TOPICS {
+            let what = format!("{}: more than {MAX_TOPICS} topics", topic.name);
+            return Err(RecordError::Format { path: self.path(), what });
         }
         let mut metadata = BTreeMap::new();
         // Version 9 has words where older recordings have numbers; what is neither stays as it is.

@@ -188,3 +188,26 @@ proptest! {
         prop_assert_eq!(essence(&messages), expected(&entries));
     }
 }
+
+#[test]
+fn more_topics_than_the_format_holds_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut recorder =
+        Recorder::create(&directory.path().join("bag"), &RecordOptions::default()).unwrap();
+    // Without a schema: only their number matters.
+    let topic = |number: usize| Topic {
+        type_name: String::new(),
+        schema: Vec::new(),
+        qos: String::new(),
+        ..topic(&format!("/t{number}"))
+    };
+    for number in 0..65_534 {
+        recorder.add_topic(&topic(number)).unwrap();
+    }
+    let error = recorder.add_topic(&topic(65_534)).unwrap_err();
+    assert!(matches!(error, RecordError::Format { .. }), "{error}");
+    let last = recorder.add_topic(&topic(65_533)).unwrap();
+    recorder.write(last, Times::default(), b"x").unwrap();
+    let summary = recorder.finish().unwrap();
+    assert_eq!((summary.topics.len(), summary.messages), (65_534, 1));
+}
