@@ -15,6 +15,10 @@ use crate::{
 
 /// The name that users remap.
 const IMAGE_TOPIC: &str = "image_raw";
+/// The node's own images, which recordings of its results hold.
+const OWN_IMAGES: &str = "~/height_map";
+/// Topics that a refusal names.
+const MAX_LISTED: usize = 20;
 
 /// Why no topic can be chosen.
 #[derive(Debug, Error)]
@@ -57,7 +61,8 @@ pub struct ImageTopic {
 }
 
 /// Chooses among the topics (name and type) of a recording: the one that a remap of `image_raw` names, else the only
-/// one. Raw and compressed forms of one image are one; raw is taken unless `transport` says otherwise.
+/// one that the node does not publish itself. Raw and compressed forms of one image are one; raw is taken unless
+/// `transport` says otherwise.
 ///
 /// # Errors
 /// None, several or not the named one.
@@ -76,7 +81,9 @@ pub fn choose(
             InputError::Missing { name: base, transport, topics: topics.to_owned() }
         });
     }
-    let mut images: Vec<_> = images.into_iter().filter(wanted).collect();
+    let own = names.resolve(OWN_IMAGES)?;
+    let mut images: Vec<_> =
+        images.into_iter().filter(|topic| wanted(topic) && topic.name != own).collect();
     let raw: Vec<_> = images.iter().map(|topic| format!("{}/compressed", topic.name)).collect();
     images.retain(|topic| !raw.contains(&topic.name));
     match images.as_slice() {
@@ -104,13 +111,20 @@ fn list(topics: &[(String, String)]) -> String {
     if topics.is_empty() {
         return "no topics at all".to_owned();
     }
-    let named: Vec<_> = topics.iter().map(|(name, kind)| format!("{name} ({kind})")).collect();
+    let mut named: Vec<_> =
+        topics.iter().take(MAX_LISTED).map(|(name, kind)| format!("{name} ({kind})")).collect();
+    if topics.len() > MAX_LISTED {
+        named.push(format!("{} more", topics.len() - MAX_LISTED));
+    }
     named.join(", ")
 }
 
 fn choices(names: &[String]) -> String {
-    let flags: Vec<_> =
-        names.iter().map(|name| format!("  --ros-args -r {IMAGE_TOPIC}:={name}")).collect();
+    let flag = |name: &String| format!("  --ros-args -r {IMAGE_TOPIC}:={name}");
+    let mut flags: Vec<_> = names.iter().take(MAX_LISTED).map(flag).collect();
+    if names.len() > MAX_LISTED {
+        flags.push(format!("  or one of {} more", names.len() - MAX_LISTED));
+    }
     flags.join("\n")
 }
 
@@ -147,6 +161,26 @@ mod tests {
         let packed = Some(ImageTransport::Compressed);
         assert_eq!(chosen(&both, "", packed).unwrap(), "/a/compressed");
         assert_eq!(chosen(&both, "/a", packed).unwrap(), "/a/compressed");
+    }
+
+    #[test]
+    fn results_beside_their_images_are_no_second_camera() {
+        let topics = [("/a", RAW), ("/laser_profiler/height_map", RAW)];
+        assert_eq!(chosen(&topics, "", None).unwrap(), "/a");
+        let named = chosen(&topics, "/laser_profiler/height_map", None);
+        assert_eq!(named.unwrap(), "/laser_profiler/height_map", "somebody wants it so");
+        assert!(matches!(chosen(&topics[1..], "", None), Err(InputError::NoImages(_))));
+    }
+
+    #[test]
+    fn a_refusal_stays_short() {
+        let names: Vec<_> = (0..1000).map(|number| format!("/t{number}")).collect();
+        let topics: Vec<_> = names.iter().map(|name| (name.as_str(), RAW)).collect();
+        for remap in ["", "/missing"] {
+            let error = chosen(&topics, remap, None).unwrap_err().to_string();
+            assert!(error.contains("/t19") && !error.contains("/t20"), "{error}");
+            assert!(error.ends_with("980 more"), "{error}");
+        }
     }
 
     #[test]
