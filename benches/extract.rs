@@ -32,7 +32,7 @@ fn extract(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("frame_2592x2048");
     group.measurement_time(Duration::from_secs(5));
     group.bench_function("read", |bencher| {
-        bencher.iter(|| black_box(&samples).iter().copied().max())
+        bencher.iter(|| black_box(&samples).iter().copied().max());
     });
     group.bench_function("extract", |bencher| {
         bencher.iter(|| extractor.extract(black_box(&plane), (0, 0), 255, &mut centerline));

@@ -38,6 +38,7 @@ impl Motion {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "0 and whole steps are exact")]
 mod tests {
     use super::*;
 

@@ -83,10 +83,11 @@ impl Pipeline {
         })
     }
 
-    /// Ends the scan: its last slice and its height map. `frames_rejected` came after the last good frame.
-    pub fn finish(&mut self, frames_rejected: u32) -> Completed<'_> {
+    /// Ends the scan: its last slice and its height map. Of the frames after the last good one, `frames_missing` never
+    /// arrived and `frames_rejected` were refused. The next frame lies at position 0 again.
+    pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
         self.motion.restart();
-        self.scan.finish(frames_rejected)
+        self.scan.finish(frames_missing, frames_rejected)
     }
 }
 

@@ -307,8 +307,7 @@ mod tests {
                 .collect();
             (width, height, width, samples)
         };
-        let planes =
-            [pattern(|x, y| (x + y) % 2 == 0), pattern(|x, y| x % 2 == 0 && y % 2 == 0)];
+        let planes = [pattern(|x, y| (x + y) % 2 == 0), pattern(|x, y| x % 2 == 0 && y % 2 == 0)];
         for min_segment_area in [0, 1, 4549, 4550] {
             let params = ExtractionParams {
                 method: Method::ImprovedGravity,
