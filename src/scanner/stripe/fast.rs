@@ -176,6 +176,9 @@ mod tests {
     };
     use proptest::prelude::*;
 
+    /// Width, height, stride and samples.
+    type OwnedPlane<S> = (usize, usize, usize, Vec<S>);
+
     /// Every value of a choice, by its names: a new estimator is tested as soon as it has one.
     fn any_of<T: Clone + std::fmt::Debug + 'static>(
         names: &'static [&'static str],
@@ -220,29 +223,41 @@ mod tests {
         ]
     }
 
-    /// Black, a few bright blocks that leave most tiles cold, or dense noise; a stride wider than the rows.
-    fn any_plane<S: Sample + Arbitrary>() -> impl Strategy<Value = (usize, usize, usize, Vec<S>)> {
-        (any_side(COLUMNS, 2), any_side(ROWS, 5), 0..5_usize).prop_flat_map(
-            |(width, height, padding)| {
-                let stride = width + padding;
-                let block = (0..stride, 0..height, 1..9_usize, 1..5_usize, any::<S>());
-                let few = prop::collection::vec(block, 0..5);
-                let many = (1..50_usize).prop_flat_map(move |sparsity| {
-                    let pixel = (0..stride, 0..height, Just(1), Just(1), any::<S>());
-                    prop::collection::vec(pixel, stride * height / sparsity)
-                });
-                prop_oneof![few, many].prop_map(move |blocks| {
-                    let mut samples = vec![S::default(); stride * height];
-                    for (x, y, columns, rows, level) in blocks {
-                        for row in y..(y + rows).min(height) {
-                            let end = (x + columns).min(stride);
-                            samples[row * stride + x..row * stride + end].fill(level);
-                        }
-                    }
-                    (width, height, stride, samples)
-                })
-            },
-        )
+    /// Any level, or one about the lower thresholds.
+    fn any_level<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = S> {
+        prop_oneof![any::<S>(), (0..12_u8).prop_map(S::from)]
+    }
+
+    /// Over an even background, a few blocks that leave most tiles cold, or dense noise; a stride wider than the rows.
+    fn any_plane<S: Sample + Arbitrary + From<u8>>(
+        (width, height, padding): (usize, usize, usize),
+    ) -> impl Strategy<Value = OwnedPlane<S>> {
+        let stride = width + padding;
+        let block = (0..stride, 0..height, 1..9_usize, 1..17_usize, any_level::<S>());
+        let few = prop::collection::vec(block, 0..5);
+        let many = (1..50_usize).prop_flat_map(move |sparsity| {
+            let pixel = (0..stride, 0..height, Just(1), Just(1), any_level::<S>());
+            prop::collection::vec(pixel, stride * height / sparsity)
+        });
+        let background = prop_oneof![Just(0), 0..12_u8];
+        (background, prop_oneof![few, many]).prop_map(move |(background, blocks)| {
+            let mut samples = vec![S::from(background); stride * height];
+            for (x, y, columns, rows, level) in blocks {
+                for row in y..(y + rows).min(height) {
+                    let end = (x + columns).min(stride);
+                    samples[row * stride + x..row * stride + end].fill(level);
+                }
+            }
+            (width, height, stride, samples)
+        })
+    }
+
+    /// Frames of one size, then frames of another.
+    fn any_planes<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = Vec<OwnedPlane<S>>> {
+        let size = || (any_side(COLUMNS, 2), any_side(ROWS, 5), 0..5_usize);
+        let frames = |size| prop::collection::vec(any_plane(size), 1..4);
+        (size().prop_flat_map(frames), size().prop_flat_map(frames))
+            .prop_map(|(one, other)| one.into_iter().chain(other).collect())
     }
 
     /// Bits, so that NaN equals itself.
@@ -260,11 +275,7 @@ mod tests {
         assert_eq!(fast.flags, reference.flags);
     }
 
-    fn check<S: Sample>(
-        params: ExtractionParams,
-        full_scale: u32,
-        planes: &[(usize, usize, usize, Vec<S>)],
-    ) {
+    fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPlane<S>]) {
         for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
             // One extractor for all: what an earlier frame left behind must not show.
             let mut fast = FastExtractor::new(params, direction);
@@ -282,7 +293,7 @@ mod tests {
         #[test]
         fn fast_equals_reference_on_8_bit(
             params in any_params(),
-            planes in prop::collection::vec(any_plane::<u8>(), 1..4),
+            planes in any_planes::<u8>(),
         ) {
             check(params, 255, &planes);
         }
@@ -290,7 +301,7 @@ mod tests {
         #[test]
         fn fast_equals_reference_on_16_bit(
             params in any_params(),
-            planes in prop::collection::vec(any_plane::<u16>(), 1..4),
+            planes in any_planes::<u16>(),
             full_scale in prop::sample::select(vec![1023_u32, 4095, 65_535]),
         ) {
             check(params, full_scale, &planes);

@@ -144,7 +144,8 @@ pub struct Centre {
 }
 
 /// Full width at half maximum, pixels: where the blurred samples fall below half their peak, interpolated linearly,
-/// and the blur's own width taken off in quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN where the border hides an edge.
+/// and the blur's own width taken off in quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN
+/// where the border or a bright background hides an edge.
 pub fn full_width_half_maximum(section: &Section<'_>, blur_variance_px2: f64) -> f64 {
     let samples = section.samples;
     let half = f64::from(section.candidate.peak) / 2.0;
