@@ -1,4 +1,4 @@
-//! Step 9: from pixels to metres. Measured values, and the one place where a camera model is chosen.
+//! Step 9 of Yao et al. 2023: from pixels to metres. Measured values, and the one place where a camera model is chosen.
 
 use super::{channel::Window, params::StripeDirection, profile::Profile, stripe::Centerline};
 use serde::{Deserialize, Serialize};
@@ -328,6 +328,23 @@ height_sign: -1
             (&profile.intensity[..], &profile.flags[..]),
             (&[0.0, 0.2, 0.0][..], &[0, 2, 0][..])
         );
+    }
+
+    #[test]
+    fn what_32_bits_cannot_hold_is_not_measured() {
+        let huge = VerticalIncidence { object_distance_m: 1e300, ..rig() };
+        let centerline = Centerline {
+            u_px: vec![0.0],
+            v_px: vec![huge.base_row_px as f32 - 100.0],
+            intensity: vec![1.0],
+            sigma_px: vec![1.0],
+            flags: vec![0],
+            ..Centerline::default()
+        };
+        let lines = Lines { direction: StripeDirection::Horizontal, first: 0, count: 1 };
+        let mut profile = Profile::default();
+        Calibration::VerticalIncidence(huge).triangulate(&centerline, &lines, 255, &mut profile);
+        assert!(profile.valid_count == 0 && profile.z_m[0].is_nan() && profile.x_m[0].is_nan());
     }
 
     #[test]

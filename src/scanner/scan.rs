@@ -1,4 +1,4 @@
-//! Step 10: profiles pushed along the motion into slices of a scan.
+//! Step 10 of Yao et al. 2023: profiles pushed along the motion into slices of a scan.
 
 use super::{height_map::HeightMap, pipeline::FrameIndex, profile::Profile};
 use sha2::{Digest, Sha256};

@@ -7,3 +7,4 @@
 
 mod accuracy;
 mod allocation;
+mod launch_configs;

@@ -63,6 +63,13 @@ fn gaussian_fit_finds_the_maximum_of_a_gaussian() {
     }
 }
 
+/// Logarithms 1, 3, 2, 1 lie on no parabola: which one fits best depends on the weights. Solved in rational numbers.
+#[test]
+fn gaussian_fit_weighs_by_the_square_of_the_level() {
+    let params = ExtractionParams { method: Method::GaussianFit, ..PLAIN };
+    assert_close(centre_px(&[0, 2, 8, 4, 2, 0], params), 581.0 / 258.0);
+}
+
 #[test]
 fn without_a_maximum_inside_the_brightest_sample_stands_in() {
     let params = ExtractionParams { method: Method::GaussianFit, ..PLAIN };
@@ -87,6 +94,9 @@ fn the_rounded_window_is_the_papers() {
     // D = 2 samples above 16, L = 4/3, taken as 1: (1·16 + 2·128 + 3·64) / 208
     let narrow = ExtractionParams { width_threshold: 16.0, ..params };
     assert_close(centre_px(&column, narrow), 464.0 / 208.0);
+    // D = 4 samples above 1, L = 8/3, taken as 3: (1·16 + 2·128 + 3·64 + 4·2 + 5·1) / 211
+    let wide = ExtractionParams { width_threshold: 1.0, ..params };
+    assert_close(centre_px(&column, wide), 477.0 / 211.0);
     // D = 0: L is at least 1.
     let nothing = ExtractionParams { width_threshold: 200.0, ..params };
     assert_close(centre_px(&column, nothing), 464.0 / 208.0);
