@@ -295,7 +295,7 @@ fn a_region_of_interest_keeps_the_images_pixels() {
     let roi = RegionOfInterest { x_offset: 70, y_offset: 20, width: 66, height: 65 };
     let calibration = Calibration::from_yaml(
         "{type: vertical_incidence, frame_id: laser_plane, image_distance_m: 0.026, object_distance_m: 0.3,
-        beta_rad: 0.5236, pixel_pitch_m: 4.8e-6, base_row_px: 60.0, center_column_px: 60.0, height_sign: -1}",
+        beta_rad: 0.5, pixel_pitch_m: 4.8e-6, base_row_px: 60.0, center_column_px: 60.0, height_sign: -1}",
     )
     .unwrap();
     for stripe_direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
@@ -328,7 +328,7 @@ fn a_region_of_interest_keeps_the_images_pixels() {
         assert_eq!((profile.x_m.len(), profile.valid_count), (count.into(), count.into()));
         // Formula 6 at the stripe, and x growing with the image's column (row) from the axis at 60.
         let s_m = (60.0 - center_px) * 4.8e-6;
-        let (sin, cos) = 0.5236_f64.sin_cos();
+        let (sin, cos) = 0.5_f64.sin_cos();
         let z_m = s_m * 0.3 / (0.026 * sin + s_m * cos);
         assert!(profile.z_m.iter().all(|&z| (f64::from(z) - z_m).abs() < 3e-6));
         let x_m = (f64::from(first) - 60.0) * 4.8e-6 * (0.3 - z_m * cos) / 0.026;
