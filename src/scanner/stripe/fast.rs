@@ -89,11 +89,8 @@ impl<S: Sample> FastExtractor<S> {
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
         for (line, chosen) in lines.iter_mut().enumerate() {
             let Some(candidate) = chosen.selected.take() else { continue };
-            let reach = |margin: u32| {
-                let from = candidate.first.saturating_sub(margin) as usize;
-                from..((candidate.last + margin) as usize + 1).min(length)
-            };
-            let (wide, near) = (reach(levels.margin(&candidate)), reach(1));
+            let wide = candidate.reach(levels.margin(&candidate), length);
+            let near = candidate.reach(1, length);
             (cut.blurred_origin, cut.raw_origin) = (wide.start as u32, near.start as u32);
             cut.raw.clear();
             match direction {

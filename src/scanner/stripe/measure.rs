@@ -175,8 +175,7 @@ mod tests {
                     let Some(candidate) = longest_run(&samples, levels.segment_threshold) else {
                         continue;
                     };
-                    let margin = levels.margin(&candidate);
-                    let held = candidate.first.saturating_sub(margin)..=candidate.last + margin;
+                    let held = candidate.reach(levels.margin(&candidate), samples.len());
                     let others: Vec<u32> = (0..)
                         .zip(&samples)
                         .map(|(at, &sample)| if held.contains(&at) { sample } else { 0 })

@@ -5,6 +5,7 @@
 
 use super::blur::{Kernel, UNITS};
 use crate::scanner::params::{ExtractionParams, Method, Window};
+use std::ops::Range;
 
 /// The run of stripe pixels that was chosen in a cross-section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,6 +24,12 @@ impl Candidate {
     /// Samples above the segment threshold.
     pub const fn length(&self) -> u32 {
         self.last - self.first + 1
+    }
+
+    /// Its positions and up to `margin` more to either side, within a cross-section of `length` positions.
+    pub fn reach(&self, margin: u32, length: usize) -> Range<usize> {
+        let from = self.first.saturating_sub(margin) as usize;
+        from..((self.last + margin) as usize + 1).min(length)
     }
 }
 
