@@ -37,7 +37,15 @@ fn extract(criterion: &mut Criterion) {
     group.bench_function("extract", |bencher| {
         bencher.iter(|| extractor.extract(black_box(&plane), (0, 0), 255, &mut centerline));
     });
+    // The worst case: nothing may be left out, and every column is one candidate from border to border.
+    let white = vec![255; samples.len()];
+    let all = AnyPlane::Eight(Plane { width: 2592, height: 2048, stride: 2592, samples: &white });
+    let mut cut = Centerline::default();
+    group.sample_size(10).bench_function("extract_white", |bencher| {
+        bencher.iter(|| extractor.extract(black_box(&all), (0, 0), 255, &mut cut));
+    });
     group.finish();
+    assert_eq!(cut.len(), 2592);
     assert_eq!(centerline.len(), 2592);
 }
 

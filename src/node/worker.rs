@@ -270,7 +270,7 @@ impl Worker {
     }
 
     fn end_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        let completed = self.pipeline.finish(self.pending.rejected);
+        let completed = self.pipeline.finish(self.pending.missing, self.pending.rejected);
         self.pending = Pending::default();
         self.counts.slices += u64::from(completed.slice.is_some());
         self.results.publish_completed(

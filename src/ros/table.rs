@@ -2,8 +2,9 @@
 //!
 //! Defaults and ranges stand here and nowhere else; [`node_params`](super::node_params) turns the values into types.
 
-use crate::scanner::params::{
-    Channel, Method, MotionSource, PeakSelection, StripeDirection, Window,
+use crate::scanner::{
+    image::MAX_SIDE_PX,
+    params::{Channel, Method, MotionSource, PeakSelection, StripeDirection, Window},
 };
 
 use super::node_params::{Compression, ImageTransport};
@@ -84,7 +85,7 @@ const fn float(
 }
 
 const MIB: i64 = 1 << 20;
-const MAX_SIDE: i64 = 65_535;
+const MAX_SIDE: i64 = MAX_SIDE_PX as i64;
 
 /// All parameters, in the order in which a parameter file shows them. Numbers in brackets: (default, smallest, largest).
 #[rustfmt::skip]
@@ -96,8 +97,8 @@ pub const TABLE: &[Parameter] = &[
         "Largest image that is accepted, decoded; a larger one is rejected as malformed. Bounds the memory against \
          damaged or hostile input. Raise it only for cameras with larger frames."),
     choice("channel", "auto", Channel::NAMES,
-        "Grey level of a colour or Bayer pixel. auto: grey images as they are, the largest of the three colours \
-         otherwise. The laser's own colour has the best contrast in ambient light."),
+        "Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing. auto: grey images as they are, \
+         the largest of the three colours otherwise. gray: luma, BT.601. The laser's own colour has the best contrast in ambient light."),
     choice("stripe_direction", "horizontal", StripeDirection::NAMES,
         "Which way the stripe runs through the image. horizontal: one point a column; vertical: one point a row."),
     integer("full_scale", "grey levels of the image", (0, 0, 65_535),
@@ -150,10 +151,10 @@ pub const TABLE: &[Parameter] = &[
         "Speed of the part; times the difference of stamps. For free-running cameras with good stamps."),
     integer("slice.profiles", "profiles", (100, 1, 10_000),
         "Profiles in one published slice of the point cloud. Fewer: less delay and smaller messages; 100 is a slice \
-         of some megabytes."),
+         of some megabytes. A slice also ends before it has 2^26 points, 1 GiB."),
     integer("scan.max_profiles", "profiles", (5_000, 1, 1_000_000),
         "Profiles in a scan; the next one begins a new scan with its own height map. Bounds the memory: four bytes a \
-         point of every profile."),
+         point of every profile. A scan also ends before it has 2^28 points, 1 GiB of heights."),
     choice("recording.compression", "zstd", Compression::NAMES,
         "Compression of the results' recording. zstd: level 1, some threefold; lz4: cheaper, larger; none: for the \
          fastest disk."),

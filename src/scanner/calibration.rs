@@ -1,4 +1,4 @@
-//! Step 9: from pixels to metres. Measured values, and the one place where a camera model is chosen.
+//! Step 9 of Yao et al. 2023: from pixels to metres. Measured values, and the one place where a camera model is chosen.
 
 use super::{channel::Window, params::StripeDirection, profile::Profile, stripe::Centerline};
 use serde::{Deserialize, Serialize};
@@ -98,7 +98,7 @@ impl Calibration {
     }
 
     /// Step 9: replaces `profile` by the centreline in metres, one entry a searched line. A point that the geometry
-    /// cannot place stays NaN. `full_scale` is the level of a saturated sample.
+    /// cannot place is as one that was not measured. `full_scale` is the level of a saturated sample.
     pub fn triangulate(
         &self,
         centerline: &Centerline,
@@ -113,12 +113,18 @@ impl Calibration {
             StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
         };
         for i in 0..centerline.len() {
+            let Some(height) = geometry.height(f64::from(across[i])) else { continue };
+            let (x_m, z_m) =
+                (geometry.lateral(f64::from(along[i]), height.z_m) as f32, height.z_m as f32);
+            // Beyond what 32 bits hold.
+            if !(x_m.is_finite() && z_m.is_finite()) {
+                continue;
+            }
             let entry = along[i] as usize - lines.first;
+            profile.x_m[entry] = x_m;
+            profile.z_m[entry] = z_m;
             profile.intensity[entry] = (centerline.intensity[i] / full_scale as f32).min(1.0);
             profile.flags[entry] = centerline.flags[i];
-            let Some(height) = geometry.height(f64::from(across[i])) else { continue };
-            profile.x_m[entry] = geometry.lateral(f64::from(along[i]), height.z_m) as f32;
-            profile.z_m[entry] = height.z_m as f32;
             profile.sigma_z_m[entry] =
                 (height.m_per_px.abs() * f64::from(centerline.sigma_px[i])) as f32;
             profile.valid_count += 1;
@@ -304,6 +310,41 @@ height_sign: -1
         assert!(rig.height(parallel_px + 1.0).is_none());
         assert!(rig.height(parallel_px - 1.0).is_some());
         assert!(rig.project(0.0, rig.object_distance_m / rig.beta_rad.cos()).is_none());
+
+        let centerline = Centerline {
+            u_px: vec![7.0, 8.0],
+            v_px: vec![parallel_px as f32 + 1.0, rig.base_row_px as f32],
+            intensity: vec![100.0, 51.0],
+            sigma_px: vec![0.1, 0.1],
+            flags: vec![1, 2],
+            ..Centerline::default()
+        };
+        let lines = Lines { direction: StripeDirection::Horizontal, first: 7, count: 3 };
+        let mut profile = Profile::default();
+        Calibration::VerticalIncidence(rig).triangulate(&centerline, &lines, 255, &mut profile);
+        assert_eq!(profile.valid_count, 1);
+        assert_eq!(profile.z_m.iter().map(|z| z.is_nan()).collect::<Vec<_>>(), [true, false, true]);
+        assert_eq!(
+            (&profile.intensity[..], &profile.flags[..]),
+            (&[0.0, 0.2, 0.0][..], &[0, 2, 0][..])
+        );
+    }
+
+    #[test]
+    fn what_32_bits_cannot_hold_is_not_measured() {
+        let huge = VerticalIncidence { object_distance_m: 1e300, ..rig() };
+        let centerline = Centerline {
+            u_px: vec![0.0],
+            v_px: vec![huge.base_row_px as f32 - 100.0],
+            intensity: vec![1.0],
+            sigma_px: vec![1.0],
+            flags: vec![0],
+            ..Centerline::default()
+        };
+        let lines = Lines { direction: StripeDirection::Horizontal, first: 0, count: 1 };
+        let mut profile = Profile::default();
+        Calibration::VerticalIncidence(huge).triangulate(&centerline, &lines, 255, &mut profile);
+        assert!(profile.valid_count == 0 && profile.z_m[0].is_nan() && profile.x_m[0].is_nan());
     }
 
     #[test]
@@ -324,10 +365,23 @@ height_sign: -1
 
     #[test]
     fn the_id_changes_with_every_value() {
-        let one = Calibration::from_yaml(RIG).unwrap();
-        let other = Calibration::from_yaml(&RIG.replace("0.026", "0.027")).unwrap();
-        assert_eq!(one.id(), Calibration::from_yaml(RIG).unwrap().id());
-        assert_eq!(one.id().len(), 16);
-        assert_ne!(one.id(), other.id());
+        let id = |yaml: &str| Calibration::from_yaml(yaml).unwrap().id();
+        assert_eq!((id(RIG).len(), id(RIG)), (16, id(RIG)));
+        let mut ids = vec![id(RIG)];
+        for (from, to) in [
+            ("laser_plane", "laser"),
+            ("0.026", "0.027"),
+            ("0.3", "0.31"),
+            ("0.52", "0.53"),
+            ("4.8e-6", "4.9e-6"),
+            ("1024.0", "1024.5"),
+            ("1295.5", "1295.0"),
+            ("-1", "1"),
+        ] {
+            ids.push(id(&RIG.replacen(from, to, 1)));
+        }
+        ids.sort();
+        ids.dedup();
+        assert_eq!(ids.len(), 9, "one id a change");
     }
 }

@@ -1,4 +1,4 @@
-//! Steps 1 and 2 of the method: the region of interest, and one grey level a pixel.
+//! Steps 1 and 2 of Yao et al. 2023: the region of interest, and one grey level a pixel.
 
 use super::{
     image::{BayerPattern, ByteOrder, Image, PixelFormat},

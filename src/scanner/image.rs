@@ -4,6 +4,9 @@
 
 use thiserror::Error;
 
+/// Longest side of an image, pixels. Positions in a centreline are 32-bit floats: they resolve 1/256 pixel there.
+pub const MAX_SIDE_PX: u32 = 65_535;
+
 /// Byte order of samples wider than one byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ByteOrder {
@@ -78,6 +81,14 @@ pub enum ImageError {
         /// Rows.
         height: u32,
     },
+    /// A side is longer than any camera's.
+    #[error("image is {width} x {height} pixels: sides may have at most {MAX_SIDE_PX}")]
+    TooLong {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
     /// A row does not fit into its step.
     #[error("step is {step} bytes, but a row of {width} pixels needs at least {needed}")]
     Step {
@@ -116,7 +127,7 @@ impl<'a> Image<'a> {
     /// Views `data` as `height` rows of `width` pixels, rows `step` bytes apart.
     ///
     /// # Errors
-    /// A side of zero, a step shorter than a row, or a buffer whose length is not `height * step`.
+    /// A side of zero or longer than [`MAX_SIDE_PX`], a step shorter than a row, or a buffer whose length is not `height * step`.
     pub fn new(
         width: u32,
         height: u32,
@@ -126,6 +137,9 @@ impl<'a> Image<'a> {
     ) -> Result<Self, ImageError> {
         if width == 0 || height == 0 {
             return Err(ImageError::Empty { width, height });
+        }
+        if width.max(height) > MAX_SIDE_PX {
+            return Err(ImageError::TooLong { width, height });
         }
         let needed = u64::from(width) * format.bytes_per_pixel() as u64;
         if u64::from(step) < needed {

@@ -38,7 +38,7 @@ impl Motion {
 }
 
 #[cfg(test)]
-#[allow(clippy::float_cmp, reason = "the values are exact")]
+#[expect(clippy::float_cmp, reason = "0 and whole steps are exact")]
 mod tests {
     use super::*;
 

@@ -1,4 +1,5 @@
-//! The whole measurement on one screen: extract → triangulate → push.
+//! The whole measurement on one screen: extract → triangulate → push, the ten steps of Yao et al. 2023
+//! (doi 10.3390/app13179831).
 
 use super::{
     calibration::{Calibration, Lines},
@@ -13,8 +14,8 @@ use super::{
 };
 use thiserror::Error;
 
-/// Steps 1 to 10 of Yao et al. 2023 on frame after frame. Owns all buffers: after the first frame of a size and the
-/// first scan nothing is allocated.
+/// Measures frame after frame. Owns all buffers: after the first frame of a size and the first two scans nothing is
+/// allocated.
 #[derive(Debug)]
 pub struct Pipeline {
     params: Params,
@@ -55,11 +56,14 @@ impl Pipeline {
     ) -> Result<Output<'_>, FrameError> {
         let Frame { stamp_ns, image } = *frame;
         let full_scale = self.params.full_scale_of(image.format())?;
+        // Step 1: crop.
         let searched = window(self.params.roi, image.width(), image.height())?;
 
+        // Step 2: one grey level a pixel.
         let plane = self.decoder.decode(&image, self.params.channel, &searched);
         on_stage(Stage::Decode);
 
+        // Steps 3 to 8: blur, segment, coarse peak, width, window, centre.
         self.extractor.extract(&plane, (searched.x, searched.y), full_scale, &mut self.centerline);
         on_stage(Stage::Extract);
 
@@ -67,7 +71,9 @@ impl Pipeline {
         let completed = match &self.calibration {
             Some(calibration) => {
                 let lines = Lines::new(self.params.stripe_direction, &searched);
+                // Step 9: metres.
                 calibration.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
+                // Step 10: stacked along the motion.
                 self.scan.push(&Placed { profile: &self.profile, stamp_ns, position_m, index })
             }
             None => Completed::default(),
@@ -83,10 +89,11 @@ impl Pipeline {
         })
     }
 
-    /// Ends the scan: its last slice and its height map. `frames_rejected` came after the last good frame.
-    pub fn finish(&mut self, frames_rejected: u32) -> Completed<'_> {
+    /// Ends the scan: its last slice and its height map. Of the frames after the last good one, `frames_missing` never
+    /// arrived and `frames_rejected` were refused. The next frame lies at position 0 again.
+    pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
         self.motion.restart();
-        self.scan.finish(frames_rejected)
+        self.scan.finish(frames_missing, frames_rejected)
     }
 }
 

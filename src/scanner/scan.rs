@@ -1,7 +1,12 @@
-//! Step 10: profiles pushed along the motion into slices of a scan.
+//! Step 10 of Yao et al. 2023: profiles pushed along the motion into slices of a scan.
 
 use super::{height_map::HeightMap, pipeline::FrameIndex, profile::Profile};
 use sha2::{Digest, Sha256};
+
+/// Most points of a scan, 1 GiB of heights: one message must hold its height map. A scan ends before it has more.
+pub const MAX_SCAN_POINTS: usize = 1 << 28;
+/// Most points of a slice, 1 GiB of points: one message must hold it. A slice is full before it has more.
+pub const MAX_SLICE_POINTS: usize = 1 << 26;
 
 /// A point of the part: x along the stripe, y along the motion, z up, metres in the scan frame; then the grey level at
 /// the centreline as a share of full scale, 0 to 1. NaN in all four: not measured.
@@ -55,6 +60,21 @@ pub struct SliceAccount {
     pub state: SliceState,
 }
 
+impl SliceAccount {
+    /// Counts frames. Counters that reach 2³² - 1 stop there, and still add up.
+    fn count(&mut self, accepted: u32, missing: u32, rejected: u32) {
+        for (counter, frames) in [
+            (&mut self.frames_accepted, accepted),
+            (&mut self.frames_missing, missing),
+            (&mut self.frames_rejected, rejected),
+        ] {
+            let counted = frames.min(u32::MAX - self.frames_expected);
+            *counter += counted;
+            self.frames_expected += counted;
+        }
+    }
+}
+
 /// Some consecutive profiles of a scan as an organised cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Slice {
@@ -84,9 +104,10 @@ pub struct Placed<'a> {
 }
 
 /// Stacks profiles. A scan is a sequence of profiles of one length; it ends with its last slice and its height map.
+/// Positions come with the profiles: they go on from a scan that reached its limit to the next.
 ///
 /// A full slice is handed out when the next profile arrives or the scan ends: only then is it known whether it is the
-/// last one. Buffers are kept; nothing is allocated once a scan of a length has begun.
+/// last one. Two slices and two height maps take turns and are kept: after two scans of a length nothing is allocated.
 #[derive(Debug)]
 pub struct Scan {
     slice_profiles: u32,
@@ -109,7 +130,9 @@ pub struct Completed<'a> {
 }
 
 impl Scan {
-    /// An empty scan of slices of `slice_profiles` profiles, which ends at `max_profiles`.
+    /// An empty scan of slices of `slice_profiles` profiles, which ends at `max_profiles`; both end earlier where the
+    /// profiles are so long that [`MAX_SLICE_POINTS`] or [`MAX_SCAN_POINTS`] would be passed. `seed` tells scans of
+    /// different calibrations apart.
     pub fn new(slice_profiles: u32, max_profiles: u32, seed: String) -> Self {
         Self {
             slice_profiles,
@@ -126,8 +149,8 @@ impl Scan {
     pub fn push(&mut self, placed: &Placed<'_>) -> Completed<'_> {
         let width = placed.profile.x_m.len() as u32;
         let ends = self.growing.height > 0
-            && (self.growing.width != width || self.growing.height >= self.max_profiles);
-        let full = self.open.height >= self.slice_profiles;
+            && (self.growing.width != width || self.growing.height >= self.scan_limit(width));
+        let full = self.open.height > 0 && self.open.height >= self.slice_limit(width);
         if ends {
             self.end();
         } else if full {
@@ -143,26 +166,36 @@ impl Scan {
         }
     }
 
-    /// Ends the scan. `frames_rejected` arrived after the last profile and were refused.
-    pub fn finish(&mut self, frames_rejected: u32) -> Completed<'_> {
+    /// Ends the scan. Of the frames after the last profile, `frames_missing` never arrived and `frames_rejected` were
+    /// refused.
+    pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
         if self.growing.height == 0 {
             return Completed::default();
         }
         let account = &mut self.open.account;
-        account.frames_rejected += frames_rejected;
-        account.frames_expected += frames_rejected;
+        account.count(0, frames_missing, frames_rejected);
+        account.last_frame += u64::from(frames_missing) + u64::from(frames_rejected);
         self.end();
         Completed { slice: Some(&self.closed), height_map: Some(&self.finished) }
     }
 
+    /// Profiles of that length at which a scan ends, at least 1.
+    fn scan_limit(&self, width: u32) -> u32 {
+        limit(self.max_profiles, MAX_SCAN_POINTS, width)
+    }
+
+    /// Profiles of that length at which a slice is full, at least 1.
+    fn slice_limit(&self, width: u32) -> u32 {
+        limit(self.slice_profiles.min(self.max_profiles), MAX_SLICE_POINTS, width)
+    }
+
     fn begin(&mut self, width: u32, placed: &Placed<'_>) {
-        let profiles = self.max_profiles as usize;
         self.growing.width = width;
         self.growing.stamp_ns = placed.stamp_ns;
-        self.growing.z_m.reserve_exact(profiles * width as usize);
-        self.open
-            .points
-            .reserve_exact(self.slice_profiles.min(self.max_profiles) as usize * width as usize);
+        // Ahead, so that no frame waits for memory. Where the system does not promise so much, the buffers grow.
+        let (scan, slice) = (self.scan_limit(width) as usize, self.slice_limit(width) as usize);
+        self.growing.z_m.try_reserve_exact(scan * width as usize).unwrap_or_default();
+        self.open.points.try_reserve_exact(slice * width as usize).unwrap_or_default();
         self.open.account =
             SliceAccount { scan_id: self.scan_id(width, placed), ..SliceAccount::default() };
     }
@@ -171,20 +204,17 @@ impl Scan {
         let Placed { profile, stamp_ns, position_m, index } = *placed;
         let slice = &mut self.open;
         let account = &mut slice.account;
-        let lost = index.frames_missing + index.frames_rejected;
         if slice.height == 0 {
             slice.stamp_ns = stamp_ns;
             slice.width = profile.x_m.len() as u32;
-            account.first_frame = index.frame_number.saturating_sub(lost.into());
+            let lost = u64::from(index.frames_missing) + u64::from(index.frames_rejected);
+            account.first_frame = index.frame_number.saturating_sub(lost);
             account.first_position_m = position_m;
         }
         slice.height += 1;
         account.last_frame = index.frame_number;
         account.last_position_m = position_m;
-        account.frames_accepted += 1;
-        account.frames_missing += index.frames_missing;
-        account.frames_rejected += index.frames_rejected;
-        account.frames_expected += 1 + lost;
+        account.count(1, index.frames_missing, index.frames_rejected);
         account.profiles_empty += u32::from(profile.valid_count == 0);
         account.points += u64::from(profile.valid_count);
         slice.points.extend((0..profile.x_m.len()).map(|i| {
@@ -211,7 +241,7 @@ impl Scan {
         };
         std::mem::swap(&mut self.open, &mut self.closed);
         self.open.points.clear();
-        self.open.points.reserve_exact(self.closed.points.capacity());
+        self.open.points.try_reserve_exact(self.closed.points.capacity()).unwrap_or_default();
         self.open.height = 0;
         self.open.account = next;
     }
@@ -239,110 +269,12 @@ impl Scan {
     }
 }
 
-#[cfg(test)]
-#[allow(clippy::float_cmp, reason = "the values are exact")]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn profile(width: usize, z_m: f32) -> Profile {
-        let mut profile = Profile::default();
-        profile.reset(width);
-        if z_m.is_finite() {
-            profile.x_m.fill(0.5);
-            profile.z_m.fill(z_m);
-            profile.valid_count = width as u32;
-        }
-        profile
-    }
-
-    fn placed(profile: &Profile, frame_number: u64, frames_missing: u32) -> Placed<'_> {
-        let index = FrameIndex { frame_number, frames_missing, frames_rejected: 0 };
-        Placed {
-            profile,
-            stamp_ns: frame_number as i64,
-            position_m: frame_number as f64 * 0.001,
-            index,
-        }
-    }
-
-    #[test]
-    fn a_full_slice_leaves_with_the_next_profile_and_the_last_one_says_so() {
-        let mut scan = Scan::new(2, 100, String::new());
-        let one = profile(3, 0.25);
-        assert!(scan.push(&placed(&one, 0, 0)).slice.is_none());
-        assert!(scan.push(&placed(&one, 1, 0)).slice.is_none());
-        let done = scan.push(&placed(&one, 2, 0));
-        let slice = done.slice.unwrap();
-        assert_eq!((slice.width, slice.height, slice.stamp_ns, slice.points.len()), (3, 2, 0, 6));
-        assert_eq!(slice.points[3], [0.5, 0.001, 0.25, 0.0]);
-        assert!(!slice.account.last_slice && done.height_map.is_none());
-        let done = scan.finish(0);
-        let (slice, map) = (done.slice.unwrap(), done.height_map.unwrap());
-        assert_eq!(
-            (slice.height, slice.account.slice_index, slice.account.last_slice),
-            (1, 1, true)
-        );
-        assert_eq!((map.width, map.height, map.z_m.as_slice()), (3, 3, &[0.25; 9][..]));
-        assert!(scan.finish(0).slice.is_none(), "a scan ends once");
-    }
-
-    #[test]
-    fn another_length_or_the_limit_starts_another_scan() {
-        let mut scan = Scan::new(10, 2, String::new());
-        let (narrow, wide) = (profile(3, 0.0), profile(4, 0.0));
-        assert!(scan.push(&placed(&narrow, 0, 0)).slice.is_none());
-        let done = scan.push(&placed(&wide, 1, 0));
-        let first = done.slice.unwrap().account;
-        assert_eq!((done.slice.unwrap().width, done.height_map.unwrap().width), (3, 3));
-        assert!(scan.push(&placed(&wide, 2, 0)).slice.is_none());
-        let done = scan.push(&placed(&wide, 3, 0));
-        let second = done.slice.unwrap().account;
-        assert_eq!(done.height_map.unwrap().height, 2);
-        assert!(first.last_slice && second.last_slice && first.scan_id != second.scan_id);
-    }
-
-    #[test]
-    fn missing_points_are_nan_in_every_field() {
-        let mut scan = Scan::new(10, 10, String::new());
-        scan.push(&placed(&profile(2, f32::NAN), 0, 0));
-        let slice = scan.finish(0).slice.unwrap();
-        assert!(slice.points.iter().flatten().all(|value| value.is_nan()));
-        assert_eq!((slice.account.profiles_empty, slice.account.points), (1, 0));
-    }
-
-    proptest! {
-        /// Whatever is lost on the way, the accounts of the slices add up to what was sent.
-        #[test]
-        fn accounts_add_up(
-            losses in prop::collection::vec((0..3_u32, 0..3_u32), 1..60),
-            slice_profiles in 1..7_u32,
-            rejected_at_the_end in 0..3_u32,
-        ) {
-            let mut scan = Scan::new(slice_profiles, 20, String::new());
-            let one = profile(2, 0.0);
-            let mut accounts: Vec<SliceAccount> = Vec::new();
-            let mut number = 0;
-            for &(missing, rejected) in &losses {
-                number += u64::from(1 + missing + rejected);
-                let mut placed = placed(&one, number, missing);
-                placed.index.frames_rejected = rejected;
-                accounts.extend(scan.push(&placed).slice.map(|slice| slice.account));
-            }
-            accounts.extend(scan.finish(rejected_at_the_end).slice.map(|slice| slice.account));
-            for account in &accounts {
-                prop_assert_eq!(
-                    account.frames_expected,
-                    account.frames_accepted + account.frames_missing + account.frames_rejected
-                );
-                let complete = account.frames_missing + account.frames_rejected == 0;
-                prop_assert_eq!(account.state == SliceState::Complete, complete);
-            }
-            let sum = |count: fn(&SliceAccount) -> u32| accounts.iter().map(count).sum::<u32>();
-            prop_assert_eq!(sum(|a| a.frames_accepted), losses.len() as u32);
-            prop_assert_eq!(sum(|a| a.frames_missing), losses.iter().map(|loss| loss.0).sum::<u32>());
-            let rejected = losses.iter().map(|loss| loss.1).sum::<u32>() + rejected_at_the_end;
-            prop_assert_eq!(sum(|a| a.frames_rejected), rejected);
-        }
-    }
+/// `wanted` profiles of `width` points, or as many as make `max_points`; at least 1.
+fn limit(wanted: u32, max_points: usize, width: u32) -> u32 {
+    let possible = u32::try_from(max_points / width.max(1) as usize).unwrap_or(u32::MAX);
+    wanted.min(possible).max(1)
 }
+
+#[cfg(test)]
+#[expect(clippy::float_cmp, reason = "values are copied, not computed")]
+mod tests;

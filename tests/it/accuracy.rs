@@ -3,8 +3,14 @@
 use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
+        calibration::Calibration,
         channel::{AnyPlane, Plane},
-        params::{ExtractionParams, Method, PeakSelection, StripeDirection, Window},
+        image::{Frame, Image, PixelFormat},
+        params::{
+            ExtractionParams, Method, Params, PeakSelection, RegionOfInterest, StripeDirection,
+            Window,
+        },
+        pipeline::{FrameIndex, Pipeline},
         stripe::{Centerline, Extractor, flag},
     },
     simulate::stripe::{StripeScene, render_stripe},
@@ -33,10 +39,24 @@ fn truth_px(column: u32) -> f64 {
 }
 
 fn extract(scene: &StripeScene, params: ExtractionParams) -> Centerline {
+    extract_stripe(scene, truth_px, params)
+}
+
+/// The centreline of a stripe about `center(column)`.
+fn extract_stripe(
+    scene: &StripeScene,
+    center: impl Fn(u32) -> f64,
+    params: ExtractionParams,
+) -> Centerline {
     let mut samples = Vec::new();
-    render_stripe(scene, truth_px, &mut samples);
+    render_stripe(scene, center, &mut samples);
+    extract_samples(scene, &samples, params)
+}
+
+/// The centreline of 8-bit samples as large as that scene.
+fn extract_samples(scene: &StripeScene, samples: &[u8], params: ExtractionParams) -> Centerline {
     let (width, height) = (scene.width as usize, scene.height as usize);
-    let plane = AnyPlane::Eight(Plane { width, height, stride: width, samples: &samples });
+    let plane = AnyPlane::Eight(Plane { width, height, stride: width, samples });
     let mut centerline = Centerline::default();
     Extractor::new(params, scene.direction).extract(&plane, (0, 0), 255, &mut centerline);
     centerline
@@ -84,15 +104,9 @@ fn error_by_phase_px(params: ExtractionParams) -> Vec<f64> {
         sigma_px: 2.3,
         ..StripeScene::default()
     };
-    let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
-    let mut centerline = Centerline::default();
     let errors = (0..50).map(|step| {
         let truth = 30.0 + f64::from(step) / 50.0;
-        let mut samples = Vec::new();
-        render_stripe(&scene, |_| truth, &mut samples);
-        let plane =
-            AnyPlane::Eight(Plane { width: 128, height: 64, stride: 128, samples: &samples });
-        extractor.extract(&plane, (0, 0), 255, &mut centerline);
+        let centerline = extract_stripe(&scene, |_| truth, params);
         assert_eq!(centerline.len(), 128);
         f64::from(centerline.v_px[64]) - truth
     });
@@ -231,16 +245,7 @@ fn width_saturation_and_borders_are_told() {
     assert_eq!(saturated.stripe_start, [0], "one connected stripe");
 
     let scene = StripeScene { width: 128, height: 64, ..StripeScene::default() };
-    let mut samples = Vec::new();
-    render_stripe(&scene, |_| 1.0, &mut samples);
-    let plane = AnyPlane::Eight(Plane { width: 128, height: 64, stride: 128, samples: &samples });
-    let mut centerline = Centerline::default();
-    Extractor::new(paper(), StripeDirection::Horizontal).extract(
-        &plane,
-        (0, 0),
-        255,
-        &mut centerline,
-    );
+    let centerline = extract_stripe(&scene, |_| 1.0, paper());
     assert!(centerline.flags.iter().all(|&flags| flags == flag::CLIPPED));
     assert!(centerline.width_px.iter().all(|width| width.is_nan()), "the border hides an edge");
 }
@@ -252,21 +257,14 @@ fn of_two_stripes_the_chosen_one_is_found_and_the_other_told() {
     render_stripe(&StripeScene { amplitude: 120.0, sigma_px: 3.5, ..scene }, |_| 30.2, &mut one);
     render_stripe(&StripeScene { amplitude: 200.0, sigma_px: 1.5, ..scene }, |_| 90.7, &mut two);
     let samples: Vec<u8> = one.iter().zip(&two).map(|(&a, &b)| a.max(b)).collect();
-    let plane = AnyPlane::Eight(Plane { width: 256, height: 128, stride: 256, samples: &samples });
     for (peak_selection, expected_px) in [
         (PeakSelection::Brightest, 90.7),
         (PeakSelection::First, 30.2),
         (PeakSelection::Last, 90.7),
         (PeakSelection::Widest, 30.2),
     ] {
-        let mut centerline = Centerline::default();
         let params = ExtractionParams { peak_selection, ..paper() };
-        Extractor::new(params, StripeDirection::Horizontal).extract(
-            &plane,
-            (0, 0),
-            255,
-            &mut centerline,
-        );
+        let centerline = extract_samples(&scene, &samples, params);
         assert_eq!(centerline.len(), 256);
         assert!(
             centerline.v_px.iter().all(|&v| (f64::from(v) - expected_px).abs() < 0.02),
@@ -279,20 +277,8 @@ fn of_two_stripes_the_chosen_one_is_found_and_the_other_told() {
 #[test]
 fn a_gap_starts_another_stripe() {
     let scene = StripeScene { width: 400, height: 64, ..StripeScene::default() };
-    let mut samples = Vec::new();
-    render_stripe(
-        &scene,
-        |column| if (180..220).contains(&column) { f64::NAN } else { 30.0 },
-        &mut samples,
-    );
-    let plane = AnyPlane::Eight(Plane { width: 400, height: 64, stride: 400, samples: &samples });
-    let mut centerline = Centerline::default();
-    Extractor::new(paper(), StripeDirection::Horizontal).extract(
-        &plane,
-        (0, 0),
-        255,
-        &mut centerline,
-    );
+    let center = |column| if (180..220).contains(&column) { f64::NAN } else { 30.0 };
+    let centerline = extract_stripe(&scene, center, paper());
     // The blur carries the stripe up to its radius into the gap.
     let second = centerline.stripe_start[1] as usize;
     assert_eq!(centerline.stripe_start.len(), 2);
@@ -300,4 +286,52 @@ fn a_gap_starts_another_stripe() {
         (centerline.u_px[second - 1] - 179.0).abs() <= 3.0
             && (centerline.u_px[second] - 220.0).abs() <= 3.0
     );
+}
+
+/// A region of interest changes which columns are searched, not where the stripe is; the profile has one entry for each.
+#[test]
+fn a_region_of_interest_keeps_the_images_pixels() {
+    let scanner = NodeParams::new(&Parameters::default()).unwrap().scanner;
+    let roi = RegionOfInterest { x_offset: 70, y_offset: 20, width: 66, height: 65 };
+    let calibration = Calibration::from_yaml(
+        "{type: vertical_incidence, frame_id: laser_plane, image_distance_m: 0.026, object_distance_m: 0.3,
+        beta_rad: 0.5, pixel_pitch_m: 4.8e-6, base_row_px: 60.0, center_column_px: 60.0, height_sign: -1}",
+    )
+    .unwrap();
+    for stripe_direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
+        let (center_px, first, count) = match stripe_direction {
+            StripeDirection::Horizontal => (50.3, 70, 66),
+            StripeDirection::Vertical => (100.3, 20, 65),
+        };
+        let scene = StripeScene {
+            width: 200,
+            height: 120,
+            direction: stripe_direction,
+            ..StripeScene::default()
+        };
+        let mut samples = Vec::new();
+        render_stripe(&scene, |_| center_px, &mut samples);
+        let image = Image::new(200, 120, 200, PixelFormat::Mono8, &samples).unwrap();
+        let params = Params { stripe_direction, roi, ..scanner };
+        let mut pipeline = Pipeline::new(params, Some(calibration.clone()));
+        let frame = Frame { stamp_ns: 1, image };
+        let output = pipeline.process(&frame, FrameIndex::default(), |_| ()).unwrap();
+        let line = output.centerline;
+        let (along, across) = match stripe_direction {
+            StripeDirection::Horizontal => (&line.u_px, &line.v_px),
+            StripeDirection::Vertical => (&line.v_px, &line.u_px),
+        };
+        let searched: Vec<f32> = (first..first + count).map(|at: u16| f32::from(at)).collect();
+        assert_eq!(along, &searched, "{stripe_direction:?}");
+        assert!(across.iter().all(|&at| (f64::from(at) - center_px).abs() < 0.02));
+        let profile = output.profile.unwrap();
+        assert_eq!((profile.x_m.len(), profile.valid_count), (count.into(), count.into()));
+        // Formula 6 at the stripe, and x growing with the image's column (row) from the axis at 60.
+        let s_m = (60.0 - center_px) * 4.8e-6;
+        let (sin, cos) = 0.5_f64.sin_cos();
+        let z_m = s_m * 0.3 / (0.026 * sin + s_m * cos);
+        assert!(profile.z_m.iter().all(|&z| (f64::from(z) - z_m).abs() < 3e-6));
+        let x_m = (f64::from(first) - 60.0) * 4.8e-6 * (0.3 - z_m * cos) / 0.026;
+        assert!((f64::from(profile.x_m[0]) - x_m).abs() < 1e-8, "{} {x_m}", profile.x_m[0]);
+    }
 }

@@ -1,4 +1,4 @@
-//! After the first frame and the first slice the measurement allocates nothing.
+//! Once every buffer has been used the measurement allocates nothing: not for a frame, a slice or a scan.
 
 use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
@@ -15,7 +15,7 @@ const RIG: &str = "{type: vertical_incidence, frame_id: laser_plane, image_dista
     beta_rad: 0.5236, pixel_pitch_m: 4.8e-6, base_row_px: 60.0, center_column_px: 319.5, height_sign: -1}";
 
 #[test]
-fn a_frame_after_the_first_slice_allocates_nothing() {
+fn frames_slices_and_scans_allocate_nothing() {
     for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
         let scanner = NodeParams::new(&Parameters::default()).unwrap().scanner;
         let params = Params {

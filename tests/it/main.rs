@@ -19,3 +19,4 @@ mod bad_images;
 mod bad_output;
 mod interop;
 mod tidy;
+mod launch_configs;

@@ -237,6 +237,15 @@ mod tests {
             refused(&sensor_msgs::Image { data: &[0; 7], ..good.clone() }),
             ImageError::Length { actual: 7, needed: 8, .. }
         ));
+        let long = vec![0; 1 << 16];
+        assert!(matches!(
+            refused(&sensor_msgs::Image {
+                width: 1 << 16,
+                height: 1,
+                ..message("mono8", 1 << 16, &long)
+            }),
+            ImageError::TooLong { width: 65_536, height: 1 }
+        ));
         // A 16-bit image whose step is counted in pixels.
         assert!(matches!(
             refused(&sensor_msgs::Image { encoding: "mono16".into(), ..good }),

@@ -1,4 +1,4 @@
-//! Step 3: the Gaussian blur, in integers, so that every way to compute it gives the same bits.
+//! Step 3 of Yao et al. 2023: the Gaussian blur, in integers, so that every way to compute it gives the same bits.
 //!
 //! The kernel is separable, its weights are multiples of 1/256 that sum to one. A blurred sample keeps 8 fractional
 //! bits ("blurred units": 256 a grey level). Both passes are exact; one rounding, half up, ends the second. Beyond the
@@ -43,7 +43,7 @@ pub trait Sample:
     const HALF: Self::Sum;
     /// Quotient and remainder by 256.
     fn split(sum: Self::Sum) -> (Self::Sum, Self::Sum);
-    /// A number that [`Self::Sum`] is known to hold.
+    /// The number, or the largest that [`Self::Sum`] holds, which no blurred sample exceeds.
     fn narrow(sum: u32) -> Self::Sum;
 }
 
@@ -54,7 +54,7 @@ impl Sample for u8 {
         (sum >> 8, sum & 0xff)
     }
     fn narrow(sum: u32) -> u16 {
-        sum as u16
+        u16::try_from(sum).unwrap_or(u16::MAX)
     }
 }
 
@@ -273,6 +273,37 @@ mod tests {
                 "radius {radius}"
             );
         }
+    }
+
+    #[test]
+    fn a_bright_pixel_becomes_the_square_of_the_kernel() {
+        let kernel = Kernel::gaussian(1);
+        assert_eq!(kernel.weights(), [61, 134, 61]);
+        let picture = [
+            0, 0, 0, 0, //
+            0, 0, 0, 0, //
+            0, 255, 0, 0, //
+            0, 0, 0, 0_u8,
+        ];
+        // Rounded: 255 · 61 · 61 / 256 = 3706.5, 255 · 61 · 134 / 256 = 8142.1, 255 · 134 · 134 / 256 = 17885.9.
+        let expected = [
+            0, 0, 0, 0, //
+            3706, 8142, 3706, 0, //
+            8142, 17886, 8142, 0, //
+            3706, 8142, 3706, 0,
+        ];
+        let plane = Plane { width: 4, height: 4, stride: 4, samples: &picture };
+        let blurred: Vec<u32> =
+            (0..16).map(|at| blurred_at(&plane, &kernel, at % 4, at / 4)).collect();
+        assert_eq!(blurred, expected);
+    }
+
+    #[test]
+    fn beyond_the_border_the_nearest_sample_is_repeated() {
+        let plane = Plane { width: 1, height: 3, stride: 1, samples: &[0_u8, 0, 255] };
+        let kernel = Kernel::gaussian(1);
+        let blurred = [0, 1, 2].map(|y| blurred_at(&plane, &kernel, 0, y));
+        assert_eq!(blurred, [0, 61 * 255, (134 + 61) * 255]);
     }
 
     #[test]

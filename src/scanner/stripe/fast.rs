@@ -89,11 +89,8 @@ impl<S: Sample> FastExtractor<S> {
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
         for (line, chosen) in lines.iter_mut().enumerate() {
             let Some(candidate) = chosen.selected.take() else { continue };
-            let reach = |margin: u32| {
-                let from = candidate.first.saturating_sub(margin) as usize;
-                from..((candidate.last + margin) as usize + 1).min(length)
-            };
-            let (wide, near) = (reach(levels.margin(&candidate)), reach(1));
+            let wide = candidate.reach(levels.margin(&candidate), length);
+            let near = candidate.reach(1, length);
             (cut.blurred_origin, cut.raw_origin) = (wide.start as u32, near.start as u32);
             cut.raw.clear();
             match direction {
@@ -169,31 +166,42 @@ mod tests {
     use super::*;
     use crate::scanner::{
         params::{Method, Window},
-        stripe::reference,
+        stripe::{
+            reference,
+            tiles::{COLUMNS, ROWS},
+        },
     };
     use proptest::prelude::*;
 
+    /// Width, height, stride and samples.
+    type OwnedPlane<S> = (usize, usize, usize, Vec<S>);
+
+    /// Every value of a choice, by its names: a new estimator is tested as soon as it has one.
+    fn any_of<T: Clone + std::fmt::Debug + 'static>(
+        names: &'static [&'static str],
+        from_name: fn(&str) -> Option<T>,
+    ) -> impl Strategy<Value = T> {
+        prop::sample::select(names.iter().filter_map(|name| from_name(name)).collect::<Vec<_>>())
+    }
+
     fn any_params() -> impl Strategy<Value = ExtractionParams> {
-        let methods = prop::sample::select(vec![
-            Method::GrayGravity,
-            Method::GaussianFit,
-            Method::ImprovedGravity,
-        ]);
-        let windows = prop::sample::select(vec![Window::Fractional, Window::Rounded]);
-        let peaks = prop::sample::select(vec![
-            PeakSelection::Brightest,
-            PeakSelection::First,
-            PeakSelection::Last,
-            PeakSelection::Widest,
-        ]);
-        (methods, windows, peaks, 0..12_u32, 0..200_u32, 0..40_u32, 0..255_u32).prop_map(
-            |(method, window, peak_selection, blur_radius, threshold, min_segment_area, width)| {
+        let choices = (
+            any_of(Method::NAMES, Method::from_name),
+            any_of(Window::NAMES, Window::from_name),
+            any_of(PeakSelection::NAMES, PeakSelection::from_name),
+        );
+        // The plain definition takes (2r + 1)² steps a pixel: large radii now and then.
+        let radius = prop_oneof![3 => 0..4_u32, 1 => 4..=15_u32];
+        // Halves of grey levels: samples can lie exactly on a threshold, and between two.
+        let threshold = prop_oneof![0..20_u32, 0..200_u32];
+        (choices, radius, threshold, 0..40_u32, 0..255_u32).prop_map(
+            |((method, window, peak_selection), blur_radius, threshold, area, width)| {
                 ExtractionParams {
                     method,
                     window,
                     blur_radius,
                     segment_threshold: f64::from(threshold) / 2.0,
-                    min_segment_area,
+                    min_segment_area: area,
                     width_threshold: f64::from(width),
                     peak_selection,
                     read_noise: 2.0,
@@ -203,24 +211,50 @@ mod tests {
         )
     }
 
-    /// Sizes from 1 x 1 to several tiles; black, sparse spots and dense noise; a stride wider than the rows.
-    fn any_plane<S: Sample + Arbitrary>() -> impl Strategy<Value = (usize, usize, usize, Vec<S>)> {
-        (1..140_usize, 1..40_usize, 0..5_usize, 1..200_usize).prop_flat_map(
-            |(width, height, padding, sparsity)| {
-                let stride = width + padding;
-                let spots = prop::collection::vec(
-                    (0..stride * height, any::<S>()),
-                    stride * height / sparsity,
-                );
-                spots.prop_map(move |spots| {
-                    let mut samples = vec![S::default(); stride * height];
-                    for (at, sample) in spots {
-                        samples[at] = sample;
-                    }
-                    (width, height, stride, samples)
-                })
-            },
-        )
+    /// From 1 to `tiles` tiles and a little, half of them about the border of a tile.
+    fn any_side(tile: usize, tiles: usize) -> impl Strategy<Value = usize> {
+        let about_borders = (1..=tiles, 0..=2_usize);
+        prop_oneof![
+            about_borders.prop_map(move |(count, beyond)| count * tile + beyond - 1),
+            1..=tiles * tile + 8,
+        ]
+    }
+
+    /// Any level, or one about the lower thresholds.
+    fn any_level<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = S> {
+        prop_oneof![any::<S>(), (0..12_u8).prop_map(S::from)]
+    }
+
+    /// Over an even background, a few blocks that leave most tiles cold, or dense noise; a stride wider than the rows.
+    fn any_plane<S: Sample + Arbitrary + From<u8>>(
+        (width, height, padding): (usize, usize, usize),
+    ) -> impl Strategy<Value = OwnedPlane<S>> {
+        let stride = width + padding;
+        let block = (0..stride, 0..height, 1..9_usize, 1..17_usize, any_level::<S>());
+        let few = prop::collection::vec(block, 0..5);
+        let many = (1..50_usize).prop_flat_map(move |sparsity| {
+            let pixel = (0..stride, 0..height, Just(1), Just(1), any_level::<S>());
+            prop::collection::vec(pixel, stride * height / sparsity)
+        });
+        let background = prop_oneof![Just(0), 0..12_u8];
+        (background, prop_oneof![few, many]).prop_map(move |(background, blocks)| {
+            let mut samples = vec![S::from(background); stride * height];
+            for (x, y, columns, rows, level) in blocks {
+                for row in y..(y + rows).min(height) {
+                    let end = (x + columns).min(stride);
+                    samples[row * stride + x..row * stride + end].fill(level);
+                }
+            }
+            (width, height, stride, samples)
+        })
+    }
+
+    /// Frames of one size, then frames of another.
+    fn any_planes<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = Vec<OwnedPlane<S>>> {
+        let size = || (any_side(COLUMNS, 2), any_side(ROWS, 5), 0..5_usize);
+        let frames = |size| prop::collection::vec(any_plane(size), 1..4);
+        (size().prop_flat_map(frames), size().prop_flat_map(frames))
+            .prop_map(|(one, other)| one.into_iter().chain(other).collect())
     }
 
     /// Bits, so that NaN equals itself.
@@ -238,11 +272,7 @@ mod tests {
         assert_eq!(fast.flags, reference.flags);
     }
 
-    fn check<S: Sample>(
-        params: ExtractionParams,
-        full_scale: u32,
-        planes: &[(usize, usize, usize, Vec<S>)],
-    ) {
+    fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPlane<S>]) {
         for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
             // One extractor for all: what an earlier frame left behind must not show.
             let mut fast = FastExtractor::new(params, direction);
@@ -260,7 +290,7 @@ mod tests {
         #[test]
         fn fast_equals_reference_on_8_bit(
             params in any_params(),
-            planes in prop::collection::vec(any_plane::<u8>(), 1..4),
+            planes in any_planes::<u8>(),
         ) {
             check(params, 255, &planes);
         }
@@ -268,10 +298,37 @@ mod tests {
         #[test]
         fn fast_equals_reference_on_16_bit(
             params in any_params(),
-            planes in prop::collection::vec(any_plane::<u16>(), 1..4),
+            planes in any_planes::<u16>(),
             full_scale in prop::sample::select(vec![1023_u32, 4095, 65_535]),
         ) {
             check(params, full_scale, &planes);
+        }
+    }
+
+    /// One run every second pixel, joined into one region (a checkerboard) or each a region of its own (dots).
+    #[test]
+    fn the_densest_patterns_are_measured_too() {
+        let (width, height) = (130, 70);
+        let pattern = |is_bright: fn(usize, usize) -> bool| {
+            let samples = (0..width * height)
+                .map(|at| if is_bright(at % width, at / width) { 255_u8 } else { 0 })
+                .collect();
+            (width, height, width, samples)
+        };
+        let planes = [pattern(|x, y| (x + y) % 2 == 0), pattern(|x, y| x % 2 == 0 && y % 2 == 0)];
+        for min_segment_area in [0, 1, 4549, 4550] {
+            let params = ExtractionParams {
+                method: Method::ImprovedGravity,
+                window: Window::Fractional,
+                blur_radius: 0,
+                segment_threshold: 35.0,
+                min_segment_area,
+                width_threshold: 50.0,
+                peak_selection: PeakSelection::Brightest,
+                read_noise: 2.0,
+                shot_gain: 0.1,
+            };
+            check(params, 255, &planes);
         }
     }
 }

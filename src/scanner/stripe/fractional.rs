@@ -11,7 +11,8 @@ const MAX_ROUNDS: u32 = 12;
 /// A window that moves by less stands still, pixels.
 const STANDSTILL_PX: f64 = 1e-4;
 
-/// The centre of gravity of the window about itself, 2L + 1 pixels long as the rounded one is.
+/// Formula 7 as integrals, c = ∫ x·G dx / ∫ G dx over `[c - R, c + R]`: the centre of gravity of a window about itself,
+/// 2R = 2L + 1 pixels long as the rounded one is. A border of the image cuts the window short.
 pub fn fractional_window_gravity(
     section: &Section<'_>,
     coarse_px: f64,
@@ -32,10 +33,14 @@ pub fn fractional_window_gravity(
         if window.level <= 0.0 {
             break;
         }
-        // The centroid f(c) of a window about c moves by f'(c) when the window moves: by what its ends take in.
-        let pull = (reach * (window.low_level + window.high_level) / window.level).min(0.9);
+        let centroid = window.moment / window.level;
+        // The centroid f(c) of a window about c moves by f'(c) when the window moves: by what its ends take in. An end
+        // that the border holds back takes in nothing.
+        let low_pull = if low > 0.0 { window.low_level * (centroid - low) } else { 0.0 };
+        let high_pull = if high < end { window.high_level * (high - centroid) } else { 0.0 };
+        let pull = ((low_pull + high_pull) / window.level).min(0.9);
         // Newton's step towards c = f(c). Noise that moves f by δ moves that c by δ / (1 - f').
-        let step = (window.moment / window.level - centre) / (1.0 - pull);
+        let step = (centroid - centre) / (1.0 - pull);
         let next = (centre + step).clamp(first, last);
         let moved = (next - centre).abs();
         centre = next;

@@ -1,4 +1,4 @@
-//! Step 5: the coarse peak, the maximum of a Gaussian through the blurred cross-section.
+//! Step 5 of Yao et al. 2023: the coarse peak, the maximum of a Gaussian through the blurred cross-section.
 
 use super::section::{Centre, Noise, Section, grey};
 use nalgebra::{Matrix3, RowVector3, Vector3};
@@ -19,24 +19,26 @@ pub fn coarse_peak(section: &Section<'_>) -> f64 {
 /// sample's noise. Where the brightest sample stands in, the uncertainty is half the candidate.
 pub fn gaussian_fit(section: &Section<'_>, noise: &Noise<'_>) -> Centre {
     let brightest = brightest(section);
-    let Some(fit) = fit(section, brightest) else {
+    let fitted = fit(section, brightest).and_then(|fit| Some((gradient(&fit)?, fit.position_px)));
+    let Some((gradient, position_px)) = fitted else {
         return Centre {
             position_px: f64::from(section.candidate.first) + brightest as f64,
             sigma_px: f64::from(section.candidate.length()) / 2.0,
         };
     };
-    let Fit { powers: [s0, s1, s2, s3, s4], slope, curvature, position_px } = fit;
-    // d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂²
-    let by_coefficient = RowVector3::new(0.0, -0.5 / curvature, 0.5 * slope / curvature.powi(2));
-    let Some(inverse) = Matrix3::new(s0, s1, s2, s1, s2, s3, s2, s3, s4).try_inverse() else {
-        return Centre { position_px, sigma_px: f64::INFINITY };
-    };
-    let gradient = by_coefficient * inverse;
     let by_sample = |i: usize| {
         let t = i as f64 - brightest as f64;
         (gradient * Vector3::new(1.0, t, t * t))[0] * grey(section.run()[i])
     };
     Centre { position_px, sigma_px: noise.weighted_sigma(section.run(), by_sample) }
+}
+
+/// How the maximum moves with the right-hand side of the normal equations: d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂².
+fn gradient(fit: &Fit) -> Option<RowVector3<f64>> {
+    let Fit { powers: [s0, s1, s2, s3, s4], slope, curvature, .. } = *fit;
+    let by_coefficient = RowVector3::new(0.0, -0.5 / curvature, 0.5 * slope / curvature.powi(2));
+    let inverse = Matrix3::new(s0, s1, s2, s1, s2, s3, s2, s3, s4).try_inverse()?;
+    Some(by_coefficient * inverse)
 }
 
 /// A parabola through the logarithms, t = 0 at the brightest sample.

@@ -1,4 +1,5 @@
-//! Steps 6 to 8 as the paper has them: the width, the window it sets, and the grey-level centre of gravity in whole pixels.
+//! Steps 6 to 8 as Yao et al. 2023 have them: the width, the window it sets, and the grey-level centre of gravity in
+//! whole pixels.
 
 use super::section::{Centre, Noise, Section, grey};
 
@@ -14,7 +15,9 @@ pub fn window_half_length_px(width_samples: u32) -> f64 {
 
 /// Step 8 with the window as printed in the paper: the coarse peak rounded to a pixel, L rounded, but at least 1.
 ///
-/// Locks the result to pixels (`rounded_window_locks_to_pixels` shows by how much); `window: fractional` does not.
+/// In the paper's example a coarse peak at 1165.115 is taken as 1165, and D = 7 makes L = 14/3 = 4.67, which it prints
+/// "rounded to 4"; the nearest is 5, and that is taken here. Locks the result to pixels (`rounded_window_locks_to_pixels`
+/// shows by how much); `window: fractional` does not.
 pub fn rounded_window_gravity(
     section: &Section<'_>,
     coarse_px: f64,

@@ -9,7 +9,10 @@ use super::{
 };
 use crate::scanner::params::{Method, StripeDirection, Window};
 
-/// The centre of a cross-section by the chosen method. **A new estimator is one more arm here**, in a file of its own.
+/// Steps 5 to 8: the centre of a cross-section by the chosen method.
+///
+/// **A new estimator is one more arm here**: a function from a [`Section`] to a [`Centre`] in a file of its own, and its
+/// name in [`Method`]. The parameter's choices and the property that fast equals reference follow from the name.
 pub fn centre(section: &Section<'_>, levels: &Levels<'_>) -> Centre {
     match levels.method {
         Method::GrayGravity => gray_gravity(section, &levels.noise),
@@ -118,5 +121,71 @@ impl Raw<'_> {
         let share = at - left as f64;
         (f64::from(self.samples[left]) * (1.0 - share) + f64::from(self.samples[right]) * share)
             as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scanner::{
+        params::{ExtractionParams, PeakSelection},
+        stripe::blur::{Kernel, UNITS},
+    };
+    use proptest::prelude::*;
+
+    /// The longest run of samples above the threshold.
+    fn longest_run(samples: &[u32], threshold: u32) -> Option<Candidate> {
+        let mut longest: Option<Candidate> = None;
+        let mut first = 0;
+        for run in samples.split_inclusive(|&sample| sample <= threshold) {
+            let length = run.iter().filter(|&&sample| sample > threshold).count() as u32;
+            if length > longest.map_or(0, |longest| longest.length()) {
+                let peak = run.iter().copied().max().unwrap_or(0);
+                longest = Some(Candidate { first, last: first + length - 1, peak, count: 1 });
+            }
+            first += run.len() as u32;
+        }
+        longest
+    }
+
+    proptest! {
+        /// Nothing that any estimator looks at lies beyond the margin of its section.
+        #[test]
+        fn the_margin_is_wide_enough(
+            samples in prop::collection::vec(0..255 * UNITS, 1..80),
+            threshold in 0..255_u32,
+            width_threshold in 0..255_u32,
+            blur_radius in 0..4_u32,
+        ) {
+            let kernel = Kernel::gaussian(blur_radius);
+            for method in Method::NAMES.iter().filter_map(|name| Method::from_name(name)) {
+                for window in [Window::Fractional, Window::Rounded] {
+                    let params = ExtractionParams {
+                        method,
+                        window,
+                        blur_radius,
+                        segment_threshold: f64::from(threshold),
+                        min_segment_area: 0,
+                        width_threshold: f64::from(width_threshold),
+                        peak_selection: PeakSelection::Brightest,
+                        read_noise: 2.0,
+                        shot_gain: 0.1,
+                    };
+                    let levels = Levels::new(&params, &kernel, 255);
+                    let Some(candidate) = longest_run(&samples, levels.segment_threshold) else {
+                        continue;
+                    };
+                    let held = candidate.reach(levels.margin(&candidate), samples.len());
+                    let others: Vec<u32> = (0..)
+                        .zip(&samples)
+                        .map(|(at, &sample)| if held.contains(&at) { sample } else { 0 })
+                        .collect();
+                    let [expected, actual] = [&samples, &others]
+                        .map(|samples| centre(&Section { samples, origin: 0, candidate }, &levels));
+                    prop_assert_eq!(expected, actual);
+                    prop_assert!(actual.position_px.is_finite() && actual.sigma_px.is_finite());
+                }
+            }
+        }
     }
 }

@@ -1,4 +1,19 @@
-//! From a grey image to the stripe's sub-pixel centreline: steps 1 to 8 of Yao et al. 2023, each a function of its own.
+//! From a grey image to the stripe's sub-pixel centreline: the method of Yao et al. 2023 (doi 10.3390/app13179831), each
+//! step a function of its own.
+//!
+//! | step | function |
+//! |---|---|
+//! | 1 crop | [`channel::window`](super::channel::window) |
+//! | 2 grey | [`channel::Decoder::decode`](super::channel::Decoder::decode) |
+//! | 3 blur | [`blur::blurred_at`]; fast: [`blur::blur_span`], where [`tiles`] says that it matters |
+//! | 4 segment | [`segment::Regions`]; of several candidates in a cross-section [`select::Selected`] takes one |
+//! | 5 coarse peak | [`gaussian_fit::coarse_peak`] |
+//! | 6 width D | [`gravity::width_samples`] |
+//! | 7 window L | [`gravity::window_half_length_px`] |
+//! | 8 centre | [`fractional::fractional_window_gravity`], [`gravity::rounded_window_gravity`] as printed |
+//!
+//! [`reference`] runs steps 3 and 4 on every pixel, [`fast`] only where stripe can be; both hand each cross-section to
+//! [`measure`], where the estimator is chosen and where a new one is added.
 
 pub mod blur;
 pub mod segment;
@@ -11,6 +26,8 @@ pub mod measure;
 pub mod reference;
 pub mod tiles;
 pub mod fast;
+#[cfg(test)]
+mod pictures;
 
 use super::{
     channel::AnyPlane,
@@ -43,9 +60,10 @@ pub struct Centerline {
     pub v_px: Vec<f32>,
     /// Index of the first point of each connected stripe, ascending from 0; empty when there are no points.
     pub stripe_start: Vec<u32>,
-    /// Full width at half maximum across the stripe, pixels; NaN where the image border hides it.
+    /// Full width at half maximum across the stripe, pixels, without the blur's share; NaN where the border of the
+    /// image or a bright background hides an edge.
     pub width_px: Vec<f32>,
-    /// Grey level at the centre, in units of the source's samples.
+    /// Grey level at the centre before the blur, in units of the source's samples, linear between two of them.
     pub intensity: Vec<f32>,
     /// One standard deviation of the centre across the stripe, pixels, from the stated noise.
     pub sigma_px: Vec<f32>,
@@ -77,6 +95,39 @@ impl Centerline {
 }
 
 /// Extracts centrelines from 8-bit and 16-bit planes.
+///
+/// ```
+/// use laser_profiler::{
+///     ros::{node_params::NodeParams, parameters::Parameters},
+///     scanner::{
+///         channel::{AnyPlane, Plane},
+///         params::{ExtractionParams, Method, StripeDirection},
+///         stripe::{Centerline, Extractor},
+///     },
+/// };
+///
+/// let picture = [
+///      0,  0,  0,  0,
+///     10,  0,  0,  0,
+///     30, 20,  0,  0,
+///     10, 20,  0, 40,
+///      0,  0,  0,  0_u8,
+/// ];
+/// let plane = AnyPlane::Eight(Plane { width: 4, height: 5, stride: 4, samples: &picture });
+/// let params = ExtractionParams {
+///     method: Method::GrayGravity,
+///     blur_radius: 0,
+///     segment_threshold: 5.0,
+///     min_segment_area: 0,
+///     ..NodeParams::new(&Parameters::default())?.scanner.extraction
+/// };
+/// let mut line = Centerline::default();
+/// Extractor::new(params, StripeDirection::Horizontal).extract(&plane, (0, 0), 255, &mut line);
+/// assert_eq!(line.u_px, [0.0, 1.0, 3.0]);
+/// assert_eq!(line.v_px, [2.0, 2.5, 3.0]);
+/// assert_eq!(line.stripe_start, [0, 2]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Extractor {
     eight: FastExtractor<u8>,
@@ -93,6 +144,7 @@ impl Extractor {
     }
 
     /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` (column, row) of the image.
+    /// `full_scale` is the level of a saturated sample, to which the parameters' grey levels are scaled.
     pub fn extract(
         &mut self,
         plane: &AnyPlane<'_>,

@@ -50,25 +50,18 @@ pub fn extract<S: Sample>(
             selected.offer(candidate, params.peak_selection);
         }
         let Some(candidate) = selected.take() else { continue };
-        let reach = |margin: u32| {
-            let from = candidate.first.saturating_sub(margin) as usize;
-            from..((candidate.last + margin) as usize + 1).min(length)
-        };
-        let margin = levels.margin(&candidate);
-        let samples: Vec<u32> = reach(margin).map(|position| blurred[at(position)]).collect();
-        let section = Section { samples: &samples, origin: reach(margin).start as u32, candidate };
-        let raw: Vec<u32> = reach(1)
+        let wide = candidate.reach(levels.margin(&candidate), length);
+        let near = candidate.reach(1, length);
+        let (blurred_origin, raw_origin) = (wide.start as u32, near.start as u32);
+        let samples: Vec<u32> = wide.map(|position| blurred[at(position)]).collect();
+        let section = Section { samples: &samples, origin: blurred_origin, candidate };
+        let raw: Vec<u32> = near
             .map(|position| {
                 let (x, y) = pixel(line, position);
                 plane.at(x, y).into()
             })
             .collect();
-        assembler.push(
-            line,
-            &section,
-            &Raw { samples: &raw, origin: reach(1).start as u32 },
-            &levels,
-        );
+        assembler.push(line, &section, &Raw { samples: &raw, origin: raw_origin }, &levels);
     }
     centerline
 }

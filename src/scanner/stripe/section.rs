@@ -5,6 +5,7 @@
 
 use super::blur::{Kernel, UNITS};
 use crate::scanner::params::{ExtractionParams, Method, Window};
+use std::ops::Range;
 
 /// The run of stripe pixels that was chosen in a cross-section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,6 +24,12 @@ impl Candidate {
     /// Samples above the segment threshold.
     pub const fn length(&self) -> u32 {
         self.last - self.first + 1
+    }
+
+    /// Its positions and up to `margin` more to either side, within a cross-section of `length` positions.
+    pub fn reach(&self, margin: u32, length: usize) -> Range<usize> {
+        let from = self.first.saturating_sub(margin) as usize;
+        from..((self.last + margin) as usize + 1).min(length)
     }
 }
 
@@ -144,7 +151,8 @@ pub struct Centre {
 }
 
 /// Full width at half maximum, pixels: where the blurred samples fall below half their peak, interpolated linearly,
-/// and the blur's own width taken off in quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN where the border hides an edge.
+/// and the blur's own width taken off in quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN
+/// where the border or a bright background hides an edge.
 pub fn full_width_half_maximum(section: &Section<'_>, blur_variance_px2: f64) -> f64 {
     let samples = section.samples;
     let half = f64::from(section.candidate.peak) / 2.0;

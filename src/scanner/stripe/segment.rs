@@ -1,4 +1,8 @@
-//! Step 4: connected regions of the blurred image above the threshold, and which of them are large enough to be stripe.
+//! Step 4 of Yao et al. 2023: connected regions of the blurred image above the threshold, and which of them are large
+//! enough to be stripe.
+//!
+//! Time and memory grow with the runs, not with the pixels. The densest picture has one run every two pixels of a row
+//! and a region every four pixels: 11 bytes a pixel, which a blur leaves far from reach.
 
 /// Consecutive samples of one row above the threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

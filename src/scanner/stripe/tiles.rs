@@ -12,9 +12,9 @@ use crate::scanner::channel::Plane;
 use std::ops::Range;
 
 /// Rows of a tile.
-const ROWS: usize = 8;
+pub(super) const ROWS: usize = 8;
 /// Columns of a tile: one cache line of bytes.
-const COLUMNS: usize = 64;
+pub(super) const COLUMNS: usize = 64;
 
 /// Blurred samples of the tiles near bright pixels. Buffers are kept from frame to frame.
 #[derive(Debug)]

@@ -1,0 +1,142 @@
+use super::*;
+use proptest::prelude::*;
+
+fn profile(width: usize, z_m: f32) -> Profile {
+    let mut profile = Profile::default();
+    profile.reset(width);
+    if z_m.is_finite() {
+        profile.x_m.fill(0.5);
+        profile.z_m.fill(z_m);
+        profile.valid_count = width as u32;
+    }
+    profile
+}
+
+fn placed(profile: &Profile, frame_number: u64, frames_missing: u32) -> Placed<'_> {
+    let index = FrameIndex { frame_number, frames_missing, frames_rejected: 0 };
+    Placed {
+        profile,
+        stamp_ns: frame_number as i64,
+        position_m: frame_number as f64 * 0.001,
+        index,
+    }
+}
+
+#[test]
+fn a_full_slice_leaves_with_the_next_profile_and_the_last_one_says_so() {
+    let mut scan = Scan::new(2, 100, String::new());
+    let one = profile(3, 0.25);
+    assert!(scan.push(&placed(&one, 0, 0)).slice.is_none());
+    assert!(scan.push(&placed(&one, 1, 0)).slice.is_none());
+    let done = scan.push(&placed(&one, 2, 0));
+    let slice = done.slice.unwrap();
+    assert_eq!((slice.width, slice.height, slice.stamp_ns, slice.points.len()), (3, 2, 0, 6));
+    assert_eq!(slice.points[3], [0.5, 0.001, 0.25, 0.0]);
+    assert!(!slice.account.last_slice && done.height_map.is_none());
+    let done = scan.finish(0, 0);
+    let (slice, map) = (done.slice.unwrap(), done.height_map.unwrap());
+    assert_eq!((slice.height, slice.account.slice_index, slice.account.last_slice), (1, 1, true));
+    assert_eq!((map.width, map.height, map.z_m.as_slice()), (3, 3, &[0.25; 9][..]));
+    assert!(scan.finish(0, 0).slice.is_none(), "a scan ends once");
+}
+
+#[test]
+fn another_length_or_the_limit_starts_another_scan() {
+    let mut scan = Scan::new(10, 2, String::new());
+    let (narrow, wide) = (profile(3, 0.0), profile(4, 0.0));
+    assert!(scan.push(&placed(&narrow, 0, 0)).slice.is_none());
+    let done = scan.push(&placed(&wide, 1, 0));
+    let first = done.slice.unwrap().account;
+    assert_eq!((done.slice.unwrap().width, done.height_map.unwrap().width), (3, 3));
+    assert!(scan.push(&placed(&wide, 2, 0)).slice.is_none());
+    let done = scan.push(&placed(&wide, 3, 0));
+    let second = done.slice.unwrap().account;
+    assert_eq!(done.height_map.unwrap().height, 2);
+    assert!(first.last_slice && second.last_slice && first.scan_id != second.scan_id);
+}
+
+#[test]
+fn no_parameters_make_a_message_too_large() {
+    let scan = Scan::new(10_000, 1_000_000, String::new());
+    for width in [1, 640, 2592, 65_535] {
+        let points = |profiles: u32| u64::from(profiles) * u64::from(width);
+        assert!(points(scan.scan_limit(width)) * 4 <= 1 << 30, "heights of {width} points");
+        assert!(points(scan.slice_limit(width)) * 16 <= 1 << 30, "a slice of {width} points");
+    }
+    assert_eq!((scan.scan_limit(640), scan.slice_limit(2592)), (419_430, 10_000));
+    assert_eq!((scan.scan_limit(1), scan.slice_limit(0)), (1_000_000, 10_000));
+}
+
+#[test]
+fn a_slice_is_no_longer_than_its_scan() {
+    let mut scan = Scan::new(100, 2, String::new());
+    let one = profile(3, 0.25);
+    for number in 0..2 {
+        assert!(scan.push(&placed(&one, number, 0)).slice.is_none());
+    }
+    let done = scan.push(&placed(&one, 2, 0));
+    assert_eq!((done.slice.unwrap().height, done.height_map.unwrap().height), (2, 2));
+    assert!(done.slice.unwrap().account.last_slice);
+}
+
+#[test]
+fn missing_points_are_nan_in_every_field() {
+    let mut scan = Scan::new(10, 10, String::new());
+    scan.push(&placed(&profile(2, f32::NAN), 0, 0));
+    let slice = scan.finish(0, 0).slice.unwrap();
+    assert!(slice.points.iter().flatten().all(|value| value.is_nan()));
+    assert_eq!((slice.account.profiles_empty, slice.account.points), (1, 0));
+}
+
+#[test]
+fn counters_at_their_end_still_add_up() {
+    let mut account = SliceAccount::default();
+    for _ in 0..3 {
+        account.count(1, u32::MAX - 5, 3);
+        let SliceAccount { frames_accepted, frames_missing, frames_rejected, .. } = account;
+        assert_eq!(account.frames_expected, frames_accepted + frames_missing + frames_rejected);
+    }
+    assert_eq!((account.frames_expected, account.frames_accepted), (u32::MAX, 2));
+}
+
+proptest! {
+    /// Whatever is lost on the way, the accounts of the slices add up to what was sent.
+    #[test]
+    fn accounts_add_up(
+        losses in prop::collection::vec((0..3_u32, 0..3_u32), 1..60),
+        slice_profiles in 1..7_u32,
+        (missing_at_the_end, rejected_at_the_end) in (0..3_u32, 0..3_u32),
+    ) {
+        let mut scan = Scan::new(slice_profiles, 20, String::new());
+        let one = profile(2, 0.0);
+        let mut accounts: Vec<SliceAccount> = Vec::new();
+        let mut number = 0;
+        for &(missing, rejected) in &losses {
+            number += u64::from(1 + missing + rejected);
+            let mut placed = placed(&one, number, missing);
+            placed.index.frames_rejected = rejected;
+            accounts.extend(scan.push(&placed).slice.map(|slice| slice.account));
+        }
+        let end = scan.finish(missing_at_the_end, rejected_at_the_end);
+        accounts.extend(end.slice.map(|slice| slice.account));
+        for account in &accounts {
+            prop_assert_eq!(
+                account.frames_expected,
+                account.frames_accepted + account.frames_missing + account.frames_rejected
+            );
+            prop_assert_eq!(
+                u64::from(account.frames_expected),
+                account.last_frame - account.first_frame + 1,
+                "the range holds what is expected of it"
+            );
+            let complete = account.frames_missing + account.frames_rejected == 0;
+            prop_assert_eq!(account.state == SliceState::Complete, complete);
+        }
+        let sum = |count: fn(&SliceAccount) -> u32| accounts.iter().map(count).sum::<u32>();
+        prop_assert_eq!(sum(|a| a.frames_accepted), losses.len() as u32);
+        let missing = losses.iter().map(|loss| loss.0).sum::<u32>() + missing_at_the_end;
+        prop_assert_eq!(sum(|a| a.frames_missing), missing);
+        let rejected = losses.iter().map(|loss| loss.1).sum::<u32>() + rejected_at_the_end;
+        prop_assert_eq!(sum(|a| a.frames_rejected), rejected);
+    }
+}

@@ -1,0 +1,84 @@
+//! Every parameter file in `launch_configs/` is one that the node takes, its calibration too.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use laser_profiler::{
+    ros::{
+        arguments::RosArguments, names::NodeNames, node_params::NodeParams, parameters::Parameters,
+    },
+    scanner::{
+        calibration::Calibration,
+        channel::window,
+        params::{Channel, StripeDirection},
+    },
+};
+
+fn directory() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("launch_configs")
+}
+
+/// The files of a directory whose names end so.
+fn files_ending(end: &str) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> =
+        fs::read_dir(directory()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|path| path.to_string_lossy().ends_with(end));
+    files.sort();
+    files
+}
+
+fn load(path: &Path) -> NodeParams {
+    let arguments =
+        RosArguments { parameter_files: vec![path.to_owned()], ..RosArguments::default() };
+    let values = Parameters::load(&NodeNames::new("laser_profiler", &[]).unwrap(), &arguments)
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    assert_ne!(values, Parameters::default(), "{} sets nothing", path.display());
+    NodeParams::new(&values).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+#[test]
+fn every_parameter_file_is_taken() {
+    let files: Vec<PathBuf> = files_ending(".yaml")
+        .into_iter()
+        .filter(|path| !path.to_string_lossy().ends_with(".calibration.yaml"))
+        .collect();
+    assert!(files.len() >= 2, "{files:?}");
+    for path in &files {
+        let params = load(path);
+        if let Some(calibration) = params.calibration_file {
+            assert!(calibration.is_file(), "{}: {}", path.display(), calibration.display());
+        }
+    }
+}
+
+#[test]
+fn every_calibration_is_valid() {
+    let files = files_ending(".calibration.yaml");
+    assert!(!files.is_empty());
+    for path in files {
+        Calibration::from_yaml(&fs::read_to_string(&path).unwrap())
+            .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    }
+}
+
+#[test]
+fn they_fit_the_cameras_that_they_name() {
+    let cell = load(&directory().join("cell.yaml"));
+    let searched = window(cell.scanner.roi, 2592, 2048).unwrap();
+    let yaml = fs::read_to_string(cell.calibration_file.unwrap()).unwrap();
+    let Calibration::VerticalIncidence(rig) = Calibration::from_yaml(&yaml).unwrap();
+    // Table and the top of a cell of 10 mm lie in the searched part.
+    for z_m in [0.0, 0.010] {
+        let (_, row_px) = rig.project(0.0, z_m).unwrap();
+        let rows = searched.y as f64..(searched.y + searched.height) as f64;
+        assert!(rows.contains(&row_px), "{z_m} m is seen in row {row_px}");
+    }
+    let turntable = load(&directory().join("turntable.yaml")).scanner;
+    assert!(window(turntable.roi, 640, 480).is_ok());
+    assert_eq!(
+        (turntable.stripe_direction, turntable.channel),
+        (StripeDirection::Vertical, Channel::Green)
+    );
+}
