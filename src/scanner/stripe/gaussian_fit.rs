@@ -2,6 +2,7 @@
 
 use super::section::{Centre, Noise, Section, grey};
 use nalgebra::{Matrix3, RowVector3, Vector3};
+use std::sync::LazyLock;
 
 /// Maximum of the Gaussian fitted to the candidate's samples, pixels.
 ///
@@ -56,11 +57,12 @@ fn fit(section: &Section<'_>, brightest: usize) -> Option<Fit> {
     let mut powers = [0.0; 5];
     // Σ w tᵏ ln G
     let mut right = [0.0; 3];
+    let peak = logarithm(section.candidate.peak);
     for (i, &sample) in section.run().iter().enumerate() {
         let t = i as f64 - brightest as f64;
         let level = grey(sample);
-        // Single precision is ample for a coarse peak and twice as fast.
-        let logarithm = f64::from((level as f32).ln());
+        // Relative to the peak, so that equal samples make an exactly level parabola.
+        let logarithm = logarithm(sample) - peak;
         let weight = level * level;
         let terms = [weight, weight * t, weight * t * t];
         for k in 0..3 {
@@ -86,6 +88,13 @@ fn fit(section: &Section<'_>, brightest: usize) -> Option<Fit> {
         curvature,
         position_px,
     })
+}
+
+/// Logarithm of a blurred sample's level; tabulated for 8-bit images, where it would take half of the fit's time.
+fn logarithm(sample: u32) -> f64 {
+    static TABLE: LazyLock<Box<[f64]>> =
+        LazyLock::new(|| (0..=u32::from(u16::MAX)).map(|sample| grey(sample).ln()).collect());
+    TABLE.get(sample as usize).copied().unwrap_or_else(|| grey(sample).ln())
 }
 
 /// Index of the (first) brightest sample in the candidate.
