@@ -8,18 +8,20 @@ use super::section::{Centre, Noise, Section, grey};
 
 /// Rounds of re-centring after which a window that does not stand still is left where it is.
 const MAX_ROUNDS: u32 = 12;
+/// The window covers three pixels at least, as the rounded one does.
+const MIN_REACH_PX: f64 = 1.5;
 /// A window that moves by less stands still, pixels.
 const STANDSTILL_PX: f64 = 1e-4;
 
 /// Formula 7 as integrals, c = ∫ x·G dx / ∫ G dx over `[c - R, c + R]`: the centre of gravity of a window about itself,
-/// 2R = 2L + 1 pixels long as the rounded one is. A border of the image cuts the window short.
+/// which reaches R = L to either side of it. A border of the image cuts the window short.
 pub fn fractional_window_gravity(
     section: &Section<'_>,
     coarse_px: f64,
     half_length_px: f64,
     noise: &Noise<'_>,
 ) -> Centre {
-    let reach = half_length_px.max(1.0) + 0.5;
+    let reach = half_length_px.max(MIN_REACH_PX);
     let origin = f64::from(section.origin);
     let first = f64::from(section.candidate.first) - origin;
     let last = f64::from(section.candidate.last) - origin;
