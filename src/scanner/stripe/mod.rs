@@ -12,7 +12,7 @@
 //! | 7 window L | [`gravity::window_half_length_px`] |
 //! | 8 centre | [`fractional::fractional_window_gravity`], [`gravity::rounded_window_gravity`] as printed |
 //!
-//! [`reference`] runs steps 3 and 4 on every pixel, [`fast`] only where stripe can be; both hand each cross-section to
+//! [`reference`](mod@reference) runs steps 3 and 4 on every pixel, [`fast`] only where stripe can be; both hand each cross-section to
 //! [`measure`], where the estimator is chosen and where a new one is added.
 
 pub mod blur;
