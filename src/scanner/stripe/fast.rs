@@ -1,4 +1,4 @@
-//! The same method at the speed of one read of the frame. Equal to [`reference`](super::reference) bit for bit.
+//! The same method, its costly steps only where stripe can be. Equal to [`reference`](super::reference) bit for bit.
 
 use super::{
     Centerline,
@@ -29,12 +29,8 @@ pub struct FastExtractor<S: Sample> {
 /// Samples about one candidate.
 #[derive(Debug, Default)]
 struct Cut {
-    /// Blurred ones, and the position of the first.
     blurred: Vec<u32>,
-    blurred_origin: u32,
-    /// Raw ones, and the position of the first.
     raw: Vec<u32>,
-    raw_origin: u32,
 }
 
 /// What is known of one cross-section while runs arrive row by row.
@@ -91,7 +87,7 @@ impl<S: Sample> FastExtractor<S> {
             let Some(candidate) = chosen.selected.take() else { continue };
             let wide = candidate.reach(levels.margin(&candidate), length);
             let near = candidate.reach(1, length);
-            (cut.blurred_origin, cut.raw_origin) = (wide.start as u32, near.start as u32);
+            let (wide_start, near_start) = (wide.start as u32, near.start as u32);
             cut.raw.clear();
             match direction {
                 StripeDirection::Horizontal => {
@@ -105,13 +101,9 @@ impl<S: Sample> FastExtractor<S> {
                     );
                 }
             }
-            let section = Section { samples: &cut.blurred, origin: cut.blurred_origin, candidate };
-            assembler.push(
-                line,
-                &section,
-                &Raw { samples: &cut.raw, origin: cut.raw_origin },
-                &levels,
-            );
+            let section = Section { samples: &cut.blurred, origin: wide_start, candidate };
+            let raw = Raw { samples: &cut.raw, origin: near_start };
+            assembler.push(line, &section, &raw, &levels);
         }
     }
 }
