@@ -3,7 +3,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use laser_profiler::{
-    bag::{Compression, RecordOptions, Recorder, Times, Topic},
+    bag::{Compression, RecordOptions, Recorder, Times, Topic, qos::QosProfile},
     cli::replay::replay,
     msg::{builtin_interfaces::Time, cdr, schema::Message, sensor_msgs, std_msgs::Header},
     node::{replay::ReplayRequest, stop::Stop},
@@ -33,15 +33,11 @@ fn record(directory: &Path) -> anyhow::Result<()> {
         directory,
         &RecordOptions { compression: Compression::None, ..RecordOptions::default() },
     )?;
-    let topic = recorder.add_topic(&Topic {
-        name: "/camera/image_raw".into(),
-        type_name: sensor_msgs::Image::TYPE.name.into(),
-        message_encoding: "cdr".into(),
-        schema_encoding: "ros2msg".into(),
-        schema: sensor_msgs::Image::TYPE.schema().into_bytes(),
-        type_hash: sensor_msgs::Image::TYPE.hash.into(),
-        qos: String::new(),
-    })?;
+    let topic = recorder.add_topic(&Topic::new(
+        "/camera/image_raw",
+        sensor_msgs::Image::TYPE,
+        QosProfile::reliable(10),
+    ))?;
     let mut bytes = Vec::new();
     for i in 0..FRAMES {
         let stamp_ns = i64::from(i + 1) * 45_000_000;

@@ -26,6 +26,9 @@ pub mod player;
 
 use std::sync::Arc;
 
+use crate::msg::schema::MessageType;
+use qos::QosProfile;
+
 pub use error::{BagError, RecordError};
 pub use messages::{Filter, Messages};
 pub use read::{BagReader, ReadOptions};
@@ -51,6 +54,19 @@ pub struct Topic {
 }
 
 impl Topic {
+    /// A topic of our own messages of that type.
+    pub fn new(name: impl Into<String>, kind: &MessageType, qos: QosProfile) -> Self {
+        Self {
+            name: name.into(),
+            type_name: kind.name.to_owned(),
+            message_encoding: "cdr".to_owned(),
+            schema_encoding: "ros2msg".to_owned(),
+            schema: kind.schema().into_bytes(),
+            type_hash: kind.hash.to_owned(),
+            qos: qos.to_yaml(),
+        }
+    }
+
     /// Whether the messages are what ROS 2 writes; tells why not.
     ///
     /// # Errors

@@ -82,7 +82,6 @@ pub struct Recorder {
     writer: mcap::Writer<NoSeek<Sink>>,
     directory: PathBuf,
     file_name: String,
-    file: Option<File>,
     topics: Vec<(Topic, u64)>,
     /// Places in `topics`.
     places: BTreeMap<String, usize>,
@@ -105,10 +104,7 @@ impl Recorder {
         let path = directory.join(&file_name);
         let io_error = |source| RecordError::Io { path: path.clone(), source };
         let file = File::create_new(&path).map_err(io_error)?;
-        let output = Box::new(file.try_clone().map_err(io_error)?);
-        let mut recorder = Self::on(output, directory, file_name, options.compression)?;
-        recorder.file = Some(file);
-        Ok(recorder)
+        Self::on(Box::new(file), directory, file_name, options.compression)
     }
 
     pub(super) fn on(
@@ -138,7 +134,6 @@ impl Recorder {
             writer,
             directory: directory.into(),
             file_name,
-            file: None,
             topics: Vec::new(),
             places: BTreeMap::new(),
             channels: Vec::new(),
@@ -262,15 +257,6 @@ impl Recorder {
     /// A failing disk.
     pub fn flush(&mut self) -> Result<(), RecordError> {
         self.write_with(mcap::Writer::flush)
-    }
-
-    /// Has the operating system bring what was flushed to the disk: it then survives a loss of power. Slow.
-    ///
-    /// # Errors
-    /// A failing disk.
-    pub fn sync(&mut self) -> Result<(), RecordError> {
-        let Some(file) = &self.file else { return Ok(()) };
-        file.sync_data().map_err(|source| RecordError::Io { path: self.path(), source })
     }
 
     /// Writes the index and `metadata.yaml`.

@@ -251,7 +251,8 @@ fn summary_text(summary: &Summary, output: &str) -> String {
 mod tests {
     use super::*;
     use crate::{
-        bag::{RecordOptions, Recorder, Topic},
+        bag::{RecordOptions, Recorder, Topic, qos::QosProfile},
+        msg::{schema::Message, sensor_msgs::Image},
         node::statistics::{Counts, StageTimes},
     };
 
@@ -310,15 +311,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let bag = place.path().join("empty");
         let mut recorder = Recorder::create(&bag, &RecordOptions::default()).unwrap();
-        let topic = Topic {
-            name: "/image_raw".into(),
-            type_name: "sensor_msgs/msg/Image".into(),
-            message_encoding: "cdr".into(),
-            schema_encoding: "ros2msg".into(),
-            schema: Vec::new(),
-            type_hash: String::new(),
-            qos: String::new(),
-        };
+        let topic = Topic::new("/image_raw", Image::TYPE, QosProfile::reliable(10));
         recorder.add_topic(&topic).unwrap();
         recorder.finish().unwrap();
         let output = place.path().join("out");

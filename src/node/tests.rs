@@ -16,12 +16,13 @@ use super::{
     worker::{Worker, WorkerOptions},
 };
 use crate::{
-    bag::{RawMessage, Topic},
+    bag::{RawMessage, Topic, qos::QosProfile},
     msg::{
         builtin_interfaces::Time,
         cdr,
         diagnostic_msgs::DiagnosticArray,
         laser_profiler_msgs::{Centerline, FrameTrace, Profile, SliceInfo, StreamStatus},
+        schema::Message,
         sensor_msgs::{Image, PointCloud2},
         std_msgs::Header,
     },
@@ -80,15 +81,7 @@ pub(super) fn good(sequence: u32, at_ms: i64) -> Input {
 }
 
 fn message(sequence: u32, log_ms: i64, data: Vec<u8>) -> Input {
-    let topic = Topic {
-        name: "/image_raw".into(),
-        type_name: "sensor_msgs/msg/Image".into(),
-        message_encoding: "cdr".into(),
-        schema_encoding: "ros2msg".into(),
-        schema: Vec::new(),
-        type_hash: String::new(),
-        qos: String::new(),
-    };
+    let topic = Topic::new("/image_raw", Image::TYPE, QosProfile::reliable(10));
     let log_time_ns = START_NS + log_ms * MS;
     Input::Message(RawMessage {
         topic: Arc::new(topic),

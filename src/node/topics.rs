@@ -1,4 +1,4 @@
-//! The topics that the node publishes, by their DESIGN names, and what a recording must know of them.
+//! The topics that the node publishes, by name, and what a recording must know of them.
 
 use crate::{
     bag::{Topic, qos::QosProfile},
@@ -61,15 +61,7 @@ pub fn published(
     let uncalibrated = Output::Diagnostics as usize + 1;
     let num = calibration.map_or(uncalibrated, |_| OUTPUTS.len());
     let topic = |&(_, name, kind, qos): &(Output, &str, &MessageType, QosProfile)| {
-        Ok(Topic {
-            name: names.resolve(name)?,
-            type_name: kind.name.to_owned(),
-            message_encoding: "cdr".to_owned(),
-            schema_encoding: "ros2msg".to_owned(),
-            schema: kind.schema().into_bytes(),
-            type_hash: kind.hash.to_owned(),
-            qos: qos.to_yaml(),
-        })
+        Ok(Topic::new(names.resolve(name)?, kind, qos))
     };
     OUTPUTS[..num].iter().map(topic).collect()
 }

@@ -1,4 +1,4 @@
-//! The command line as DESIGN promises it: help, usage errors, machine-readable output, pipes and signals.
+//! The command line as scripts rely on it: help, usage errors, machine-readable output, pipes and signals.
 
 use std::{
     io::{BufRead, BufReader, Read},

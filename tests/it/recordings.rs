@@ -86,15 +86,7 @@ pub(crate) fn good_images(num: usize) -> Vec<Vec<u8>> {
 }
 
 pub(crate) fn topic(name: &str, kind: &MessageType) -> Topic {
-    Topic {
-        name: name.into(),
-        type_name: kind.name.into(),
-        message_encoding: "cdr".into(),
-        schema_encoding: "ros2msg".into(),
-        schema: kind.schema().into_bytes(),
-        type_hash: kind.hash.into(),
-        qos: QosProfile::reliable(10).to_yaml(),
-    }
+    Topic::new(name, kind, QosProfile::reliable(10))
 }
 
 /// Records messages on every one of the topics, uncompressed, each in a chunk of its own, and returns at what length of

@@ -219,15 +219,7 @@ impl<'a> Writer<'a> {
 }
 
 fn topic<M: Message>(name: &str, qos: QosProfile) -> Topic {
-    Topic {
-        name: name.to_owned(),
-        type_name: M::TYPE.name.to_owned(),
-        message_encoding: "cdr".to_owned(),
-        schema_encoding: "ros2msg".to_owned(),
-        schema: M::TYPE.schema().into_bytes(),
-        type_hash: M::TYPE.hash.to_owned(),
-        qos: qos.to_yaml(),
-    }
+    Topic::new(name, M::TYPE, qos)
 }
 
 #[cfg(test)]
