@@ -3,9 +3,12 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use laser_profiler::{
-    bag::{Compression, RecordOptions, Recorder, Times, Topic, qos::QosProfile},
+    bag::{Compression, RecordOptions, Recorder, Times, Topic},
     cli::replay::replay,
-    msg::{builtin_interfaces::Time, cdr, schema::Message, sensor_msgs, std_msgs::Header},
+    msg::{
+        builtin_interfaces::Time, cdr, qos::QosProfile, schema::Message, sensor_msgs,
+        std_msgs::Header,
+    },
     node::{replay::ReplayRequest, stop::Stop},
     simulate::stripe::{StripeScene, render_stripe},
 };

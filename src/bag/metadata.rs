@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::Topic;
-use super::qos::{self, QosProfile};
+use super::qos;
+use crate::msg::qos::QosProfile;
 
 /// Longest `metadata.yaml` that is read.
 pub(super) const METADATA_LIMIT_BYTES: u64 = 16 << 20;

@@ -4,7 +4,7 @@
 //! taken, every chunk against its checksum before a message leaves it. What is damaged is reported and passed over.
 
 pub mod error;
-pub mod qos;
+mod qos;
 pub mod metadata;
 pub mod place;
 mod format;
@@ -26,8 +26,7 @@ pub mod player;
 
 use std::sync::Arc;
 
-use crate::msg::schema::MessageType;
-use qos::QosProfile;
+use crate::msg::{qos::QosProfile, schema::MessageType};
 
 pub use error::{BagError, RecordError};
 pub use messages::{Filter, Messages};
@@ -63,7 +62,7 @@ impl Topic {
             schema_encoding: "ros2msg".to_owned(),
             schema: kind.schema().into_bytes(),
             type_hash: kind.hash.to_owned(),
-            qos: qos.to_yaml(),
+            qos: qos::to_yaml(&[qos]),
         }
     }
 

@@ -251,8 +251,8 @@ fn summary_text(summary: &Summary, output: &str) -> String {
 mod tests {
     use super::*;
     use crate::{
-        bag::{RecordOptions, Recorder, Topic, qos::QosProfile},
-        msg::{schema::Message, sensor_msgs::Image},
+        bag::{RecordOptions, Recorder, Topic},
+        msg::{qos::QosProfile, schema::Message, sensor_msgs::Image},
         node::statistics::{Counts, StageTimes},
     };
 

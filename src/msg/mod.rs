@@ -6,6 +6,7 @@
 //! published one from the scanner's buffers.
 
 pub mod schema;
+pub mod qos;
 pub mod cdr;
 mod text;
 pub mod builtin_interfaces;

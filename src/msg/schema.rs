@@ -50,6 +50,17 @@ pub trait Message: Serialize {
     const TYPE: &'static MessageType;
 }
 
+/// A ROS 2 service type.
+#[derive(Debug)]
+pub struct ServiceType {
+    /// Full name, as in `std_srvs/srv/Trigger`.
+    pub name: &'static str,
+    /// Request, response and event in the `.srv` language, for whoever asks for the type's description.
+    pub text: &'static str,
+    /// `RIHS01_` and 64 hexadecimal digits of the whole service (REP-2016).
+    pub hash: &'static str,
+}
+
 /// Ties a struct to its type: name, text, hash and the messages among its fields.
 macro_rules! message {
     ($message:ty, $name:literal, $text:expr, $hash:literal, [$($dependency:ty),*]) => {

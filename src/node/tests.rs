@@ -16,12 +16,13 @@ use super::{
     worker::{Worker, WorkerOptions},
 };
 use crate::{
-    bag::{RawMessage, Topic, qos::QosProfile},
+    bag::{RawMessage, Topic},
     msg::{
         builtin_interfaces::Time,
         cdr,
         diagnostic_msgs::DiagnosticArray,
         laser_profiler_msgs::{Centerline, FrameTrace, Profile, SliceInfo, StreamStatus},
+        qos::QosProfile,
         schema::Message,
         sensor_msgs::{Image, PointCloud2},
         std_msgs::Header,

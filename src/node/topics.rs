@@ -1,11 +1,12 @@
 //! The topics that the node publishes, by name, and what a recording must know of them.
 
 use crate::{
-    bag::{Topic, qos::QosProfile},
+    bag::Topic,
     msg::{
         diagnostic_msgs::DiagnosticArray,
         foxglove_msgs::ImageAnnotations,
         laser_profiler_msgs::{Centerline, Profile, SliceInfo, StreamStatus},
+        qos::QosProfile,
         schema::{Message, MessageType},
         sensor_msgs::{Image, PointCloud2},
     },

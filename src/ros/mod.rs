@@ -1,4 +1,5 @@
-//! What makes this a ROS 2 node without ROS: names, remaps, arguments and parameters. Edge: reads parameter files.
+//! What makes this a ROS 2 node without ROS: names, remaps, arguments, parameters and the middleware. Edge: reads
+//! parameter files, talks to the network.
 
 pub mod names;
 pub mod arguments;
@@ -7,3 +8,6 @@ pub mod table;
 pub mod parameter_file;
 pub mod parameters;
 pub mod node_params;
+pub mod transport;
+#[cfg(test)]
+pub(crate) mod loopback;

@@ -3,14 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use laser_profiler::{
-    bag::{
-        BagReader, Compression, Filter, ReadOptions, RecordOptions, Recorder, Times, Topic,
-        qos::QosProfile,
-    },
+    bag::{BagReader, Compression, Filter, ReadOptions, RecordOptions, Recorder, Times, Topic},
     msg::{
         builtin_interfaces::Time,
         cdr,
         laser_profiler_msgs::Centerline,
+        qos::QosProfile,
         schema::{Message, MessageType},
         sensor_msgs::Image,
         std_msgs::Header,

@@ -9,11 +9,11 @@ mod describe;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::qos::QosProfile;
 use super::{
     Attachment, BagError, BagReader, Compression, Filter, MetadataRecord, RawMessage, ReadOptions,
     RecordOptions, RecordSummary, Recorder, Times, Topic,
 };
+use crate::msg::qos::QosProfile;
 
 pub(super) const COMPRESSIONS: [Compression; 3] =
     [Compression::None, Compression::Lz4, Compression::Zstd];
@@ -26,7 +26,7 @@ pub(super) fn topic(name: &str) -> Topic {
         schema_encoding: "ros2msg".into(),
         schema: b"string data".to_vec(),
         type_hash: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18".into(),
-        qos: QosProfile::reliable(10).to_yaml(),
+        qos: crate::bag::qos::to_yaml(&[QosProfile::reliable(10)]),
     }
 }
 

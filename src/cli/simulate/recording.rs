@@ -11,12 +11,13 @@ use serde::Serialize;
 use crate::{
     bag::{
         Attachment, MetadataRecord, RecordError, RecordOptions, RecordSummary, Recorder, Times,
-        Topic, TopicId, qos::QosProfile,
+        Topic, TopicId,
     },
     msg::{
         builtin_interfaces::Time,
         cdr,
         laser_profiler_msgs::{Centerline, FrameTrace},
+        qos::QosProfile,
         schema::Message,
         sensor_msgs::{Image, JointState},
         std_msgs::Header,
