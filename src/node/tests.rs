@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use super::{
     results::Results,
     run::{Run, RunError},
-    sink::{Outgoing, Sink, SinkError},
+    sink::{Outgoing, Outlet, Sink, SinkError},
     source::{Input, Source},
     statistics::Summary,
     status::{Reporter, session_id},
@@ -188,7 +188,10 @@ fn run(setup: &Setup, inputs: Vec<Input>) -> (Result<Summary, RunError>, Vec<Out
     let run = Run {
         source: &mut Listed(inputs.into_iter()),
         worker: worker(setup),
-        sinks: vec![Box::new(Memory { kept: Arc::clone(&kept), room: setup.room })],
+        outlets: vec![Outlet::replay(Box::new(Memory {
+            kept: Arc::clone(&kept),
+            room: setup.room,
+        }))],
         num_topics: 9,
         stop: &setup.stop,
         on_message: &mut |_| {},
@@ -380,7 +383,10 @@ fn a_raised_stop_ends_the_input_and_keeps_the_results() {
     let summary = Run {
         source: &mut Stopping(Listed(inputs.into_iter()), setup.stop.clone()),
         worker: worker(&setup),
-        sinks: vec![Box::new(Memory { kept: Arc::clone(&kept), room: usize::MAX })],
+        outlets: vec![Outlet::replay(Box::new(Memory {
+            kept: Arc::clone(&kept),
+            room: usize::MAX,
+        }))],
         num_topics: 9,
         stop: &setup.stop,
         on_message: &mut |_| {},

@@ -22,9 +22,9 @@ use crate::{
 use super::{
     order::{Place, Sequence, StampFault, StampOrder, StampStep},
     publisher::{Halt, Publisher},
-    queue::Queue,
+    queue::{Popped, Queue},
     results::{Measured, Results},
-    sink::CloseOnDrop,
+    sink::{CloseOnDrop, Purpose},
     source::Input,
     statistics::{Counts, StageTimes},
     status::{Interval, Reporter, Schedule},
@@ -119,7 +119,7 @@ impl Worker {
         out: &mut Publisher<'_>,
     ) -> Result<(Counts, StageTimes), Halt> {
         let _closed_at_the_end = CloseOnDrop(input);
-        while let Some((input, num_dropped)) = input.pop_counted() {
+        while let Popped::Item(input, num_dropped) = input.pop_counted(None) {
             match input {
                 Input::Message(message) => {
                     self.take_dropped(num_dropped);
@@ -162,7 +162,7 @@ impl Worker {
             Err(rejection) => self.reject(&rejection, message),
         }
         self.counts.recorder_bytes = out.num_bytes();
-        self.counts.recorder_dropped = out.num_dropped();
+        self.counts.recorder_dropped = out.num_dropped(Purpose::Record);
         match self.schedule.poll(message.log_time_ns, &self.counts) {
             Some(interval) => self.report(interval, out),
             None => Ok(()),

@@ -21,7 +21,7 @@ fn overrun(inputs: Vec<Input>) -> (Counts, Vec<Outgoing>) {
     input.close();
     let setup = Setup { calibrated: true, ..Setup::default() };
     let (counts, _) = thread::scope(|scope| {
-        let fan_out = FanOut::start(scope, vec![sink], WhenFull::Wait);
+        let fan_out = FanOut::start(scope, vec![Outlet::replay(sink)], 9);
         let worked = worker(&setup).run(&input, &spare, &mut Publisher::new(&fan_out, 9)).unwrap();
         fan_out.finish().unwrap();
         worked
@@ -238,7 +238,7 @@ fn neither_a_slow_source_nor_a_slow_sink_changes_a_byte() {
         let run = Run {
             source: &mut Yielding(Listed(stream().into_iter()), source_yields),
             worker: worker(&setup),
-            sinks: vec![Box::new(Yielding(memory, sink_yields))],
+            outlets: vec![Outlet::replay(Box::new(Yielding(memory, sink_yields)))],
             num_topics: 9,
             stop: &setup.stop,
             on_message: &mut |_| {},
