@@ -123,13 +123,13 @@ impl Feed<'_> {
                     }
                     continue;
                 }
-                Some(Input::Message(message)) => {
+                Some(Input::Message(message, writer)) => {
                     num_messages += 1;
                     on_message(num_messages);
                     let num_bytes = message.data.len();
-                    (Input::Message(message), num_bytes)
+                    (Input::Message(message, writer), num_bytes)
                 }
-                Some(Input::NewRecording) => (Input::NewRecording, 0),
+                Some(other) => (other, 0),
             };
             if self.input.push(item, num_bytes).is_err() {
                 return fed;

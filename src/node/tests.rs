@@ -8,7 +8,7 @@ use super::{
     results::Results,
     run::{Run, RunError},
     sink::{Outgoing, Outlet, Sink, SinkError},
-    source::{Input, Source},
+    source::{Input, Source, Writer},
     statistics::Summary,
     status::{Reporter, session_id},
     stop::Stop,
@@ -84,13 +84,14 @@ pub(super) fn good(sequence: u32, at_ms: i64) -> Input {
 fn message(sequence: u32, log_ms: i64, data: Vec<u8>) -> Input {
     let topic = Topic::new("/image_raw", Image::TYPE, QosProfile::reliable(10));
     let log_time_ns = START_NS + log_ms * MS;
-    Input::Message(RawMessage {
+    let message = RawMessage {
         topic: Arc::new(topic),
         log_time_ns,
         publish_time_ns: log_time_ns,
         sequence,
         data,
-    })
+    };
+    Input::Message(message, Writer::default())
 }
 
 struct Listed(std::vec::IntoIter<Input>);
@@ -351,7 +352,7 @@ fn a_writer_that_does_not_count_leaves_gaps_unknown() {
 fn images_are_sent_on_unchanged() {
     let setup = Setup { sends_images: true, ..Setup::default() };
     let (_, messages) = run(&setup, vec![good(5, 0)]);
-    let Input::Message(original) = good(5, 0) else { unreachable!() };
+    let Input::Message(original, _) = good(5, 0) else { unreachable!() };
     let images: Vec<_> = messages.iter().filter(|message| message.topic == 9).collect();
     assert_eq!(images.len(), 1);
     assert_eq!((images[0].sequence, &*images[0].data), (5, &*original.data));
