@@ -28,6 +28,17 @@ impl Histogram {
         self.total += 1;
     }
 
+    /// Whether nothing was counted.
+    pub const fn is_empty(&self) -> bool {
+        self.total == 0
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.counts.fill(0);
+        self.total = 0;
+    }
+
     /// The duration that a share of all durations, 0 to 1, does not exceed, milliseconds; 0 when nothing was counted.
     pub fn percentile_ms(&self, share: f64) -> f64 {
         let rank = ((self.total as f64 * share).ceil() as u64).max(1);

@@ -8,6 +8,7 @@ pub mod order;
 pub mod histogram;
 pub mod statistics;
 pub mod stop;
+pub mod command;
 pub mod source;
 pub mod sink;
 pub mod topics;

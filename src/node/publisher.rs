@@ -17,7 +17,7 @@ use crate::{
 
 use super::{
     queue::Closed,
-    sink::{FanOut, Outgoing},
+    sink::{FanOut, Outgoing, Purpose},
     topics::Output,
 };
 
@@ -39,7 +39,6 @@ pub struct Publisher<'a> {
     /// Messages sent by topic.
     sequences: Vec<u32>,
     num_bytes: u64,
-    num_dropped: u64,
     encoding: Duration,
 }
 
@@ -47,14 +46,7 @@ impl<'a> Publisher<'a> {
     /// A publisher of `num_topics` topics, plus the input's.
     pub fn new(fan_out: &'a FanOut<'a>, num_topics: usize) -> Self {
         let sequences = vec![0; num_topics];
-        Self {
-            fan_out,
-            buffer: Vec::new(),
-            sequences,
-            num_bytes: 0,
-            num_dropped: 0,
-            encoding: Duration::ZERO,
-        }
+        Self { fan_out, buffer: Vec::new(), sequences, num_bytes: 0, encoding: Duration::ZERO }
     }
 
     /// Encodes a result and sends it; its times are those of its input.
@@ -94,9 +86,9 @@ impl<'a> Publisher<'a> {
         self.num_bytes
     }
 
-    /// Messages that full sinks dropped so far, one a sink.
-    pub const fn num_dropped(&self) -> u64 {
-        self.num_dropped
+    /// Messages that did not reach the sinks of that purpose so far, one a sink.
+    pub fn num_dropped(&self, purpose: Purpose) -> u64 {
+        self.fan_out.num_dropped(purpose)
     }
 
     /// Time spent on encoding since the last call.
@@ -106,8 +98,6 @@ impl<'a> Publisher<'a> {
 
     fn send(&mut self, message: &Outgoing) -> Result<(), Halt> {
         self.num_bytes += message.data.len() as u64;
-        let num_dropped = self.fan_out.send(message).map_err(|Closed(())| Halt::SinkFailed)?;
-        self.num_dropped += num_dropped as u64;
-        Ok(())
+        self.fan_out.send(message).map_err(|Closed(())| Halt::SinkFailed)
     }
 }

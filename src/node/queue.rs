@@ -24,15 +24,18 @@ pub struct Bound {
     pub bytes: usize,
 }
 
-/// The queue was closed; the item comes back.
+/// Urgent items that can wait; a sender that is faster than that is told so.
+const MAX_URGENT: usize = 64;
+
+/// The queue was closed, or is full of urgent items; the item comes back.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Closed<T>(pub T);
 
 /// What came out of the queue.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Popped<T> {
-    /// The oldest item.
-    Item(T),
+    /// The next item, and how many were lost before it.
+    Item(T, u32),
     /// The deadline passed.
     TimedOut,
     /// The queue is closed and empty.
@@ -40,6 +43,8 @@ pub enum Popped<T> {
 }
 
 struct State<T> {
+    /// Taken before all others, never dropped.
+    urgent: VecDeque<T>,
     items: VecDeque<(T, usize)>,
     bytes: usize,
     /// Items lost since the last one was taken.
@@ -61,7 +66,8 @@ impl<T> Queue<T> {
     pub fn new(bound: Bound, when_full: WhenFull) -> Self {
         let bound = Bound { items: bound.items.max(1), ..bound };
         let items = VecDeque::with_capacity(bound.items);
-        let state = State { items, bytes: 0, num_dropped: 0, is_closed: false };
+        let urgent = VecDeque::with_capacity(MAX_URGENT);
+        let state = State { urgent, items, bytes: 0, num_dropped: 0, is_closed: false };
         Self {
             bound,
             when_full,
@@ -100,42 +106,52 @@ impl<T> Queue<T> {
         Ok(num_dropped)
     }
 
-    /// Waits for the oldest item. `None`: the queue is closed and empty.
-    pub fn pop(&self) -> Option<T> {
-        self.pop_counted().map(|(item, _)| item)
+    /// Puts an item before all others. It is never dropped.
+    ///
+    /// # Errors
+    /// The queue is closed, or too many urgent items wait already.
+    pub fn push_urgent(&self, item: T) -> Result<(), Closed<T>> {
+        let mut state = self.lock();
+        if state.is_closed || state.urgent.len() == MAX_URGENT {
+            return Err(Closed(item));
+        }
+        state.urgent.push_back(item);
+        drop(state);
+        self.has_item.notify_one();
+        Ok(())
     }
 
-    /// As [`pop`](Self::pop), with the number of items that were lost between the one taken before and this one.
-    pub fn pop_counted(&self) -> Option<(T, u32)> {
-        let mut state = self.lock();
-        loop {
-            if let Some(item) = state.take() {
-                self.has_room.notify_all();
-                return Some((item, std::mem::take(&mut state.num_dropped)));
-            }
-            if state.is_closed {
-                return None;
-            }
-            state = self.has_item.wait(state).unwrap_or_else(PoisonError::into_inner);
+    /// Waits for the next item. `None`: the queue is closed and empty.
+    pub fn pop(&self) -> Option<T> {
+        match self.pop_counted(None) {
+            Popped::Item(item, _) => Some(item),
+            Popped::TimedOut | Popped::Closed => None,
         }
     }
 
-    /// Waits for the oldest item, but no longer than to `deadline`.
-    pub fn pop_until(&self, deadline: Instant) -> Popped<T> {
+    /// Waits for the next item, but no longer than to `deadline`. With the item comes the number of those that were
+    /// lost between the one taken before and this one.
+    pub fn pop_counted(&self, deadline: Option<Instant>) -> Popped<T> {
         let mut state = self.lock();
         loop {
+            if let Some(item) = state.urgent.pop_front() {
+                return Popped::Item(item, 0);
+            }
             if let Some(item) = state.take() {
                 self.has_room.notify_all();
-                return Popped::Item(item);
+                return Popped::Item(item, std::mem::take(&mut state.num_dropped));
             }
             if state.is_closed {
                 return Popped::Closed;
             }
-            let Some(wait) = deadline.checked_duration_since(Instant::now()) else {
-                return Popped::TimedOut;
+            state = match deadline.map(|deadline| deadline.checked_duration_since(Instant::now())) {
+                None => self.has_item.wait(state).unwrap_or_else(PoisonError::into_inner),
+                Some(None) => return Popped::TimedOut,
+                Some(Some(wait)) => {
+                    let waited = self.has_item.wait_timeout(state, wait);
+                    waited.unwrap_or_else(PoisonError::into_inner).0
+                }
             };
-            let waited = self.has_item.wait_timeout(state, wait);
-            state = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
@@ -146,7 +162,7 @@ impl<T> Queue<T> {
         self.has_room.notify_all();
     }
 
-    /// Items inside.
+    /// Items inside, urgent ones apart.
     pub fn len(&self) -> usize {
         self.lock().items.len()
     }
@@ -211,6 +227,22 @@ mod tests {
     }
 
     #[test]
+    fn urgent_items_come_first_and_are_never_dropped() {
+        let queue = queue(2, 100, WhenFull::DropOldest);
+        for item in 0..3 {
+            queue.push(item, 1).unwrap();
+        }
+        assert_eq!(queue.push_urgent(10), Ok(()));
+        for item in 3..9 {
+            queue.push(item, 1).unwrap();
+        }
+        assert_eq!(queue.pop_counted(None), Popped::Item(10, 0));
+        assert_eq!(queue.pop_counted(None), Popped::Item(7, 7));
+        let refused = (0..1000).find(|&item| queue.push_urgent(item).is_err());
+        assert_eq!(refused, Some(64), "bounded too");
+    }
+
+    #[test]
     fn an_item_tells_how_many_were_lost_before_it() {
         let queue = queue(2, 100, WhenFull::DropOldest);
         let push = |items: std::ops::Range<u32>| {
@@ -219,10 +251,10 @@ mod tests {
             }
         };
         push(0..5);
-        assert_eq!(queue.pop_counted(), Some((3, 3)));
-        assert_eq!(queue.pop_counted(), Some((4, 0)));
+        assert_eq!(queue.pop_counted(None), Popped::Item(3, 3));
+        assert_eq!(queue.pop_counted(None), Popped::Item(4, 0));
         push(5..8);
-        assert_eq!(queue.pop_counted(), Some((6, 1)));
+        assert_eq!(queue.pop_counted(None), Popped::Item(6, 1));
     }
 
     /// Producers and consumers that would overrun any bound if it did not hold.
@@ -281,11 +313,11 @@ mod tests {
     #[test]
     fn a_deadline_ends_the_wait() {
         let queue = queue(1, 100, WhenFull::Wait);
-        assert_eq!(queue.pop_until(Instant::now()), Popped::TimedOut);
+        assert_eq!(queue.pop_counted(Some(Instant::now())), Popped::TimedOut);
         queue.push(1, 1).unwrap();
         let far = Instant::now() + Duration::from_hours(1);
-        assert_eq!(queue.pop_until(far), Popped::Item(1));
+        assert_eq!(queue.pop_counted(Some(far)), Popped::Item(1, 0));
         queue.close();
-        assert_eq!(queue.pop_until(far), Popped::Closed);
+        assert_eq!(queue.pop_counted(Some(far)), Popped::Closed);
     }
 }

@@ -33,6 +33,7 @@ use super::{
     recording::{Description, ResultsBag},
     results::Results,
     run::{INPUT_BOUND, Run, RunError},
+    sink::Outlet,
     statistics::Summary,
     status::{Reporter, session_id},
     stop::Stop,
@@ -227,7 +228,7 @@ impl Replay {
         let run = Run {
             source: &mut player,
             worker: self.worker(),
-            sinks: vec![Box::new(results)],
+            outlets: vec![Outlet::replay(Box::new(results))],
             num_topics,
             stop,
             on_message,

@@ -42,6 +42,7 @@ pub struct Results {
     position_source: u8,
     frame_id: String,
     calibration_id: String,
+    part_id: String,
     dense: Vec<Point>,
     annotations: ImageAnnotations<'static>,
 }
@@ -53,19 +54,34 @@ impl Results {
         calibration: Option<&Calibration>,
         parameters_sha256: &str,
     ) -> Self {
-        let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
-        Self {
+        let mut results = Self {
             roi: params.roi,
-            method: format!("{}/{hash}", params.extraction.method.name()),
-            position_source: match params.motion.source {
-                MotionSource::None => FrameTrace::SOURCE_NONE,
-                MotionSource::Constant => FrameTrace::SOURCE_HOST,
-            },
+            method: String::new(),
+            position_source: FrameTrace::SOURCE_NONE,
             frame_id: calibration.map(|c| c.frame_id().to_owned()).unwrap_or_default(),
             calibration_id: calibration.map(Calibration::id).unwrap_or_default(),
+            part_id: String::new(),
             dense: Vec::new(),
             annotations: ImageAnnotations::default(),
-        }
+        };
+        results.reconfigure(params, parameters_sha256);
+        results
+    }
+
+    /// Says from now on that results were measured with these values.
+    pub fn reconfigure(&mut self, params: &Params, parameters_sha256: &str) {
+        let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
+        self.roi = params.roi;
+        self.method = format!("{}/{hash}", params.extraction.method.name());
+        self.position_source = match params.motion.source {
+            MotionSource::None => FrameTrace::SOURCE_NONE,
+            MotionSource::Constant => FrameTrace::SOURCE_HOST,
+        };
+    }
+
+    /// Names the part that slices show from now on.
+    pub fn set_part_id(&mut self, part_id: String) {
+        self.part_id = part_id;
     }
 
     /// Publishes what one frame gave; first what it completed, which is older.
@@ -105,7 +121,7 @@ impl Results {
             out.publish(Output::Points, time_ns, &cloud::organised(&self.frame_id, slice))?;
             let dense = cloud::dense(&self.frame_id, slice, &mut self.dense);
             out.publish(Output::PointsDense, time_ns, &dense)?;
-            let info = results::slice_info(&self.frame_id, "", slice);
+            let info = results::slice_info(&self.frame_id, &self.part_id, slice);
             out.publish(Output::SliceInfo, time_ns, &info)?;
         }
         if let Some(map) = height_map {

@@ -9,7 +9,7 @@ use crate::msg::cdr::CdrError;
 use super::{
     publisher::{Halt, Publisher},
     queue::{Bound, Popped, Queue, WhenFull},
-    sink::{FanOut, Sink, SinkError},
+    sink::{FanOut, Outlet, SinkError},
     source::{Input, Source},
     statistics::Summary,
     stop::Stop,
@@ -44,7 +44,7 @@ pub struct Run<'a> {
     /// Who measures.
     pub worker: Worker,
     /// Where results go.
-    pub sinks: Vec<Box<dyn Sink>>,
+    pub outlets: Vec<Outlet>,
     /// Number of published topics.
     pub num_topics: usize,
     /// The wish to end early.
@@ -60,11 +60,11 @@ impl Run<'_> {
     /// A sink has failed; everything before is written.
     pub fn replay(self) -> Result<Summary, RunError> {
         let started = Instant::now();
-        let Run { source, worker, sinks, num_topics, stop, on_message } = self;
+        let Run { source, worker, outlets, num_topics, stop, on_message } = self;
         let input = &Queue::new(INPUT_BOUND, WhenFull::Wait);
         let spare = &Queue::new(Bound { items: INPUT_BOUND.items, bytes: 0 }, WhenFull::DropOldest);
         let (fed, worked, finished) = thread::scope(|scope| {
-            let fan_out = FanOut::start(scope, sinks, WhenFull::Wait);
+            let fan_out = FanOut::start(scope, outlets, num_topics);
             let worker = scope.spawn(move || {
                 let worked = worker.run(input, spare, &mut Publisher::new(&fan_out, num_topics));
                 (worked, fan_out.finish())
@@ -107,7 +107,7 @@ impl Feed<'_> {
                 fed.was_interrupted = true;
                 return fed;
             }
-            while let Popped::Item(buffer) = self.spare.pop_until(Instant::now()) {
+            while let Popped::Item(buffer, _) = self.spare.pop_counted(Some(Instant::now())) {
                 source.recycle(buffer);
             }
             let (item, num_bytes) = match source.next() {
@@ -123,13 +123,13 @@ impl Feed<'_> {
                     }
                     continue;
                 }
-                Some(Input::Message(message)) => {
+                Some(Input::Message(message, writer)) => {
                     num_messages += 1;
                     on_message(num_messages);
                     let num_bytes = message.data.len();
-                    (Input::Message(message), num_bytes)
+                    (Input::Message(message, writer), num_bytes)
                 }
-                Some(Input::NewRecording) => (Input::NewRecording, 0),
+                Some(other) => (other, 0),
             };
             if self.input.push(item, num_bytes).is_err() {
                 return fed;

@@ -2,15 +2,25 @@
 
 use crate::bag::RawMessage;
 
+use super::command::Command;
+
+/// Which of the publishers that were seen on the topic wrote a message, counted from 0: each counts its own messages.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Writer(pub u32);
+
 /// What a source has to say.
 #[derive(Debug)]
 pub enum Input {
     /// The next image message.
-    Message(RawMessage),
+    Message(RawMessage, Writer),
+    /// A message arrived that the middleware could not hand on: it is counted as a malformed frame.
+    Fault(String),
     /// What follows was recorded on another occasion: stamps and counters may start anew.
     NewRecording,
     /// A part of the input is unreadable; the rest goes on.
     Damage(String),
+    /// What somebody asks of the node.
+    Command(Command),
 }
 
 /// A stream of messages of one image topic: raw CDR bytes, their times and their counter.

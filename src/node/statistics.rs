@@ -25,8 +25,10 @@ pub struct Counts {
     pub points: u64,
     /// Slices published.
     pub slices: u64,
-    /// Results that a sink's full queue dropped.
+    /// Messages that a recorder's full queue dropped.
     pub recorder_dropped: u64,
+    /// Results that the middleware's full queue dropped.
+    pub unpublished: u64,
     /// Bytes handed to the recorder.
     pub recorder_bytes: u64,
 }
@@ -48,6 +50,7 @@ impl Counts {
             && self.dropped_overload == 0
             && self.lost() == 0
             && self.recorder_dropped == 0
+            && self.unpublished == 0
     }
 }
 

@@ -97,17 +97,67 @@ impl Schedule {
 }
 
 const fn faults(counts: &Counts) -> u64 {
-    counts.rejected() + counts.dropped_overload + counts.lost() + counts.recorder_dropped
+    counts.rejected()
+        + counts.dropped_overload
+        + counts.lost()
+        + counts.recorder_dropped
+        + counts.unpublished
+}
+
+/// How busy a live camera is. A replay has no latency and no queue worth telling: NaN and 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Load {
+    /// From stamp to result: median, seconds.
+    pub latency_p50_s: f32,
+    /// 99th percentile, seconds.
+    pub latency_p99_s: f32,
+    /// Longest, seconds.
+    pub latency_max_s: f32,
+    /// Most frames that waited at one time.
+    pub queue_depth: u32,
+}
+
+impl Default for Load {
+    fn default() -> Self {
+        Self {
+            latency_p50_s: f32::NAN,
+            latency_p99_s: f32::NAN,
+            latency_max_s: f32::NAN,
+            queue_depth: 0,
+        }
+    }
+}
+
+/// What somebody else has to say about the stream, for diagnostics.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Note {
+    /// As in `DiagnosticStatus.level`.
+    pub level: u8,
+    /// What it speaks of.
+    pub key: &'static str,
+    /// What it says; with a level above OK also part of the message.
+    pub text: String,
+}
+
+/// All that a report says.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// The counters.
+    pub counts: Counts,
+    /// Since the last report.
+    pub interval: Interval,
+    /// How busy the camera is.
+    pub load: Load,
+    /// What others say.
+    pub notes: Vec<Note>,
+    /// Why the last frame since the last report was refused.
+    pub last_rejection: Option<String>,
 }
 
 impl Reporter {
-    /// The counters as a message. A replay has no latency and no queue worth telling: NaN and 0.
-    pub fn stream_status(
-        &self,
-        now_ns: i64,
-        counts: &Counts,
-        interval: Interval,
-    ) -> StreamStatus<'_> {
+    /// The counters as a message.
+    pub fn stream_status(&self, now_ns: i64, state: &State) -> StreamStatus<'_> {
+        let State { counts, interval, load, .. } = state;
         StreamStatus {
             header: header(now_ns),
             session_id: Uuid { uuid: self.session_id },
@@ -124,29 +174,21 @@ impl Reporter {
             recorder_dropped: counts.recorder_dropped,
             recorder_bytes: counts.recorder_bytes,
             rate: interval.rate_hz,
-            latency_p50: f32::NAN,
-            latency_p99: f32::NAN,
-            latency_max: f32::NAN,
-            queue_depth: 0,
+            latency_p50: load.latency_p50_s,
+            latency_p99: load.latency_p99_s,
+            latency_max: load.latency_max_s,
+            queue_depth: load.queue_depth,
             queue_capacity: self.queue_capacity,
         }
     }
 
     /// The state in words, for people and aggregators.
-    pub fn diagnostics(
-        &self,
-        now_ns: i64,
-        counts: &Counts,
-        interval: Interval,
-    ) -> DiagnosticArray<'_> {
-        let (level, message) = if interval.has_faults {
-            (DiagnosticStatus::WARN, "frames were lost, dropped or rejected")
-        } else {
-            (DiagnosticStatus::OK, "every frame measured")
-        };
+    pub fn diagnostics(&self, now_ns: i64, state: &State) -> DiagnosticArray<'_> {
+        let (level, message) = state.summary();
+        let counts = &state.counts;
         let values = [
             ("input topic", self.topic.clone()),
-            ("rate [Hz]", format!("{:.3}", interval.rate_hz)),
+            ("rate [Hz]", format!("{:.3}", state.interval.rate_hz)),
             ("frames received", counts.received.to_string()),
             ("frames processed", counts.processed.to_string()),
             ("frames lost in transport", counts.lost_transport.to_string()),
@@ -154,18 +196,36 @@ impl Reporter {
             ("frames rejected as malformed", counts.malformed.to_string()),
             ("frames rejected as duplicate", counts.duplicate.to_string()),
             ("frames rejected as out of order", counts.out_of_order.to_string()),
+            ("results not published", counts.unpublished.to_string()),
             ("results not recorded", counts.recorder_dropped.to_string()),
             ("slices", counts.slices.to_string()),
         ];
         let value = |(key, value)| KeyValue { key: Cow::Borrowed(key), value: Cow::Owned(value) };
+        let rejection = state.last_rejection.iter().map(|text| ("last rejection", text.clone()));
+        let notes = state.notes.iter().map(|note| (note.key, note.text.clone()));
         let status = DiagnosticStatus {
             level,
             name: Cow::Owned(format!("{}: stream", self.node.trim_start_matches('/'))),
-            message: Cow::Borrowed(message),
+            message: Cow::Owned(message),
             hardware_id: Cow::Borrowed(""),
-            values: values.into_iter().map(value).collect(),
+            values: values.into_iter().chain(rejection).chain(notes).map(value).collect(),
         };
         DiagnosticArray { header: header(now_ns), status: vec![status] }
+    }
+}
+
+impl State {
+    /// The worst level, and in words what is wrong.
+    fn summary(&self) -> (u8, String) {
+        let faults = (DiagnosticStatus::WARN, "frames were lost, dropped or rejected".to_owned());
+        let faults = self.interval.has_faults.then_some(faults);
+        let bad = self.notes.iter().filter(|note| note.level > DiagnosticStatus::OK);
+        let (levels, texts): (Vec<_>, Vec<_>) =
+            faults.into_iter().chain(bad.map(|note| (note.level, note.text.clone()))).unzip();
+        match levels.into_iter().max() {
+            Some(level) => (level, texts.join("; ")),
+            None => (DiagnosticStatus::OK, "every frame measured".to_owned()),
+        }
     }
 }
 

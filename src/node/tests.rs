@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex};
 use super::{
     results::Results,
     run::{Run, RunError},
-    sink::{Outgoing, Sink, SinkError},
-    source::{Input, Source},
+    sink::{Outgoing, Outlet, Sink, SinkError},
+    source::{Input, Source, Writer},
     statistics::Summary,
     status::{Reporter, session_id},
     stop::Stop,
@@ -84,13 +84,14 @@ pub(super) fn good(sequence: u32, at_ms: i64) -> Input {
 fn message(sequence: u32, log_ms: i64, data: Vec<u8>) -> Input {
     let topic = Topic::new("/image_raw", Image::TYPE, QosProfile::reliable(10));
     let log_time_ns = START_NS + log_ms * MS;
-    Input::Message(RawMessage {
+    let message = RawMessage {
         topic: Arc::new(topic),
         log_time_ns,
         publish_time_ns: log_time_ns,
         sequence,
         data,
-    })
+    };
+    Input::Message(message, Writer::default())
 }
 
 struct Listed(std::vec::IntoIter<Input>);
@@ -188,7 +189,10 @@ fn run(setup: &Setup, inputs: Vec<Input>) -> (Result<Summary, RunError>, Vec<Out
     let run = Run {
         source: &mut Listed(inputs.into_iter()),
         worker: worker(setup),
-        sinks: vec![Box::new(Memory { kept: Arc::clone(&kept), room: setup.room })],
+        outlets: vec![Outlet::replay(Box::new(Memory {
+            kept: Arc::clone(&kept),
+            room: setup.room,
+        }))],
         num_topics: 9,
         stop: &setup.stop,
         on_message: &mut |_| {},
@@ -348,7 +352,7 @@ fn a_writer_that_does_not_count_leaves_gaps_unknown() {
 fn images_are_sent_on_unchanged() {
     let setup = Setup { sends_images: true, ..Setup::default() };
     let (_, messages) = run(&setup, vec![good(5, 0)]);
-    let Input::Message(original) = good(5, 0) else { unreachable!() };
+    let Input::Message(original, _) = good(5, 0) else { unreachable!() };
     let images: Vec<_> = messages.iter().filter(|message| message.topic == 9).collect();
     assert_eq!(images.len(), 1);
     assert_eq!((images[0].sequence, &*images[0].data), (5, &*original.data));
@@ -380,7 +384,10 @@ fn a_raised_stop_ends_the_input_and_keeps_the_results() {
     let summary = Run {
         source: &mut Stopping(Listed(inputs.into_iter()), setup.stop.clone()),
         worker: worker(&setup),
-        sinks: vec![Box::new(Memory { kept: Arc::clone(&kept), room: usize::MAX })],
+        outlets: vec![Outlet::replay(Box::new(Memory {
+            kept: Arc::clone(&kept),
+            room: usize::MAX,
+        }))],
         num_topics: 9,
         stop: &setup.stop,
         on_message: &mut |_| {},

@@ -26,6 +26,7 @@ pub struct Pipeline {
     profile: Profile,
     motion: Motion,
     scan: Scan,
+    is_scanning: bool,
 }
 
 impl Pipeline {
@@ -39,6 +40,7 @@ impl Pipeline {
             profile: Profile::default(),
             motion: Motion::new(params.motion),
             scan: Scan::new(params.scan_limits(), seed),
+            is_scanning: true,
             params,
             calibration,
         }
@@ -73,8 +75,9 @@ impl Pipeline {
                 let lines = Lines::new(self.params.stripe_direction, &searched);
                 // Step 9: metres.
                 calibration.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
+                let placed = Placed { profile: &self.profile, stamp_ns, position_m, index };
                 // Step 10: stacked along the motion.
-                self.scan.push(&Placed { profile: &self.profile, stamp_ns, position_m, index })
+                if self.is_scanning { self.scan.push(&placed) } else { Completed::default() }
             }
             None => Completed::default(),
         };
@@ -94,6 +97,39 @@ impl Pipeline {
     pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
         self.motion.restart();
         self.scan.finish(frames_missing, frames_rejected)
+    }
+
+    /// Throws the open scan away. The next frame lies at position 0 again.
+    pub fn discard(&mut self) {
+        self.motion.restart();
+        self.scan.discard();
+    }
+
+    /// Whether profiles are stacked. When not, [`finish`](Self::finish) the scan first: frames give profiles only.
+    pub const fn set_scanning(&mut self, is_scanning: bool) {
+        self.is_scanning = is_scanning;
+    }
+
+    /// Identity of the open scan; `None` before its first profile.
+    pub fn scan_id(&self) -> Option<[u8; 16]> {
+        self.scan.open_id()
+    }
+
+    /// Whether the open scan cannot go on under these parameters: its positions or its geometry would change in it.
+    pub fn must_end_for(&self, params: &Params) -> bool {
+        let Params { motion, stripe_direction, roi, .. } = self.params;
+        motion != params.motion || stripe_direction != params.stripe_direction || roi != params.roi
+    }
+
+    /// Measures by these parameters from the next frame on. Where [`must_end_for`](Self::must_end_for) says so, the scan
+    /// was finished before.
+    pub fn reconfigure(&mut self, params: Params) {
+        if self.params.motion != params.motion {
+            self.motion = Motion::new(params.motion);
+        }
+        self.extractor = Extractor::new(params.extraction, params.stripe_direction);
+        self.scan.set_limits(params.scan_limits());
+        self.params = params;
     }
 }
 

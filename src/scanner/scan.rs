@@ -187,6 +187,24 @@ impl Scan {
         Completed { slice: Some(&self.closed), height_map: Some(&self.finished) }
     }
 
+    /// Throws the open scan away, as if it had never begun.
+    pub fn discard(&mut self) {
+        self.open.points.clear();
+        self.open.height = 0;
+        self.growing.z_m.clear();
+        self.growing.height = 0;
+    }
+
+    /// Identity of the open scan; `None` before its first profile.
+    pub fn open_id(&self) -> Option<[u8; 16]> {
+        (self.growing.height > 0).then_some(self.open.account.scan_id)
+    }
+
+    /// New limits, from the next profile on; see [`new`](Self::new).
+    pub const fn set_limits(&mut self, limits: ScanLimits) {
+        self.limits = limits;
+    }
+
     /// Profiles of that length at which a scan ends, at least 1.
     fn scan_limit(&self, width: u32) -> u32 {
         limit(self.limits.scan_profiles, MAX_SCAN_POINTS, width)

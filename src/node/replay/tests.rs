@@ -16,7 +16,7 @@ fn recording(directory: &Path, topics: &[&str]) -> PathBuf {
     let mut recorder = Recorder::create(directory, &RecordOptions::default()).unwrap();
     for name in topics {
         for number in 1..=5 {
-            let Input::Message(message) = good(number, i64::from(number) * 500) else {
+            let Input::Message(message, _) = good(number, i64::from(number) * 500) else {
                 unreachable!()
             };
             let mut topic = Topic { name: (*name).to_owned(), ..(*message.topic).clone() };

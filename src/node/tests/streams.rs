@@ -8,6 +8,7 @@ use crate::node::{
     queue::{Bound, Queue, WhenFull},
     sink::FanOut,
     statistics::Counts,
+    status::{Interval, Load, Note, State},
 };
 
 /// What a worker makes of frames that arrive faster than it takes them.
@@ -21,7 +22,7 @@ fn overrun(inputs: Vec<Input>) -> (Counts, Vec<Outgoing>) {
     input.close();
     let setup = Setup { calibrated: true, ..Setup::default() };
     let (counts, _) = thread::scope(|scope| {
-        let fan_out = FanOut::start(scope, vec![sink], WhenFull::Wait);
+        let fan_out = FanOut::start(scope, vec![Outlet::replay(sink)], 9);
         let worked = worker(&setup).run(&input, &spare, &mut Publisher::new(&fan_out, 9)).unwrap();
         fan_out.finish().unwrap();
         worked
@@ -74,6 +75,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         slices: 8,
         recorder_dropped: 9,
         recorder_bytes: 10,
+        unpublished: 11,
         ..Counts::default()
     };
     let reporter = Reporter {
@@ -82,8 +84,15 @@ fn every_counter_reaches_its_field_of_the_status() {
         queue_capacity: 4,
         session_id: [7; 16],
     };
-    let interval = crate::node::status::Interval { rate_hz: 12.5, has_faults: true };
-    let status = reporter.stream_status(5, &counts, interval);
+    let note = |level, text: &str| Note { level, key: "disk", text: text.to_owned() };
+    let state = State {
+        counts,
+        interval: Interval { rate_hz: 12.5, has_faults: true },
+        load: Load::default(),
+        notes: vec![note(0, "roomy"), note(2, "full")],
+        last_rejection: Some("odd".to_owned()),
+    };
+    let status = reporter.stream_status(5, &state);
     let fields = [
         status.frames_received,
         status.frames_processed,
@@ -96,9 +105,10 @@ fn every_counter_reaches_its_field_of_the_status() {
         status.recorder_bytes,
     ];
     assert_eq!(fields, [1, 2, 3, 4, 5, 6, 7, 9, 10]);
-    let diagnostics = reporter.diagnostics(5, &counts, interval);
+    let diagnostics = reporter.diagnostics(5, &state);
     let state = &diagnostics.status[0];
-    assert_eq!((state.level, &*state.name), (1, "cell/top: stream"));
+    assert_eq!((state.level, &*state.name), (2, "cell/top: stream"));
+    assert_eq!(state.message, "frames were lost, dropped or rejected; full");
     let values: Vec<_> = state.values.iter().map(|pair| (&*pair.key, &*pair.value)).collect();
     let expected = [
         ("input topic", "/image_raw"),
@@ -110,8 +120,12 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("frames rejected as malformed", "4"),
         ("frames rejected as duplicate", "5"),
         ("frames rejected as out of order", "6"),
+        ("results not published", "11"),
         ("results not recorded", "9"),
         ("slices", "8"),
+        ("last rejection", "odd"),
+        ("disk", "roomy"),
+        ("disk", "full"),
     ];
     assert_eq!(values, expected);
 }
@@ -178,9 +192,9 @@ fn an_image_larger_than_allowed_is_rejected() {
 fn numbers_at_their_limits_do_no_harm() {
     let at = |sequence: u32, log_time_ns: i64, sec: i32, nanosec: u32| {
         let input = frame(sequence, 0, 0, |image| image.header.stamp = Time { sec, nanosec });
-        let Input::Message(mut message) = input else { unreachable!() };
+        let Input::Message(mut message, writer) = input else { unreachable!() };
         (message.log_time_ns, message.publish_time_ns) = (log_time_ns, log_time_ns);
-        Input::Message(message)
+        Input::Message(message, writer)
     };
     let setup = Setup { calibrated: true, ..Setup::default() };
     let inputs = vec![
@@ -238,7 +252,7 @@ fn neither_a_slow_source_nor_a_slow_sink_changes_a_byte() {
         let run = Run {
             source: &mut Yielding(Listed(stream().into_iter()), source_yields),
             worker: worker(&setup),
-            sinks: vec![Box::new(Yielding(memory, sink_yields))],
+            outlets: vec![Outlet::replay(Box::new(Yielding(memory, sink_yields)))],
             num_topics: 9,
             stop: &setup.stop,
             on_message: &mut |_| {},

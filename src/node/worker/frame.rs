@@ -1,9 +1,10 @@
-//! The one thread of a camera: it owns the pipeline, judges every frame and publishes what the pipeline says.
+//! One frame's way through the worker: decoded, judged, measured, published, counted in exactly one bin.
 
 use std::time::Instant;
 
 use thiserror::Error;
 
+use super::{Pending, Worker, WorkerOptions};
 use crate::{
     bag::RawMessage,
     msg::{
@@ -12,35 +13,19 @@ use crate::{
         sensor_msgs::{CompressedImage, Image},
         std_msgs::Header,
     },
+    node::{
+        order::{Place, StampFault, StampStep},
+        publisher::{Halt, Publisher},
+        results::Measured,
+        sink::Purpose,
+        statistics::StageTimes,
+    },
     ros::node_params::ImageTransport,
     scanner::{
         image,
-        pipeline::{FrameError, FrameIndex, Pipeline, Stage},
+        pipeline::{FrameError, FrameIndex, Stage},
     },
 };
-
-use super::{
-    order::{Place, Sequence, StampFault, StampOrder, StampStep},
-    publisher::{Halt, Publisher},
-    queue::Queue,
-    results::{Measured, Results},
-    sink::CloseOnDrop,
-    source::Input,
-    statistics::{Counts, StageTimes},
-    status::{Interval, Reporter, Schedule},
-    topics::Output,
-};
-
-/// How the worker treats its input.
-#[derive(Clone, Debug)]
-pub struct WorkerOptions {
-    /// How images are packed.
-    pub transport: ImageTransport,
-    /// Largest decoded image, bytes.
-    pub max_frame_bytes: u64,
-    /// Whether input images are sent on with the results.
-    pub sends_images: bool,
-}
 
 /// Why a frame was refused.
 #[derive(Debug, Error)]
@@ -51,107 +36,28 @@ enum Rejection {
     Image(#[from] FrameRejected),
     #[error("malformed: {0}")]
     Params(#[from] FrameError),
+    #[error("malformed: {0}")]
+    Transport(String),
     #[error("its stamp is that of the frame before")]
     Duplicate,
     #[error("its stamp lies before that of an earlier frame")]
     OutOfOrder,
 }
 
-/// What happened before the next good frame.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pending {
-    missing: u32,
-    /// Whether more may be missing than is known.
-    is_unknown: bool,
-    /// Refused, or dropped by the full queue.
-    rejected: u32,
-}
-
-/// A camera's worker.
-pub struct Worker {
-    options: WorkerOptions,
-    pipeline: Pipeline,
-    results: Results,
-    reporter: Reporter,
-    schedule: Schedule,
-    sequence: Sequence,
-    stamps: StampOrder,
-    pending: Pending,
-    counts: Counts,
-    stages: StageTimes,
-    /// Pixels of a decoded compressed image.
-    pixels: Vec<u8>,
-    last_time_ns: i64,
-}
-
 impl Worker {
-    /// A worker that has seen nothing yet.
-    pub fn new(
-        options: WorkerOptions,
-        pipeline: Pipeline,
-        results: Results,
-        reporter: Reporter,
-    ) -> Self {
-        Self {
-            options,
-            pipeline,
-            results,
-            reporter,
-            schedule: Schedule::default(),
-            sequence: Sequence::default(),
-            stamps: StampOrder::default(),
-            pending: Pending::default(),
-            counts: Counts::default(),
-            stages: StageTimes::default(),
-            pixels: Vec::new(),
-            last_time_ns: 0,
-        }
-    }
-
-    /// Takes all input, ends the scan and reports a last time. Buffers of used messages go to `spare`.
-    ///
-    /// # Errors
-    /// Nothing more can be published.
-    pub fn run(
-        mut self,
-        input: &Queue<Input>,
-        spare: &Queue<Vec<u8>>,
-        out: &mut Publisher<'_>,
-    ) -> Result<(Counts, StageTimes), Halt> {
-        let _closed_at_the_end = CloseOnDrop(input);
-        while let Some((input, num_dropped)) = input.pop_counted() {
-            match input {
-                Input::Message(message) => {
-                    self.take_dropped(num_dropped);
-                    self.take(&message, out)?;
-                    // A closed or full queue of spares: the buffer is simply freed.
-                    _ = spare.push(message.data, 0);
-                }
-                Input::NewRecording => {
-                    self.end_scan(out)?;
-                    self.stamps = StampOrder::default();
-                    self.sequence.restart();
-                    self.schedule.restart();
-                }
-                // Counted and told where it was read.
-                Input::Damage(_) => {}
-            }
-        }
-        self.end_scan(out)?;
-        let interval = self.schedule.close(self.last_time_ns, &self.counts);
-        self.report(interval, out)?;
-        Ok((self.counts, self.stages))
-    }
-
     /// Counts frames that a full queue has dropped before the next one.
-    fn take_dropped(&mut self, num_dropped: u32) {
+    pub(super) fn take_dropped(&mut self, num_dropped: u32) {
         self.counts.received += u64::from(num_dropped);
         self.counts.dropped_overload += u64::from(num_dropped);
         self.pending.rejected = self.pending.rejected.saturating_add(num_dropped);
         self.sequence.skip(num_dropped);
     }
 
-    fn take(&mut self, message: &RawMessage, out: &mut Publisher<'_>) -> Result<(), Halt> {
+    pub(super) fn take(
+        &mut self,
+        message: &RawMessage,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
         self.last_time_ns = message.log_time_ns;
         self.counts.received += 1;
         if self.options.sends_images {
@@ -159,14 +65,22 @@ impl Worker {
         }
         match self.measure(message, out)? {
             Ok(()) => self.counts.processed += 1,
-            Err(rejection) => self.reject(&rejection, message),
+            Err(rejection) => self.reject(&rejection, message.log_time_ns),
         }
+        self.after_frame(out)?;
         self.counts.recorder_bytes = out.num_bytes();
-        self.counts.recorder_dropped = out.num_dropped();
+        self.counts.recorder_dropped = out.num_dropped(Purpose::Record);
+        self.counts.unpublished = out.num_dropped(Purpose::Publish);
         match self.schedule.poll(message.log_time_ns, &self.counts) {
-            Some(interval) => self.report(interval, out),
+            Some(interval) => self.report(message.log_time_ns, interval, out),
             None => Ok(()),
         }
+    }
+
+    /// Counts a message that the middleware could not hand on.
+    pub(super) fn take_fault(&mut self, what: &str) {
+        self.counts.received += 1;
+        self.reject(&Rejection::Transport(what.to_owned()), self.last_time_ns);
     }
 
     /// Outer result: whether to go on at all; inner one: whether this frame was good.
@@ -228,12 +142,16 @@ impl Worker {
             Err(error) => return Ok(Err(error.into())),
         };
         self.pending = Pending::default();
+        self.last_position_m = output.position_m;
         self.counts.points += output.centerline.len() as u64;
         self.counts.slices += u64::from(output.slice.is_some());
         let time_ns = message.log_time_ns;
         self.results
             .publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
         self.stages.encode.record(out.take_encoding_time());
+        if let Some(live) = &mut self.live {
+            live.note_latency(stamp_ns);
+        }
         Ok(Ok(()))
     }
 
@@ -250,7 +168,7 @@ impl Worker {
         self.pending.missing = self.pending.missing.saturating_add(missing);
     }
 
-    fn reject(&mut self, rejection: &Rejection, message: &RawMessage) {
+    fn reject(&mut self, rejection: &Rejection, time_ns: i64) {
         let count = match rejection {
             Rejection::Duplicate => &mut self.counts.duplicate,
             Rejection::OutOfOrder => &mut self.counts.out_of_order,
@@ -258,34 +176,15 @@ impl Worker {
         };
         *count += 1;
         self.pending.rejected = self.pending.rejected.saturating_add(1);
+        self.last_rejection = Some(rejection.to_string());
         // One of a kind is enough to act on; the summary counts the rest.
         if *count == 1 {
-            let time_ns = message.log_time_ns;
             tracing::warn!(
                 "frame rejected (log time {time_ns} ns): {rejection}; further ones of this kind are only counted"
             );
         } else {
-            tracing::debug!("frame rejected (log time {} ns): {rejection}", message.log_time_ns);
+            tracing::debug!("frame rejected (log time {time_ns} ns): {rejection}");
         }
-    }
-
-    fn end_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        let completed = self.pipeline.finish(self.pending.missing, self.pending.rejected);
-        self.pending = Pending::default();
-        self.counts.slices += u64::from(completed.slice.is_some());
-        self.results.publish_completed(
-            (completed.slice, completed.height_map),
-            self.last_time_ns,
-            out,
-        )
-    }
-
-    fn report(&self, interval: Interval, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        let (now_ns, counts) = (self.last_time_ns, &self.counts);
-        let status = self.reporter.stream_status(now_ns, counts, interval);
-        out.publish(Output::StreamStatus, now_ns, &status)?;
-        let diagnostics = self.reporter.diagnostics(now_ns, counts, interval);
-        out.publish(Output::Diagnostics, now_ns, &diagnostics)
     }
 }
 

@@ -1,0 +1,192 @@
+//! The one thread of a camera: it owns the pipeline, judges every frame and publishes what the pipeline says.
+
+mod frame;
+pub mod live;
+
+use crate::{ros::node_params::ImageTransport, scanner::pipeline::Pipeline};
+
+use super::{
+    order::{Sequence, StampOrder},
+    publisher::{Halt, Publisher},
+    queue::{Popped, Queue},
+    results::Results,
+    sink::CloseOnDrop,
+    source::{Input, Writer},
+    statistics::{Counts, StageTimes},
+    status::{Interval, Reporter, Schedule, State},
+    topics::Output,
+};
+use live::Live;
+
+/// How the worker treats its input.
+#[derive(Clone, Debug)]
+pub struct WorkerOptions {
+    /// How images are packed.
+    pub transport: ImageTransport,
+    /// Largest decoded image, bytes.
+    pub max_frame_bytes: u64,
+    /// Whether input images are sent on with the results.
+    pub sends_images: bool,
+}
+
+/// What happened before the next good frame.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pending {
+    missing: u32,
+    /// Whether more may be missing than is known.
+    is_unknown: bool,
+    /// Refused, or dropped by the full queue.
+    rejected: u32,
+}
+
+/// A camera's worker.
+pub struct Worker {
+    options: WorkerOptions,
+    pipeline: Pipeline,
+    results: Results,
+    reporter: Reporter,
+    schedule: Schedule,
+    sequence: Sequence,
+    stamps: StampOrder,
+    pending: Pending,
+    counts: Counts,
+    stages: StageTimes,
+    /// Pixels of a decoded compressed image.
+    pixels: Vec<u8>,
+    last_time_ns: i64,
+    /// Position of the last measured frame along the scan, metres.
+    last_position_m: f64,
+    last_writer: Writer,
+    /// Why the last frame was refused, until it is reported.
+    last_rejection: Option<String>,
+    /// What only a live camera has.
+    live: Option<Live>,
+}
+
+impl Worker {
+    /// A worker that has seen nothing yet.
+    pub fn new(
+        options: WorkerOptions,
+        pipeline: Pipeline,
+        results: Results,
+        reporter: Reporter,
+    ) -> Self {
+        Self {
+            options,
+            pipeline,
+            results,
+            reporter,
+            schedule: Schedule::default(),
+            sequence: Sequence::default(),
+            stamps: StampOrder::default(),
+            pending: Pending::default(),
+            counts: Counts::default(),
+            stages: StageTimes::default(),
+            pixels: Vec::new(),
+            last_time_ns: 0,
+            last_position_m: 0.0,
+            last_writer: Writer::default(),
+            last_rejection: None,
+            live: None,
+        }
+    }
+
+    /// Makes it the worker of a live camera.
+    pub fn with_live(self, live: Live) -> Self {
+        Self { live: Some(live), ..self }
+    }
+
+    /// Takes all input, ends the scan and reports a last time. Buffers of used messages go to `spare`.
+    ///
+    /// # Errors
+    /// Nothing more can be published.
+    pub fn run(
+        mut self,
+        input: &Queue<Input>,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(Counts, StageTimes), Halt> {
+        let _closed_at_the_end = CloseOnDrop(input);
+        loop {
+            match input.pop_counted(self.live.as_ref().map(Live::next_tick)) {
+                Popped::Item(item, num_dropped) => {
+                    self.apply_settings(out)?;
+                    self.take_dropped(num_dropped);
+                    self.take_input(item, spare, out)?;
+                }
+                Popped::TimedOut => self.apply_settings(out)?,
+                Popped::Closed => break,
+            }
+            self.tick(input.len(), out)?;
+        }
+        self.end_scan(out)?;
+        let interval = self.schedule.close(self.last_time_ns, &self.counts);
+        self.report(self.last_time_ns, interval, out)?;
+        Ok((self.counts, self.stages))
+    }
+
+    fn take_input(
+        &mut self,
+        item: Input,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
+        match item {
+            Input::Message(message, writer) => {
+                if writer != self.last_writer {
+                    self.last_writer = writer;
+                    self.sequence.restart();
+                }
+                self.take(&message, out)?;
+                // A closed or full queue of spares: the buffer is simply freed.
+                _ = spare.push(message.data, 0);
+                Ok(())
+            }
+            Input::Fault(what) => {
+                self.take_fault(&what);
+                Ok(())
+            }
+            Input::NewRecording => {
+                self.end_scan(out)?;
+                self.stamps = StampOrder::default();
+                self.sequence.restart();
+                self.schedule.restart();
+                Ok(())
+            }
+            // Counted and told where it was read.
+            Input::Damage(_) => Ok(()),
+            Input::Command(command) => self.obey(command, out),
+        }
+    }
+
+    fn end_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+        let completed = self.pipeline.finish(self.pending.missing, self.pending.rejected);
+        self.pending = Pending::default();
+        self.counts.slices += u64::from(completed.slice.is_some());
+        self.results.publish_completed(
+            (completed.slice, completed.height_map),
+            self.last_time_ns,
+            out,
+        )
+    }
+
+    /// Says how the stream is doing, stamped `now_ns`.
+    fn report(
+        &mut self,
+        now_ns: i64,
+        interval: Interval,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
+        let state = State {
+            counts: self.counts,
+            interval,
+            load: self.live.as_mut().map(Live::take_load).unwrap_or_default(),
+            notes: self.live.as_ref().map(Live::notes).unwrap_or_default(),
+            last_rejection: self.last_rejection.take(),
+        };
+        let status = self.reporter.stream_status(now_ns, &state);
+        out.publish(Output::StreamStatus, self.last_time_ns, &status)?;
+        let diagnostics = self.reporter.diagnostics(now_ns, &state);
+        out.publish(Output::Diagnostics, self.last_time_ns, &diagnostics)
+    }
+}
