@@ -11,5 +11,7 @@ pub mod parameters;
 pub mod camera_params;
 pub mod node_params;
 pub mod transport;
+#[cfg(feature = "dds")]
+pub mod dds;
 #[cfg(test)]
 pub(crate) mod loopback;
