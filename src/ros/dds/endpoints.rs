@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use rustdds::{DomainParticipantStatusEvent as Event, GUID, QosPolicies};
+use rustdds::{DomainParticipantStatusEvent as Event, GUID, QosPolicies, policy::Deadline};
 
 use super::qos::Side;
 
@@ -142,12 +142,12 @@ impl Table {
 fn brief(policies: &QosPolicies) -> String {
     let reliability = if policies.is_reliable() { "reliable" } else { "best effort" };
     let durability = if policies.is_volatile() { "volatile" } else { "transient local" };
-    let mut text = format!("{reliability}, {durability}");
-    let deadline = policies.deadline().map(|deadline| deadline.0);
-    if let Some(deadline) = deadline.filter(|deadline| *deadline < rustdds::Duration::INFINITE) {
-        text.push_str(&format!(", deadline {:?}", deadline.to_std()));
+    match policies.deadline() {
+        Some(Deadline(period)) if period < rustdds::Duration::INFINITE => {
+            format!("{reliability}, {durability}, deadline {:?}", period.to_std())
+        }
+        _ => format!("{reliability}, {durability}"),
     }
-    text
 }
 
 #[cfg(test)]

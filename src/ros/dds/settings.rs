@@ -67,9 +67,9 @@ impl DdsSettings {
     ) -> Result<Self, TransportError> {
         let variable = |name: &str| variable(name).filter(|value| !value.is_empty());
         let domain_id = domain_id(variable("ROS_DOMAIN_ID"))?;
-        let mut range = range(variable("ROS_AUTOMATIC_DISCOVERY_RANGE"))?;
+        let mut range = range(variable("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref())?;
         let mut static_peers = peers(variable("ROS_STATIC_PEERS"));
-        if localhost_only(variable("ROS_LOCALHOST_ONLY"))? {
+        if localhost_only(variable("ROS_LOCALHOST_ONLY").as_deref())? {
             if !static_peers.is_empty() {
                 tracing::warn!("ROS_LOCALHOST_ONLY=1 overrides ROS_STATIC_PEERS");
             }
@@ -96,17 +96,17 @@ fn domain_id(value: Option<String>) -> Result<u16, TransportError> {
     parsed.ok_or_else(|| setting("ROS_DOMAIN_ID", reason()))
 }
 
-fn localhost_only(value: Option<String>) -> Result<bool, TransportError> {
-    match value.as_deref() {
+fn localhost_only(value: Option<&str>) -> Result<bool, TransportError> {
+    match value {
         None | Some("0") => Ok(false),
         Some("1") => Ok(true),
         Some(other) => Err(setting("ROS_LOCALHOST_ONLY", format!("{other:?}: give 0 or 1"))),
     }
 }
 
-fn range(value: Option<String>) -> Result<DiscoveryRange, TransportError> {
+fn range(value: Option<&str>) -> Result<DiscoveryRange, TransportError> {
     let name = "ROS_AUTOMATIC_DISCOVERY_RANGE";
-    match value.as_deref() {
+    match value {
         None | Some("SUBNET" | "SYSTEM_DEFAULT") => Ok(DiscoveryRange::Subnet),
         Some("LOCALHOST") => Ok(DiscoveryRange::Localhost),
         Some("OFF") => {

@@ -18,7 +18,7 @@ const LITTLE_ENDIAN: [u8; 2] = [0, 1];
 pub(super) struct Writer {
     name: String,
     guid: GUID,
-    writer: RawDataWriter,
+    endpoint: RawDataWriter,
     participant: Arc<Participant>,
 }
 
@@ -29,10 +29,10 @@ impl Writer {
     ) -> Result<Self, TransportError> {
         let dds_name = names::topic(&topic.name, &participant.node)?;
         let type_name = names::type_name(topic.kind.name, "");
-        let writer =
+        let endpoint =
             participant.writer(&dds_name, &type_name, &policies(&topic.qos, Side::Writer))?;
-        let (name, guid) = (topic.name.clone(), writer.guid());
-        Ok(Self { name, guid, writer, participant: Arc::clone(participant) })
+        let (name, guid) = (topic.name.clone(), endpoint.guid());
+        Ok(Self { name, guid, endpoint, participant: Arc::clone(participant) })
     }
 
     fn refused(&self, reason: String) -> TransportError {
@@ -46,7 +46,7 @@ impl Publication for Writer {
             self.refused("the message is not little-endian CDR (00 01)".to_owned())
         })?;
         let options = WriteOptions::from(timestamp(source_time_ns));
-        match self.writer.write_with_options(body, options) {
+        match self.endpoint.write_with_options(body, options) {
             Ok(_) => Ok(()),
             Err(WriteError::WouldBlock { .. }) => {
                 Err(self
