@@ -1,11 +1,13 @@
 /* What the peers on DDS have in common: their command line, an image as CDR, and what they report.
  *
- *   PEER publish   --domain D --topic T [--type Y] [--width W --height H] [--rate R] [--count N] [--reliable]
+ *   PEER publish   --domain D --topic T [--type Y] [--width W --height H] [--rate R] [--count N] [--encoding E]
+ *                  [--reliable]
  *   PEER subscribe --domain D --topic T [--type Y] [--count N] [--seconds S] [--reliable] [--latched]
  *   PEER call      --domain D --topic SERVICE --type PACKAGE::srv::dds_::NAME_ [--seconds S]
  *
  * Topics and types are named as on DDS (rt/camera/image_raw, sensor_msgs::msg::dds_::Image_). `publish` waits for a
- * subscriber, sends N images a R-th of a second apart, each stamped when it is sent, and stays for --linger seconds.
+ * subscriber, sends N images a R-th of a second apart, each stamped when it is sent, and stays for --linger seconds. E other than
+ * 1 is a header that lies: not little-endian CDR.
  * `subscribe` takes any message that begins with a std_msgs/Header, until it has N or S seconds are over. `call` sends
  * an empty request and waits for the reply. Each line on stdout is one JSON object.
  */
@@ -25,7 +27,7 @@
 
 struct options {
   const char *verb, *topic, *type;
-  int domain, width, height, count, is_reliable, is_latched;
+  int domain, width, height, count, encoding, is_reliable, is_latched;
   double rate, seconds, linger;
 };
 
@@ -47,7 +49,7 @@ static void fail(const char *what) {
 }
 
 static struct options parse(int argc, char **argv) {
-  struct options o = {"", "", "sensor_msgs::msg::dds_::Image_", 0, 640, 480, 10, 0, 0, 10.0, 30.0, 1.0};
+  struct options o = {"", "", "sensor_msgs::msg::dds_::Image_", 0, 640, 480, 10, 1, 0, 0, 10.0, 30.0, 1.0};
   if (argc > 1) o.verb = argv[1];
   for (int i = 2; i < argc; i++) {
     const char *name = argv[i];
@@ -60,6 +62,7 @@ static struct options parse(int argc, char **argv) {
     else if (!strcmp(name, "--width")) o.width = atoi(value);
     else if (!strcmp(name, "--height")) o.height = atoi(value);
     else if (!strcmp(name, "--count")) o.count = atoi(value);
+    else if (!strcmp(name, "--encoding")) o.encoding = atoi(value);
     else if (!strcmp(name, "--rate")) o.rate = atof(value);
     else if (!strcmp(name, "--seconds")) o.seconds = atof(value);
     else if (!strcmp(name, "--linger")) o.linger = atof(value);
@@ -93,6 +96,7 @@ static uint8_t *new_image(const struct options *o, size_t *length) {
   at = put(put_u32(at, 6), "mono8\0\0\0", 8);
   at = put_u32(put_u32(at, (uint32_t)o->width), num_pixels);
   for (uint32_t i = 0; i < num_pixels; i++) at[i] = (uint8_t)(i % 251);
+  image[1] = (uint8_t)o->encoding;
   *length = (size_t)(at - image) + num_pixels;
   return image;
 }

@@ -144,11 +144,17 @@ impl Participant {
     pub(super) fn topics(&self) -> Vec<GraphTopic> {
         let own = self.endpoints.all().into_iter();
         let own = own.map(|(_, endpoint)| (endpoint.side, endpoint.topic, endpoint.type_name));
-        let writers = self.domain.discovered_writers().into_iter().map(|writer| {
+        // RustDDS hears the participant's own announcements too.
+        let is_other = |guid: GUID| guid.prefix != self.domain.guid().prefix;
+        let writers = self.domain.discovered_writers().into_iter();
+        let writers = writers.filter(|writer| is_other(writer.writer_proxy.remote_writer_guid));
+        let writers = writers.map(|writer| {
             let data = writer.publication_topic_data;
             (Side::Writer, data.topic_name, data.type_name)
         });
-        let readers = self.domain.discovered_readers().into_iter().map(|reader| {
+        let readers = self.domain.discovered_readers().into_iter();
+        let readers = readers.filter(|reader| is_other(reader.reader_proxy.remote_reader_guid));
+        let readers = readers.map(|reader| {
             let data = reader.subscription_topic_data;
             (Side::Reader, data.topic_name().clone(), data.type_name().clone())
         });

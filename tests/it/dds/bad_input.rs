@@ -16,7 +16,7 @@ use laser_profiler::{
 use super::{
     domain::Domain,
     node::{Inbox, image, image_topic, open, topic, wait_for_subscribers},
-    peer::Peer,
+    peer::{Peer, VENDORS},
 };
 
 const LIMIT_BYTES: usize = 10_000;
@@ -72,14 +72,17 @@ fn a_publisher_of_another_type_is_named() {
     assert!(inbox.next().is_ok());
 }
 
-/// Version 2 of CDR, as a peer sends it that was not told otherwise.
+/// Version 2 of CDR, from a peer that promised version 1.
 #[test]
 fn another_encoding_is_named() {
-    let domain = Domain::claim();
-    let node = open(&domain, "receiver");
-    let images = image_topic("/image", QosProfile::best_effort(5));
-    let inbox = Inbox::open(&node, &images, LIMIT_BYTES);
-    let Some(_peer) = Peer::python("publish_other", &domain, &["rt/image", "3"]) else { return };
-    let fault = inbox.next().unwrap_err().to_string();
-    assert!(fault.contains("is not plain CDR"), "{fault}");
+    for vendor in VENDORS {
+        let domain = Domain::claim();
+        let node = open(&domain, "receiver");
+        let images = image_topic("/image", QosProfile::best_effort(5));
+        let inbox = Inbox::open(&node, &images, 1 << 20);
+        let arguments = ["publish", "--topic", "rt/image", "--count", "3", "--encoding", "7"];
+        let Some(_peer) = Peer::start(vendor, &domain, &arguments) else { continue };
+        let fault = inbox.next().unwrap_err().to_string();
+        assert!(fault.contains("encapsulation 00 07 is not plain CDR"), "{vendor:?}: {fault}");
+    }
 }

@@ -70,8 +70,7 @@ fn comes_and_goes() {
 fn an_occupied_domain_is_refused_with_advice() {
     let domain = Domain::claim();
     let ports = (0..120).map(|participant| 7410 + 250 * domain.id + 2 * participant);
-    let _taken: Vec<_> =
-        ports.map(|port| UdpSocket::bind(("0.0.0.0", port)).unwrap()).collect();
+    let _taken: Vec<_> = ports.map(|port| UdpSocket::bind(("0.0.0.0", port)).unwrap()).collect();
     let identity = NodeIdentity { name: "node".to_owned(), namespace: "/".to_owned() };
     let error = DdsTransport::open(&settings(&domain), &identity).err().unwrap();
     assert!(matches!(error, TransportError::Unreachable(_)), "{error}");

@@ -30,7 +30,8 @@ fn answering() -> (OnRequest, mpsc::Receiver<Vec<u8>>) {
 }
 
 fn call(vendor: Vendor, domain: &Domain) -> Option<Peer> {
-    let arguments = ["call", "--topic", "/cell/node/reset", "--type", "std_srvs::srv::dds_::Trigger_"];
+    let arguments =
+        ["call", "--topic", "/cell/node/reset", "--type", "std_srvs::srv::dds_::Trigger_"];
     Peer::start(vendor, domain, &arguments)
 }
 

@@ -33,7 +33,9 @@ fn images_from_python_arrive_with_all_that_stands_beside_them() {
     };
     let first = inbox.next().unwrap();
     assert_eq!(inbox.subscription.num_matched(), 1);
-    for (number, arrival) in (1..).zip(std::iter::once(first.clone()).chain((1..10).map(|_| inbox.next().unwrap()))) {
+    for (number, arrival) in
+        (1..).zip(std::iter::once(first.clone()).chain((1..10).map(|_| inbox.next().unwrap())))
+    {
         let image: Image<'_> = decode(&arrival.data).unwrap();
         assert_eq!(i64::from(image.header.stamp.sec), number - 1);
         assert_eq!(image.header.frame_id, "camera");
@@ -70,8 +72,7 @@ fn python_reads_what_we_publish() {
 fn a_late_subscriber_gets_what_is_latched() {
     let domain = Domain::claim();
     let node = open(&domain, "writer");
-    let mut publication =
-        node.advertise(&image_topic("/latched", QosProfile::latched(1))).unwrap();
+    let mut publication = node.advertise(&image_topic("/latched", QosProfile::latched(1))).unwrap();
     for number in 1..=3 {
         publication.publish(&image(100, number), number).unwrap();
     }
@@ -123,8 +124,7 @@ fn a_best_effort_publisher_is_not_matched_with_a_reliable_subscriber() {
 fn what_is_no_little_endian_cdr_is_not_published() {
     let domain = Domain::claim();
     let node = open(&domain, "writer");
-    let mut publication =
-        node.advertise(&image_topic("/x", QosProfile::reliable(5))).unwrap();
+    let mut publication = node.advertise(&image_topic("/x", QosProfile::reliable(5))).unwrap();
     let message: Arc<[u8]> = Arc::from([0, 0, 0, 0, 1]);
     let error = publication.publish(&message, 0).unwrap_err().to_string();
     assert!(error.contains("/x") && error.contains("little-endian"), "{error}");
