@@ -23,14 +23,12 @@ use serde_json::{Value as Json, json};
 
 use super::{
     domain::Domain,
-    node::{Inbox, image, image_topic, open, wait_for_subscribers},
+    node::{AROUND_PIXELS, Inbox, image, image_topic, open, wait_for_subscribers},
     peer::{Peer, VENDORS, Vendor},
 };
 use crate::program::end;
 
 const LIMIT_BYTES: usize = 64 << 20;
-/// Header, sizes and encoding of an image.
-const AROUND_PIXELS: u32 = 52;
 /// The kernel counts time in hundredths of a second.
 const TICKS_PER_S: f64 = 100.0;
 
