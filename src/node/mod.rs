@@ -12,6 +12,7 @@ pub mod command;
 pub mod source;
 pub mod sink;
 pub mod topics;
+pub mod calibration_file;
 pub mod input;
 pub mod camera;
 pub mod status;
@@ -22,6 +23,7 @@ pub mod player;
 pub mod recording;
 pub mod run;
 pub mod replay;
+pub mod live;
 
 #[cfg(test)]
 mod tests;
