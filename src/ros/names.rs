@@ -61,6 +61,11 @@ impl NodeNames {
         &self.name
     }
 
+    /// The node's namespace, `/` for none.
+    pub fn namespace(&self) -> &str {
+        &self.namespace
+    }
+
     /// Namespace and name, as in `/cell/laser_profiler`.
     pub fn fully_qualified(&self) -> String {
         names::build_node_fqn(&self.namespace, &self.name)

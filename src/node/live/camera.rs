@@ -112,6 +112,12 @@ impl Camera {
         }
     }
 
+    /// What comes next does not go on from what came before.
+    pub(super) fn begin_session(&self) {
+        // A closed queue: the worker has ended.
+        drop(self.input.push_urgent(Input::NewRecording));
+    }
+
     /// Measures by these from the next frame on.
     pub(super) fn set(&self, settings: Settings) {
         self.settings.put(settings);

@@ -5,7 +5,10 @@ use std::io;
 use thiserror::Error;
 
 use crate::{
-    node::{calibration_file::CalibrationFileError, run::RunError},
+    node::{
+        calibration_file::CalibrationFileError, lifecycle::server::ChangeError,
+        rosout::RosoutError, run::RunError,
+    },
     ros::{names::NameError, parameters::ParameterError, transport::TransportError},
 };
 
@@ -24,6 +27,12 @@ pub enum LiveError {
     /// The middleware.
     #[error(transparent)]
     Transport(#[from] TransportError),
+    /// The log on `/rosout`.
+    #[error(transparent)]
+    Rosout(#[from] RosoutError),
+    /// The node cannot begin to work.
+    #[error(transparent)]
+    Lifecycle(#[from] ChangeError),
     /// The system gives no thread.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] io::Error),
@@ -38,7 +47,11 @@ impl LiveError {
         match self {
             Self::Name(_) | Self::Parameter(_) => true,
             Self::Transport(error) => matches!(error, TransportError::Setting { .. }),
-            Self::Calibration(_) | Self::Thread(_) | Self::Run(_) => false,
+            Self::Calibration(_)
+            | Self::Rosout(_)
+            | Self::Lifecycle(_)
+            | Self::Thread(_)
+            | Self::Run(_) => false,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The state that services, parameters and the lifecycle share, and what they do with it.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, Weak};
 
 use super::{
     camera::Camera,
@@ -10,7 +10,10 @@ use super::{
     setup::Context,
 };
 use crate::{
-    node::command::{Answer, Command, Reply},
+    node::{
+        command::{Answer, Command, Reply},
+        lifecycle::{Failure, Managed},
+    },
     ros::{node_params::NodeParams, parameters::Parameters},
 };
 
@@ -77,8 +80,16 @@ impl Shared {
         self.lock().summaries.extend(summaries);
     }
 
+    /// Begins a new session: stamps may start anew, positions before and after do not belong together.
+    pub(super) fn begin_session(&self) {
+        if let Some(session) = &self.lock().session {
+            session.cameras().iter().for_each(Camera::begin_session);
+        }
+    }
+
     /// Takes new parameters: from the next frame on, where they can change at run time.
     pub(super) fn set(&self, values: &Parameters, params: &NodeParams) -> Result<(), String> {
+        self.context.use_sim_time(params.use_sim_time)?;
         let state = &mut *self.lock();
         if let Some(session) = &state.session {
             fixed_while_configured(&state.params, params)?;
@@ -132,4 +143,46 @@ fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), Stri
         }
     }
     Ok(())
+}
+
+/// The node as its lifecycle sees it.
+pub(super) struct Handle(pub(super) Weak<Shared>);
+
+impl Handle {
+    fn with<T>(&self, act: impl FnOnce(&Shared) -> Result<T, LiveError>) -> Result<T, Failure> {
+        let node = self.0.upgrade().ok_or_else(|| "the node is gone".to_owned())?;
+        act(&node).map_err(|error| Failure::Refused(error.to_string()))
+    }
+}
+
+impl Managed for Handle {
+    fn configure(&self) -> Result<(), Failure> {
+        self.with(Shared::configure)
+    }
+
+    fn activate(&self) -> Result<(), Failure> {
+        self.with(Shared::activate)
+    }
+
+    fn deactivate(&self) -> Result<(), Failure> {
+        self.with(|node| {
+            node.deactivate();
+            Ok(())
+        })
+    }
+
+    fn cleanup(&self) -> Result<(), Failure> {
+        self.with(|node| {
+            node.cleanup();
+            Ok(())
+        })
+    }
+
+    fn shutdown(&self) -> Result<(), Failure> {
+        self.cleanup()
+    }
+
+    fn recover(&self) -> Result<(), Failure> {
+        self.cleanup()
+    }
 }

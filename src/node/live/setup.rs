@@ -9,14 +9,15 @@ use super::{
     publications::Publications,
 };
 use crate::{
-    bag::Topic,
     msg::{
         qos::QosProfile,
         schema::Message,
         sensor_msgs::{CompressedImage, Image},
     },
     node::{
-        calibration_file, input,
+        calibration_file,
+        clock::RosClock,
+        input,
         queue::WhenFull,
         recording::Description,
         results::Results,
@@ -47,12 +48,24 @@ const IMAGE_DEPTH: u64 = 5;
 
 /// What the cameras of a node share.
 pub(super) struct Context {
-    pub(super) transport: Arc<dyn Transport>,
-    pub(super) names: NodeNames,
-    pub(super) now_ns: NowNs,
+    transport: Arc<dyn Transport>,
+    names: NodeNames,
+    clock: RosClock,
+    now_ns: NowNs,
 }
 
 impl Context {
+    pub(super) fn new(transport: Arc<dyn Transport>, names: NodeNames, clock: RosClock) -> Self {
+        let told = clock.clone();
+        Self { transport, names, clock, now_ns: Arc::new(move || told.now_ns()) }
+    }
+
+    /// Chooses the source of time.
+    pub(super) fn use_sim_time(&self, wanted: bool) -> Result<(), String> {
+        let chosen = self.clock.use_sim_time(&*self.transport, &self.names, wanted);
+        chosen.map_err(|error| error.to_string())
+    }
+
     /// Starts a camera.
     pub(super) fn camera(
         &self,
