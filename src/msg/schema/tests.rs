@@ -8,7 +8,8 @@ use serde::Deserialize;
 
 use super::*;
 use crate::msg::{
-    builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs, laser_profiler_msgs, lifecycle_msgs,
+    builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs, laser_profiler_msgs,
+    lifecycle_msgs,
     noise::{self, for_each_message},
     rosgraph_msgs, rosout, sensor_msgs, std_msgs, std_srvs, tf2_msgs, unique_identifier_msgs,
 };

@@ -92,14 +92,8 @@ fn every_service_hash_is_that_of_its_text() {
 #[test]
 fn service_hashes_are_the_published_ones() {
     for (service, hash) in [
-        (
-            &std_srvs::TRIGGER,
-            "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
-        ),
-        (
-            &std_srvs::SET_BOOL,
-            "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
-        ),
+        (&std_srvs::TRIGGER, "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f"),
+        (&std_srvs::SET_BOOL, "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a"),
     ] {
         assert_eq!(service.hash, format!("RIHS01_{hash}"), "{}", service.name);
     }
