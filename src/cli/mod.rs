@@ -76,10 +76,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         .map_err(|text| Usage(format!("argument {} is not UTF-8", text.display())))?;
     let (ros, rest) = arguments::split(&arguments).map_err(|error| Usage(error.to_string()))?;
     let command_line = CommandLine::try_parse_from(with_verb(rest, &arguments))?;
-    logging::start(ros.log_level);
+    let rosout = logging::start(&logging::Levels::new(&ros.log_levels, &ros.remaps)?);
     let out = &mut io::stdout().lock();
     match command_line.verb {
-        Verb::Run(args) => run::run(args, ros, out),
+        Verb::Run(args) => run::run(args, ros, rosout, out),
         Verb::Replay(args) => replay::run(args, ros, out),
         Verb::Info(args) => info::run(&args, out),
         Verb::Recover(args) => recover::run(&args, out),
@@ -135,6 +135,7 @@ mod tests {
             "laser_profiler replay missing -o out --ros-args -p slice.profiles:=0",
             "laser_profiler replay missing -o out --ros-args -r __node:=a/b",
             "laser_profiler replay missing -o out --rate 0",
+            "laser_profiler replay missing -o out --ros-args --log-level nobody:=debug",
         ] {
             assert!(failure(line).is::<Usage>(), "{line}");
         }

@@ -16,6 +16,7 @@ use super::{
 use crate::{
     node::{
         live::{LiveNode, LiveRequest, error::LiveError, session::CameraSummary},
+        rosout::RosoutSlot,
         statistics::Summary,
         stop::Stop,
     },
@@ -66,11 +67,16 @@ fn transport(name: &str) -> Result<Middleware, String> {
 ///
 /// # Errors
 /// [`Usage`] when the request cannot be followed, else whatever the middleware, a file or the machine refuses.
-pub fn run(args: RunArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub fn run(
+    args: RunArgs,
+    ros: RosArguments,
+    rosout: RosoutSlot,
+    out: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
     let stop = Stop::default();
     interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
     let json = args.json;
-    let summaries = live(request(args, ros)?, &stop).map_err(|error: LiveError| {
+    let summaries = live(request(args, ros)?, rosout, &stop).map_err(|error: LiveError| {
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     })?;
     let summaries: Vec<(String, Summary)> = summaries
