@@ -7,10 +7,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::feed;
+use super::{feed, observer::Observer};
 use crate::{
     bag::Topic,
     node::{
+        camera_info::ImageHeader,
         command::{Answer, Command, Mailbox, Reply, Settings},
         queue::{Queue, WhenFull},
         run::{self, INPUT_BOUND, RunError},
@@ -28,6 +29,9 @@ use crate::{
 /// How long a service waits for a camera to do what it is asked for.
 const PATIENCE: Duration = Duration::from_secs(1);
 
+/// Distortion models have a handful of coefficients.
+const INFO_LIMIT_BYTES: usize = 64 << 10;
+
 /// Where a camera's images come from.
 pub(super) struct Images {
     /// The middleware.
@@ -36,26 +40,32 @@ pub(super) struct Images {
     pub(super) endpoint: TopicEndpoint,
     /// Largest message accepted, bytes.
     pub(super) limit_bytes: usize,
-    /// The subscription, while the node is active.
-    subscription: Mutex<Option<Box<dyn Subscription>>>,
+    /// The topic of the camera's descriptions.
+    pub(super) info: TopicEndpoint,
+    /// Looks at what comes on both.
+    pub(super) observer: Observer,
+    /// To the images and to the descriptions, while the node is active.
+    subscriptions: Mutex<Option<[Box<dyn Subscription>; 2]>>,
 }
 
 impl Images {
     pub(super) fn new(
         transport: Arc<dyn Transport>,
-        endpoint: TopicEndpoint,
+        [endpoint, info]: [TopicEndpoint; 2],
         limit_bytes: usize,
+        observer: Observer,
     ) -> Self {
-        Self { transport, endpoint, limit_bytes, subscription: Mutex::new(None) }
+        let subscriptions = Mutex::new(None);
+        Self { transport, endpoint, limit_bytes, info, observer, subscriptions }
     }
 
     /// Publishers that reach the camera now; `None`: it does not listen.
     pub(super) fn num_publishers(&self) -> Option<usize> {
-        self.lock().as_ref().map(|subscription| subscription.num_matched())
+        self.lock().as_ref().map(|[images, _]| images.num_matched())
     }
 
-    fn lock(&self) -> MutexGuard<'_, Option<Box<dyn Subscription>>> {
-        self.subscription.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Option<[Box<dyn Subscription>; 2]>> {
+        self.subscriptions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -86,7 +96,10 @@ impl Camera {
     ) -> io::Result<(Self, Measuring)> {
         let input = Arc::new(Queue::new(INPUT_BOUND, WhenFull::DropOldest));
         let settings = Arc::new(Mailbox::default());
-        let worker = worker.with_live(Live::new(Arc::clone(&settings), now_ns, notes));
+        let observer = images.observer.clone();
+        let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
+        let live = Live::new(Arc::clone(&settings), now_ns, notes, observe);
+        let worker = worker.with_live(live);
         let taken = Arc::clone(&input);
         let thread = thread::Builder::new()
             .name(format!("camera {name}"))
@@ -96,11 +109,12 @@ impl Camera {
 
     /// Subscribes to the images.
     pub(super) fn listen(&self) -> Result<(), TransportError> {
-        let Images { transport, endpoint, limit_bytes, .. } = &*self.images;
+        let Images { transport, endpoint, limit_bytes, info, observer, .. } = &*self.images;
         let topic = Topic::new(endpoint.name.as_str(), endpoint.kind, endpoint.qos);
         let on_image = feed::on_image(Arc::clone(&self.input), Arc::new(topic));
-        let subscription = transport.subscribe(endpoint, *limit_bytes, on_image)?;
-        *self.images.lock() = Some(subscription);
+        let infos = transport.subscribe(info, INFO_LIMIT_BYTES, observer.on_info())?;
+        let images = transport.subscribe(endpoint, *limit_bytes, on_image)?;
+        *self.images.lock() = Some([images, infos]);
         Ok(())
     }
 

@@ -7,6 +7,7 @@ pub mod error;
 mod feed;
 mod publications;
 mod notes;
+mod observer;
 mod camera;
 mod setup;
 pub mod session;

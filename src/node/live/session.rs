@@ -32,8 +32,9 @@ impl Session {
         values: &Parameters,
     ) -> Result<Self, LiveError> {
         let mut session = Self { cameras: Vec::new(), threads: Vec::new() };
-        for camera in &params.cameras {
-            match context.camera(params, values, camera) {
+        let tf = context.static_tf(params.cameras.len())?;
+        for camera in params.cameras.iter().enumerate() {
+            match context.camera(params, values, camera, &tf) {
                 Ok((camera, thread)) => {
                     session.cameras.push(camera);
                     session.threads.push(thread);

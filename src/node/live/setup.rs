@@ -1,18 +1,19 @@
 //! A camera from its parameters: topics, worker and sinks.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use super::{
     camera::{Camera, Images, Measuring},
     error::LiveError,
     notes,
+    observer::{LaserPlane, Observer},
     publications::Publications,
 };
 use crate::{
     msg::{
         qos::QosProfile,
         schema::Message,
-        sensor_msgs::{CompressedImage, Image},
+        sensor_msgs::{CameraInfo, CompressedImage, Image},
     },
     node::{
         calibration_file,
@@ -23,6 +24,7 @@ use crate::{
         results::Results,
         run::INPUT_BOUND,
         sink::{Outlet, Purpose, SINK_BOUND, Takes},
+        static_tf::StaticTf,
         status::{Reporter, session_id},
         topics,
         worker::{
@@ -71,12 +73,13 @@ impl Context {
         &self,
         params: &NodeParams,
         values: &Parameters,
-        camera: &CameraParams,
+        (number, camera): (usize, &CameraParams),
+        tf: &Arc<Mutex<StaticTf>>,
     ) -> Result<(Camera, Measuring), LiveError> {
         let calibration =
             camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
         let (calibration, text) = calibration.unzip();
-        let endpoint = self.images(params, camera)?;
+        let endpoints = self.images(params, camera)?;
         let mut outputs = topics::published(&self.names, &camera.name, calibration.as_ref())?;
         for output in &mut outputs {
             output.qos = params.qos_overrides.apply(&output.name, Side::Publisher, output.qos);
@@ -84,14 +87,17 @@ impl Context {
         let description = Description {
             parameters: values.camera_yaml(&camera.name),
             parameters_sha256: values.camera_sha256(&camera.name),
-            input_topic: endpoint.name.clone(),
+            input_topic: endpoints[0].name.clone(),
             calibration: text,
             ..Description::default()
         };
         let frame_id = calibration.as_ref().map_or("", Calibration::frame_id).to_owned();
+        let plane = calibration.as_ref().map(|calibration| laser_plane(camera, calibration));
+        let observer = Observer::new(number, plane, Arc::clone(tf), Arc::clone(&self.now_ns));
         let worker = self.worker(camera, calibration, &description);
         let limit_bytes = camera.max_frame_bytes as usize + MESSAGE_MARGIN_BYTES;
-        let images = Arc::new(Images::new(Arc::clone(&self.transport), endpoint, limit_bytes));
+        let transport = Arc::clone(&self.transport);
+        let images = Arc::new(Images::new(transport, endpoints, limit_bytes, observer));
         let outlets = vec![self.publications(&outputs)?];
         let notes = self.notes(Arc::clone(&images));
         let clocks = (Arc::clone(&self.now_ns), notes);
@@ -103,20 +109,34 @@ impl Context {
         camera.scanner_within(self.transport.max_reliable_bytes(), frame_id)
     }
 
-    /// The image topic, best effort, so that it matches every publisher.
+    /// The topics of the images and of their descriptions, best effort, so that they match every publisher.
     fn images(
         &self,
         params: &NodeParams,
         camera: &CameraParams,
-    ) -> Result<TopicEndpoint, LiveError> {
+    ) -> Result<[TopicEndpoint; 2], LiveError> {
         let base = input::image_topic_of(&camera.name, &self.names)?;
-        let (name, kind) = match camera.image_transport.unwrap_or(ImageTransport::Raw) {
+        let info = match self.names.remapped(&topics::of_camera(&camera.name, "camera_info"))? {
+            Some(info) => info,
+            // As image_transport has it: beside the images.
+            None => format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent)),
+        };
+        let (images, kind) = match camera.image_transport.unwrap_or(ImageTransport::Raw) {
             ImageTransport::Raw => (base, Image::TYPE),
             ImageTransport::Compressed => (format!("{base}/compressed"), CompressedImage::TYPE),
         };
-        let qos = QosProfile::best_effort(IMAGE_DEPTH);
-        let qos = params.qos_overrides.apply(&name, Side::Subscription, qos);
-        Ok(TopicEndpoint { name, kind, qos })
+        let endpoint = |name: String, kind| {
+            let qos = QosProfile::best_effort(IMAGE_DEPTH);
+            let qos = params.qos_overrides.apply(&name, Side::Subscription, qos);
+            TopicEndpoint { name, kind, qos }
+        };
+        Ok([endpoint(images, kind), endpoint(info, CameraInfo::TYPE)])
+    }
+
+    /// The publisher of where the laser planes are.
+    pub(super) fn static_tf(&self, num_cameras: usize) -> Result<Arc<Mutex<StaticTf>>, LiveError> {
+        let tf = StaticTf::start(&*self.transport, &self.names, num_cameras)?;
+        Ok(Arc::new(Mutex::new(tf)))
     }
 
     fn worker(
@@ -161,8 +181,17 @@ impl Context {
 
     fn notes(&self, images: Arc<Images>) -> Notes {
         Arc::new(move || match images.num_publishers() {
-            Some(num) => notes::on_publishers(&*images.transport, &images.endpoint, num),
+            Some(num) => {
+                let mut told = notes::on_publishers(&*images.transport, &images.endpoint, num);
+                told.extend(images.observer.notes());
+                told
+            }
             None => Vec::new(),
         })
     }
+}
+
+fn laser_plane(camera: &CameraParams, calibration: &Calibration) -> LaserPlane {
+    let camera_from_laser = calibration.camera_from_laser(camera.scanner.stripe_direction);
+    LaserPlane { frame_id: calibration.frame_id().to_owned(), camera_from_laser }
 }

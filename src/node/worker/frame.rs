@@ -14,6 +14,7 @@ use crate::{
         std_msgs::Header,
     },
     node::{
+        camera_info::ImageHeader,
         order::{Place, StampFault, StampStep},
         publisher::{Halt, Publisher},
         results::Measured,
@@ -127,6 +128,10 @@ impl Worker {
                     StampFault::OutOfOrder => Rejection::OutOfOrder,
                 }));
             }
+        }
+        if let Some(live) = &mut self.live {
+            let (width, height) = (image.width(), image.height());
+            live.observe(&ImageHeader { stamp_ns, frame_id: &header.frame_id, width, height });
         }
         let place = self.place(message.sequence);
         let index = FrameIndex {

@@ -7,6 +7,7 @@ use std::{
 
 use super::Worker;
 use crate::node::{
+    camera_info::ImageHeader,
     command::{Answer, Command, Mailbox, Reply, ScanRequest, Settings},
     histogram::Histogram,
     publisher::{Halt, Publisher},
@@ -21,11 +22,15 @@ pub type NowNs = Arc<dyn Fn() -> i64 + Send + Sync>;
 /// What others have to say about the camera's state.
 pub type Notes = Arc<dyn Fn() -> Vec<Note> + Send + Sync>;
 
+/// Looks at every image that is measured.
+pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) + Send>;
+
 /// The live side of a worker.
 pub struct Live {
     settings: Arc<Mailbox<Settings>>,
     now_ns: NowNs,
     notes: Notes,
+    observe: Observe,
     next_tick: Instant,
     latency: Histogram,
     queue_depth: u32,
@@ -37,11 +42,15 @@ pub struct Live {
 
 impl Live {
     /// A live side that takes new settings from the mailbox.
-    pub fn new(settings: Arc<Mailbox<Settings>>, now_ns: NowNs, notes: Notes) -> Self {
+    pub fn new(settings: Arc<Mailbox<Settings>>, now_ns: NowNs,
+        notes: Notes,
+        observe: Observe,
+    ) -> Self {
         Self {
             settings,
             now_ns,
             notes,
+            observe,
             next_tick: Instant::now() + TICK,
             latency: Histogram::default(),
             queue_depth: 0,
@@ -56,6 +65,10 @@ impl Live {
 
     pub(super) fn notes(&self) -> Vec<Note> {
         (self.notes)()
+    }
+
+    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) {
+        (self.observe)(image);
     }
 
     /// From the stamp to the result. A stamp of the future, by a clock that runs ahead, tells nothing.
