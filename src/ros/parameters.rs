@@ -62,7 +62,8 @@ pub enum ParameterError {
     Conflict(String),
 }
 
-/// One value for every parameter that the node has: those of the node, then those of each camera, then overrides of QoS.
+/// One value for every parameter that the node has: those of the node, then those of each camera, then
+/// overrides of quality of service.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     declared: Vec<Declared>,
@@ -210,7 +211,7 @@ impl Parameters {
         &self.cameras
     }
 
-    /// Every parameter: the node's and each camera's in the order of their tables, then overrides of QoS by name.
+    /// Every parameter: the node's and each camera's in the order of their tables, then overrides of quality of service by name.
     pub fn iter(&self) -> impl Iterator<Item = &Declared> {
         self.declared.iter()
     }

@@ -132,8 +132,12 @@ const fn parameter(
     Parameter { name, unit, kind, is_read_only: false, text }
 }
 
-const fn flag(name: &'static str, default: bool, text: &'static str) -> Parameter {
-    parameter(name, "", Kind::Bool { default }, text)
+const ON: Kind = Kind::Bool { default: true };
+const OFF: Kind = Kind::Bool { default: false };
+
+/// `default` is [`ON`] or [`OFF`].
+const fn flag(name: &'static str, default: Kind, text: &'static str) -> Parameter {
+    parameter(name, "", default, text)
 }
 
 const fn choice(
