@@ -18,7 +18,16 @@ macro_rules! for_each_message {
             foxglove_msgs::CircleAnnotation, foxglove_msgs::PointsAnnotation, foxglove_msgs::TextAnnotation<'_>,
             foxglove_msgs::Point2, foxglove_msgs::Color, laser_profiler_msgs::FrameTrace,
             laser_profiler_msgs::Centerline<'_>, laser_profiler_msgs::Profile<'_>, laser_profiler_msgs::SliceInfo<'_>,
-            laser_profiler_msgs::StreamStatus<'_>, laser_profiler_msgs::EncoderStamped<'_>
+            laser_profiler_msgs::StreamStatus<'_>, laser_profiler_msgs::EncoderStamped<'_>,
+            laser_profiler_msgs::StartScanRequest<'_>, laser_profiler_msgs::StartScanResponse<'_>,
+            std_srvs::TriggerRequest, std_srvs::TriggerResponse<'_>, std_srvs::SetBoolRequest, std_srvs::SetBoolResponse<'_>,
+            geometry_msgs::Vector3, geometry_msgs::Quaternion, geometry_msgs::Transform, geometry_msgs::TransformStamped<'_>,
+            tf2_msgs::TFMessage<'_>, rosout::Log<'_>, lifecycle_msgs::State<'_>, lifecycle_msgs::Transition<'_>,
+            lifecycle_msgs::TransitionDescription<'_>, lifecycle_msgs::TransitionEvent<'_>,
+            lifecycle_msgs::ChangeStateRequest<'_>, lifecycle_msgs::ChangeStateResponse, lifecycle_msgs::GetStateRequest,
+            lifecycle_msgs::GetStateResponse<'_>, lifecycle_msgs::GetAvailableStatesRequest,
+            lifecycle_msgs::GetAvailableStatesResponse<'_>, lifecycle_msgs::GetAvailableTransitionsRequest,
+            lifecycle_msgs::GetAvailableTransitionsResponse<'_>
         )
     };
     (@call $function:ident $arguments:tt $($message:ty),*) => {
