@@ -15,6 +15,7 @@ pub mod topics;
 pub mod input;
 pub mod camera;
 pub mod status;
+pub mod parameter_server;
 pub mod publisher;
 pub mod results;
 pub mod worker;
