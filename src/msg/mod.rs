@@ -20,6 +20,7 @@ pub mod diagnostic_msgs;
 pub mod rosgraph_msgs;
 pub mod lifecycle_msgs;
 pub mod rosout;
+pub mod rcl_interfaces;
 pub mod foxglove_msgs;
 pub mod laser_profiler_msgs;
 pub mod convert;

@@ -27,7 +27,17 @@ macro_rules! for_each_message {
             lifecycle_msgs::ChangeStateRequest<'_>, lifecycle_msgs::ChangeStateResponse, lifecycle_msgs::GetStateRequest,
             lifecycle_msgs::GetStateResponse<'_>, lifecycle_msgs::GetAvailableStatesRequest,
             lifecycle_msgs::GetAvailableStatesResponse<'_>, lifecycle_msgs::GetAvailableTransitionsRequest,
-            lifecycle_msgs::GetAvailableTransitionsResponse<'_>
+            lifecycle_msgs::GetAvailableTransitionsResponse<'_>,
+            rcl_interfaces::ParameterValue<'_>, rcl_interfaces::Parameter<'_>,
+            rcl_interfaces::ParameterDescriptor<'_>, rcl_interfaces::FloatingPointRange,
+            rcl_interfaces::IntegerRange, rcl_interfaces::ParameterEvent<'_>,
+            rcl_interfaces::SetParametersResult<'_>, rcl_interfaces::ListParametersResult<'_>,
+            rcl_interfaces::DescribeParametersRequest<'_>, rcl_interfaces::DescribeParametersResponse<'_>,
+            rcl_interfaces::GetParametersRequest<'_>, rcl_interfaces::GetParametersResponse<'_>,
+            rcl_interfaces::GetParameterTypesRequest<'_>, rcl_interfaces::GetParameterTypesResponse<'_>,
+            rcl_interfaces::ListParametersRequest<'_>, rcl_interfaces::ListParametersResponse<'_>,
+            rcl_interfaces::SetParametersRequest<'_>, rcl_interfaces::SetParametersResponse<'_>,
+            rcl_interfaces::SetParametersAtomicallyRequest<'_>, rcl_interfaces::SetParametersAtomicallyResponse<'_>
         )
     };
     (@call $function:ident $arguments:tt $($message:ty),*) => {

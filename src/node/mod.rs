@@ -16,6 +16,7 @@ pub mod calibration_file;
 pub mod input;
 pub mod camera;
 pub mod status;
+pub mod parameter_server;
 pub mod publisher;
 pub mod results;
 pub mod worker;

@@ -11,7 +11,7 @@ use crate::msg::{
     builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs, laser_profiler_msgs,
     lifecycle_msgs,
     noise::{self, for_each_message},
-    rosgraph_msgs, rosout,
+    rcl_interfaces, rosgraph_msgs, rosout,
     schema::MessageType,
     sensor_msgs, std_msgs, std_srvs, tf2_msgs, unique_identifier_msgs,
 };

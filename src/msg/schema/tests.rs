@@ -11,7 +11,8 @@ use crate::msg::{
     builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs, laser_profiler_msgs,
     lifecycle_msgs,
     noise::{self, for_each_message},
-    rosgraph_msgs, rosout, sensor_msgs, std_msgs, std_srvs, tf2_msgs, unique_identifier_msgs,
+    rcl_interfaces, rosgraph_msgs, rosout, sensor_msgs, std_msgs, std_srvs, tf2_msgs,
+    unique_identifier_msgs,
 };
 
 mod services;
@@ -153,6 +154,14 @@ fn hashes_are_the_published_ones() {
             "e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac",
         ),
         (
+            <rcl_interfaces::ParameterEvent<'_>>::TYPE,
+            "043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204",
+        ),
+        (
+            <rcl_interfaces::ParameterDescriptor<'_>>::TYPE,
+            "52175dbfda6c51153101d33d2a9da05743f66f02d5ab2ca9ec4709b46b73d704",
+        ),
+        (
             laser_profiler_msgs::FrameTrace::TYPE,
             "8c47b55c0143779382deace35fd0635dcb126dccabc3ce94f3fe0e8ad33d605c",
         ),
@@ -175,6 +184,7 @@ fn wire(message: &MessageType, path: &str, layout: &mut Vec<String>) {
             }
             (false, _) => vec![path],
             (true, None) => vec![path + "[]"],
+            (true, Some(_)) if kind.is_upper_bound => vec![path + "[]"],
             (true, Some(length)) => (0..length).map(|i| format!("{path}[{i}]")).collect(),
         };
         for path in paths {

@@ -13,6 +13,7 @@ use crate::msg::{
         GetAvailableStatesResponse, GetAvailableTransitionsRequest,
         GetAvailableTransitionsResponse, GetStateRequest, GetStateResponse,
     },
+    rcl_interfaces,
     schema::{Message, MessageType, ServiceType},
     std_srvs::{self, SetBoolRequest, SetBoolResponse, TriggerRequest, TriggerResponse},
 };
@@ -87,6 +88,30 @@ fn every_service_hash_is_that_of_its_text() {
     check_service::<GetAvailableTransitionsRequest, GetAvailableTransitionsResponse<'_>>(
         &lifecycle_msgs::GET_AVAILABLE_TRANSITIONS,
     );
+    check_service::<
+        rcl_interfaces::DescribeParametersRequest<'_>,
+        rcl_interfaces::DescribeParametersResponse<'_>,
+    >(&rcl_interfaces::DESCRIBE_PARAMETERS);
+    check_service::<
+        rcl_interfaces::GetParametersRequest<'_>,
+        rcl_interfaces::GetParametersResponse<'_>,
+    >(&rcl_interfaces::GET_PARAMETERS);
+    check_service::<
+        rcl_interfaces::GetParameterTypesRequest<'_>,
+        rcl_interfaces::GetParameterTypesResponse<'_>,
+    >(&rcl_interfaces::GET_PARAMETER_TYPES);
+    check_service::<
+        rcl_interfaces::ListParametersRequest<'_>,
+        rcl_interfaces::ListParametersResponse<'_>,
+    >(&rcl_interfaces::LIST_PARAMETERS);
+    check_service::<
+        rcl_interfaces::SetParametersRequest<'_>,
+        rcl_interfaces::SetParametersResponse<'_>,
+    >(&rcl_interfaces::SET_PARAMETERS);
+    check_service::<
+        rcl_interfaces::SetParametersAtomicallyRequest<'_>,
+        rcl_interfaces::SetParametersAtomicallyResponse<'_>,
+    >(&rcl_interfaces::SET_PARAMETERS_ATOMICALLY);
 }
 
 #[test]
@@ -94,6 +119,30 @@ fn service_hashes_are_the_published_ones() {
     for (service, hash) in [
         (&std_srvs::TRIGGER, "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f"),
         (&std_srvs::SET_BOOL, "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a"),
+        (
+            &rcl_interfaces::DESCRIBE_PARAMETERS,
+            "845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
+        ),
+        (
+            &rcl_interfaces::GET_PARAMETERS,
+            "bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
+        ),
+        (
+            &rcl_interfaces::GET_PARAMETER_TYPES,
+            "da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
+        ),
+        (
+            &rcl_interfaces::LIST_PARAMETERS,
+            "3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
+        ),
+        (
+            &rcl_interfaces::SET_PARAMETERS,
+            "56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
+        ),
+        (
+            &rcl_interfaces::SET_PARAMETERS_ATOMICALLY,
+            "0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
+        ),
     ] {
         assert_eq!(service.hash, format!("RIHS01_{hash}"), "{}", service.name);
     }
