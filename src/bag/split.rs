@@ -42,14 +42,20 @@ pub struct SplitRecorder {
     compression: Compression,
     limits: SplitLimits,
     topics: Vec<Topic>,
-    records: Vec<MetadataRecord>,
-    attachments: Vec<Attachment>,
+    head: Head,
     /// By topic; `None` for one that is not latched or has no message yet.
     latched: Vec<Option<(Times, Arc<[u8]>)>>,
     is_latched: Vec<bool>,
     current: Option<OpenFile>,
     closed: Vec<Recorded>,
     closed_bytes: u64,
+}
+
+/// What explains a file.
+#[derive(Default)]
+struct Head {
+    record: Option<MetadataRecord>,
+    attachment: Option<Attachment>,
 }
 
 struct OpenFile {
@@ -87,8 +93,7 @@ impl SplitRecorder {
             latched: vec![None; topics.len()],
             is_latched,
             topics,
-            records: Vec::new(),
-            attachments: Vec::new(),
+            head: Head::default(),
             current: None,
             closed: Vec::new(),
             closed_bytes: 0,
@@ -113,27 +118,31 @@ impl SplitRecorder {
         self.closed_bytes + open
     }
 
-    /// Stores named text pairs, here and in every later file. An earlier record of that name stays where it was written,
-    /// and is repeated no more: of several, readers take the last.
+    /// Stores what explains the messages that follow, here and in every later file of the bag. What explained those
+    /// before stays where it was written: of several records or attachments of a name in a file, the last counts.
     ///
     /// # Errors
-    /// The name `rosbag2`; a failing disk.
-    pub fn metadata(&mut self, record: MetadataRecord) -> Result<(), RecordError> {
-        self.open()?.recorder.metadata(&record)?;
-        self.records.retain(|known| known.name != record.name);
-        self.records.push(record);
+    /// The record's name `rosbag2`; a time before the epoch; a failing disk.
+    pub fn explain(
+        &mut self,
+        record: MetadataRecord,
+        attachment: Option<Attachment>,
+    ) -> Result<(), RecordError> {
+        self.head = Head { record: Some(record), attachment };
+        let Some(open) = &mut self.current else { return Ok(()) };
+        self.head.write(&mut open.recorder)?;
+        if open.first_log_ns.is_none() {
+            open.head_bytes = open.recorder.written_bytes();
+        }
         Ok(())
     }
 
-    /// Stores a file, here and in every later file of the bag; the last of a name counts.
+    /// Stores named text pairs in the open file only.
     ///
     /// # Errors
-    /// A time before the epoch; a failing disk.
-    pub fn attach(&mut self, attachment: Attachment) -> Result<(), RecordError> {
-        self.open()?.recorder.attach(&attachment)?;
-        self.attachments.retain(|known| known.name != attachment.name);
-        self.attachments.push(attachment);
-        Ok(())
+    /// The name `rosbag2`; a failing disk.
+    pub fn metadata(&mut self, record: &MetadataRecord) -> Result<(), RecordError> {
+        self.open()?.recorder.metadata(record)
     }
 
     /// Tells of a message that was sent before the bag began: the last one of a latched topic stands in the first file
@@ -237,8 +246,7 @@ impl SplitRecorder {
             .iter()
             .map(|topic| recorder.add_topic(topic))
             .collect::<Result<Vec<_>, _>>()?;
-        self.records.iter().try_for_each(|record| recorder.metadata(record))?;
-        self.attachments.iter().try_for_each(|attachment| recorder.attach(attachment))?;
+        self.head.write(&mut recorder)?;
         recorder.flush()?;
         let written_bytes = recorder.written_bytes();
         self.current = Some(OpenFile {
@@ -267,6 +275,13 @@ impl SplitRecorder {
         open.head_bytes = open.recorder.written_bytes();
         open.pending_bytes = 0;
         Ok(())
+    }
+}
+
+impl Head {
+    fn write(&self, recorder: &mut Recorder) -> Result<(), RecordError> {
+        self.record.iter().try_for_each(|record| recorder.metadata(record))?;
+        self.attachment.iter().try_for_each(|attachment| recorder.attach(attachment))
     }
 }
 

@@ -18,6 +18,7 @@ pub mod results;
 pub mod worker;
 pub mod player;
 pub mod recording;
+pub mod live_recording;
 pub mod run;
 pub mod replay;
 

@@ -85,12 +85,7 @@ impl ResultsBag {
     fn record(&mut self, message: &Outgoing) -> Result<(), RecordError> {
         let Some(recorder) = &mut self.recorder else { return Ok(()) };
         attach(recorder, &mut self.description, message.log_time_ns)?;
-        let times = Times {
-            log_ns: message.log_time_ns,
-            publish_ns: message.publish_time_ns,
-            sequence: message.sequence,
-        };
-        recorder.write(self.ids[message.topic], times, &message.data)?;
+        recorder.write(self.ids[message.topic], message.into(), &message.data)?;
         let last_flush_ns = *self.last_flush_ns.get_or_insert(message.log_time_ns);
         if message.log_time_ns.abs_diff(last_flush_ns) >= FLUSH_PERIOD_NS {
             self.last_flush_ns = Some(message.log_time_ns);
@@ -103,6 +98,16 @@ impl ResultsBag {
         let Some(mut recorder) = self.recorder.take() else { return Ok(()) };
         attach(&mut recorder, &mut self.description, 0)?;
         recorder.finish().map(drop)
+    }
+}
+
+impl From<&Outgoing> for Times {
+    fn from(message: &Outgoing) -> Self {
+        Self {
+            log_ns: message.log_time_ns,
+            publish_ns: message.publish_time_ns,
+            sequence: message.sequence,
+        }
     }
 }
 
