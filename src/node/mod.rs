@@ -28,6 +28,7 @@ pub mod static_tf;
 pub mod camera_info;
 pub mod player;
 pub mod recording;
+pub mod live_recording;
 pub mod run;
 pub mod replay;
 pub mod live;
