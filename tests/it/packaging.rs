@@ -132,8 +132,9 @@ for path in sys.argv[1:]:
     command.args(["-c", CHECK, "packaging/laser_profiler", "msgs/laser_profiler_msgs"]);
     let ended = end(command.current_dir(ROOT));
     let version = env!("CARGO_PKG_VERSION");
-    let expected =
-        format!("laser_profiler {version} ament_cmake\nlaser_profiler_msgs {version} ament_cmake\n");
+    let expected = format!(
+        "laser_profiler {version} ament_cmake\nlaser_profiler_msgs {version} ament_cmake\n"
+    );
     assert_eq!((ended.stdout, ended.code), (expected, Some(0)), "{}", ended.stderr);
 }
 
@@ -147,9 +148,9 @@ fn workspace(place: &Path) -> io::Result<()> {
         listed.stdout.lines().filter_map(|path| path.split('/').next()).collect();
     entries.dedup();
     assert!(entries.contains(&"packaging") && entries.contains(&"msgs"), "{entries:?}");
-    entries
-        .into_iter()
-        .try_for_each(|name| std::os::unix::fs::symlink(Path::new(ROOT).join(name), clone.join(name)))
+    entries.into_iter().try_for_each(|name| {
+        std::os::unix::fs::symlink(Path::new(ROOT).join(name), clone.join(name))
+    })
 }
 
 fn colcon(python: &Path, workspace: &Path) -> Command {
