@@ -25,7 +25,8 @@ fn extract(criterion: &mut Criterion) {
     render_stripe(&scene, |column| 900.0 + 0.05 * f64::from(column), &mut samples);
     let plane =
         AnyPlane::Eight(Plane { width: 2592, height: 2048, stride: 2592, samples: &samples });
-    let params = NodeParams::new(&Parameters::default()).expect("defaults are valid").scanner;
+    let params =
+        NodeParams::new(&Parameters::default()).expect("defaults are valid").cameras[0].scanner;
     let mut extractor = Extractor::new(params.extraction, params.stripe_direction);
     let mut centerline = Centerline::default();
 

@@ -11,7 +11,7 @@ use serde_json::{Value as Json, json};
 use super::Outcome;
 use crate::ros::{
     parameters::Parameters,
-    table::{Kind, Parameter},
+    table::{Kind, Parameter, camera::CAMERA, node::NODE},
 };
 
 const HELP: &str = "\
@@ -41,15 +41,17 @@ pub fn run(args: &ParametersArgs, out: &mut dyn Write) -> anyhow::Result<Outcome
 }
 
 fn print_json(out: &mut dyn Write) -> io::Result<()> {
+    let of = |scope| move |row| json_entry(row, scope);
     let entries: Vec<_> =
-        Parameters::default().iter().map(|(entry, _)| json_entry(entry)).collect();
+        NODE.iter().map(of("node")).chain(CAMERA.iter().map(of("camera"))).collect();
     serde_json::to_writer_pretty(&mut *out, &entries)?;
     writeln!(out)
 }
 
-fn json_entry(parameter: &Parameter) -> Json {
-    let Parameter { name, unit, kind, text } = parameter;
+fn json_entry(parameter: &Parameter, scope: &str) -> Json {
+    let Parameter { name, unit, kind, is_read_only, text } = parameter;
     let own = match kind {
+        Kind::Bool { default } => json!({"type": "bool", "default": default}),
         Kind::Integer { default, min, max } => {
             json!({"type": "integer", "default": default, "min": min, "max": max})
         }
@@ -60,8 +62,13 @@ fn json_entry(parameter: &Parameter) -> Json {
             json!({"type": "string", "default": default, "choices": names})
         }
         Kind::Text { default } => json!({"type": "string", "default": default}),
+        Kind::TextList { max_items } => {
+            json!({"type": "string_array", "default": [], "max_items": max_items})
+        }
     };
-    let mut entry = json!({"name": name, "unit": unit, "description": text});
+    let mut entry = json!({
+        "name": name, "scope": scope, "read_only": is_read_only, "unit": unit, "description": text
+    });
     if let (Json::Object(entry), Json::Object(own)) = (&mut entry, own) {
         entry.extend(own);
     }
@@ -76,7 +83,8 @@ fn print_file(out: &mut dyn Write) -> io::Result<()> {
 fn parameter_file() -> String {
     let mut out = String::from("/**:\n  ros__parameters:\n");
     let mut open_group = "";
-    for (parameter, value) in Parameters::default().iter() {
+    for declared in Parameters::default().iter() {
+        let (parameter, value) = (declared.row(), declared.value());
         let (group, key) = parameter.name.rsplit_once('.').unwrap_or(("", parameter.name));
         out.push('\n');
         if group != open_group && !group.is_empty() {
@@ -87,7 +95,8 @@ fn parameter_file() -> String {
         for line in wrap(parameter.text, WIDTH - indent.len() - 2) {
             _ = writeln!(out, "{indent}# {line}");
         }
-        _ = writeln!(out, "{indent}# {}; default {value}", parameter.allowed());
+        let fixed = if parameter.is_read_only { "; only at the start" } else { "" };
+        _ = writeln!(out, "{indent}# {}; default {value}{fixed}", parameter.allowed());
         _ = writeln!(out, "{indent}{key}: {value}");
     }
     out
@@ -111,7 +120,9 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros::{arguments::RosArguments, names::NodeNames, value::Value};
+    use crate::ros::{
+        arguments::RosArguments, names::NodeNames, parameters::Declared, value::Value,
+    };
 
     #[test]
     fn the_printed_file_loads_and_gives_the_defaults() {
@@ -123,10 +134,10 @@ mod tests {
         let loaded = Parameters::load(&names, &arguments).unwrap();
         let defaults = Parameters::default();
         assert!(
-            loaded.iter().all(|(parameter, _)| loaded.is_set(parameter.name)),
+            loaded.iter().all(|declared| loaded.is_set(declared.name())),
             "each one is in the file"
         );
-        assert!(loaded.iter().map(|(_, value)| value).eq(defaults.iter().map(|(_, value)| value)));
+        assert!(loaded.iter().map(Declared::value).eq(defaults.iter().map(Declared::value)));
         let lines = std::fs::read_to_string(file.path()).unwrap();
         assert!(lines.lines().all(|line| line.len() <= 2 * WIDTH), "wrapped");
     }
@@ -137,15 +148,16 @@ mod tests {
         run(&ParametersArgs { json: true }, &mut out).unwrap();
         let entries: Vec<Json> = serde_json::from_slice(&out).unwrap();
         assert_eq!(entries.len(), Parameters::default().iter().count());
-        for (entry, (parameter, value)) in entries.iter().zip(Parameters::default().iter()) {
-            assert_eq!(entry["name"], parameter.name);
-            let default = match value {
+        for (entry, declared) in entries.iter().zip(Parameters::default().iter()) {
+            assert_eq!(entry["name"], declared.name());
+            let default = match declared.value() {
                 Value::Integer(value) => json!(value),
                 Value::Float(value) => json!(value),
                 Value::Bool(value) => json!(value),
                 Value::Text(value) => json!(value),
+                Value::TextList(value) => json!(value),
             };
-            assert_eq!(entry["default"], default, "{}", parameter.name);
+            assert_eq!(entry["default"], default, "{}", declared.name());
         }
     }
 }

@@ -52,6 +52,10 @@ pub struct ReplayArgs {
     /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
     pub params_file: Vec<PathBuf>,
+    /// Camera whose images are replayed, where the parameter `cameras` names several; needed when the recording has the images
+    /// of more than one.
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
     /// Times the speed of the recording, instead of as fast as possible.
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub rate: Option<f64>,
@@ -120,6 +124,7 @@ fn request(args: ReplayArgs, mut ros: RosArguments) -> ReplayRequest {
         rate: args.rate,
         force: args.force,
         with_images: args.with_images,
+        camera: args.camera,
         ros,
     }
 }
@@ -290,6 +295,7 @@ mod tests {
             bags: vec![bag.into()],
             output: output.into(),
             params_file: vec!["own.yaml".into()],
+            camera: None,
             rate: None,
             json: false,
             force: true,

@@ -13,7 +13,9 @@ use crate::{
     },
 };
 
-/// The name that users remap.
+use super::topics;
+
+/// The name that users remap; of a camera among several, the camera's name stands before it.
 const IMAGE_TOPIC: &str = "image_raw";
 /// The node's own images, which recordings of its results hold.
 const OWN_IMAGES: &str = "~/height_map";
@@ -27,12 +29,14 @@ pub enum InputError {
     #[error("the recording holds no images (sensor_msgs/msg/Image or CompressedImage); it has {}", list(.0))]
     NoImages(Vec<(String, String)>),
     /// The topic that was named is not there, or is no image topic.
-    #[error("the recording has no {transport} images on {name}; it has {}", list(.topics))]
+    #[error("the recording has no {transport} images on {name}{hint}; it has {}", list(.topics))]
     Missing {
         /// The topic after remapping.
         name: String,
         /// What was looked for.
         transport: &'static str,
+        /// What could be done, in brackets; empty where nothing needs to be said.
+        hint: String,
         /// Name and type of every topic.
         topics: Vec<(String, String)>,
     },
@@ -60,25 +64,41 @@ pub struct ImageTopic {
     pub transport: ImageTransport,
 }
 
-/// Chooses among the topics (name and type) of a recording: the one that a remap of `image_raw` names, else the only
-/// one that the node does not publish itself. Raw and compressed forms of one image are one; raw is taken unless
-/// `transport` says otherwise.
+/// The absolute name of the image topic of a camera.
+///
+/// # Errors
+/// A remap rule with a name that ROS does not allow.
+pub fn image_topic_of(camera: &str, names: &NodeNames) -> Result<String, NameError> {
+    names.resolve(&topics::of_camera(camera, IMAGE_TOPIC))
+}
+
+/// Chooses among the topics (name and type) of a recording: that of the named `camera`, or for the only one, whose name
+/// is empty, what a remap of `image_raw` names, else the only one that the node does not publish itself. Raw and
+/// compressed forms of one image are one; raw is taken unless `transport` says otherwise.
 ///
 /// # Errors
 /// None, several or not the named one.
 pub fn choose(
     topics: &[(String, String)],
     names: &NodeNames,
+    camera: &str,
     transport: Option<ImageTransport>,
 ) -> Result<ImageTopic, InputError> {
     let images: Vec<_> = topics.iter().filter_map(image_topic).collect();
     let wanted = |topic: &ImageTopic| transport.is_none_or(|wanted| topic.transport == wanted);
-    if let Some(base) = names.remapped(IMAGE_TOPIC)? {
+    let (named, hint) = if camera.is_empty() {
+        (names.remapped(IMAGE_TOPIC)?, String::new())
+    } else {
+        // One camera's images must not pass for another's.
+        let flag = format!(" (--ros-args -r {camera}/{IMAGE_TOPIC}:=TOPIC names another)");
+        (Some(image_topic_of(camera, names)?), flag)
+    };
+    if let Some(base) = named {
         let compressed = format!("{base}/compressed");
         let named = |name: &str| images.iter().find(|topic| topic.name == name && wanted(topic));
         return named(&base).or_else(|| named(&compressed)).cloned().ok_or_else(|| {
             let transport = transport.map_or("raw or compressed", ImageTransport::name);
-            InputError::Missing { name: base, transport, topics: topics.to_owned() }
+            InputError::Missing { name: base, transport, hint, topics: topics.to_owned() }
         });
     }
     let own = names.resolve(OWN_IMAGES)?;
@@ -89,7 +109,7 @@ pub fn choose(
     match images.as_slice() {
         [] => Err(transport.map_or(InputError::NoImages(topics.to_owned()), |transport| {
             let (name, transport) = ("any topic".to_owned(), transport.name());
-            InputError::Missing { name, transport, topics: topics.to_owned() }
+            InputError::Missing { name, transport, hint, topics: topics.to_owned() }
         })),
         [only] => Ok(only.clone()),
         _ => Err(InputError::Ambiguous(images.into_iter().map(|topic| topic.name).collect())),
@@ -145,7 +165,7 @@ mod tests {
         let names = NodeNames::new("laser_profiler", &rules).unwrap();
         let topics: Vec<_> =
             topics.iter().map(|&(name, kind)| (name.to_owned(), kind.to_owned())).collect();
-        choose(&topics, &names, transport).map(|topic| topic.name)
+        choose(&topics, &names, "", transport).map(|topic| topic.name)
     }
 
     #[test]
@@ -207,5 +227,19 @@ mod tests {
         );
         let error = chosen(&[("/j", "sensor_msgs/msg/JointState")], "", None).unwrap_err();
         assert!(!error.is_usage() && error.to_string().contains("/j"), "{error}");
+    }
+
+    #[test]
+    fn a_camera_among_several_takes_its_own_topic_only() {
+        let topics = [("/left/image_raw".to_owned(), RAW.to_owned()), ("/b".into(), RAW.into())];
+        let names = |rules: &[_]| NodeNames::new("laser_profiler", rules).unwrap();
+        let chosen = |names: &NodeNames, camera: &str| {
+            choose(&topics, names, camera, None).map(|topic| topic.name)
+        };
+        assert_eq!(chosen(&names(&[]), "left").unwrap(), "/left/image_raw");
+        let error = chosen(&names(&[]), "right").unwrap_err().to_string();
+        assert!(error.contains("-r right/image_raw:=TOPIC") && error.contains("/b ("), "{error}");
+        let rule = ros2args::RemapRule::new_global("right/image_raw".into(), "/b".into());
+        assert_eq!(chosen(&names(&[rule]), "right").unwrap(), "/b");
     }
 }

@@ -12,6 +12,7 @@ pub mod source;
 pub mod sink;
 pub mod topics;
 pub mod input;
+pub mod camera;
 pub mod status;
 pub mod publisher;
 pub mod results;

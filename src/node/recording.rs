@@ -17,7 +17,7 @@ const FLUSH_PERIOD_NS: u64 = 1_000_000_000;
 pub struct Description {
     /// The effective parameters, canonical YAML.
     pub parameters: String,
-    /// SHA-256 of that text.
+    /// SHA-256 of those of them that decide the results, as in `Centerline.method`.
     pub parameters_sha256: String,
     /// Names of the input recordings, without their directories: equal input gives equal bytes anywhere.
     pub inputs: Vec<String>,

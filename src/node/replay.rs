@@ -14,6 +14,7 @@ use crate::{
     },
     ros::{
         arguments::RosArguments,
+        camera_params::CameraParams,
         names::{NameError, NodeNames},
         node_params::{Compression, NodeParams},
         parameters::{ParameterError, Parameters},
@@ -26,6 +27,7 @@ use crate::{
 };
 
 use super::{
+    camera::{self, CameraError},
     input::{self, ImageTopic, InputError},
     player::BagPlayer,
     recording::{Description, ResultsBag},
@@ -58,6 +60,8 @@ pub struct ReplayRequest {
     pub force: bool,
     /// Whether the input images go into the results' bag too.
     pub with_images: bool,
+    /// The camera whose images are replayed, where the parameters name several.
+    pub camera: Option<String>,
     /// Names, remaps and parameters.
     pub ros: RosArguments,
 }
@@ -71,6 +75,9 @@ pub enum ReplayError {
     /// A parameter or parameter file.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
+    /// Which camera of the parameters to take.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
     /// The rate.
     #[error(transparent)]
     Rate(#[from] RateError),
@@ -138,7 +145,8 @@ pub struct Replay {
     request: ReplayRequest,
     names: NodeNames,
     values: Parameters,
-    params: NodeParams,
+    compression: Compression,
+    camera: CameraParams,
     calibration: Option<(Calibration, String)>,
     bags: Vec<BagReader>,
     image_topic: ImageTopic,
@@ -153,25 +161,19 @@ impl Replay {
         request.rate.map(Pacer::new).transpose()?;
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let mut values = Parameters::load(&names, &request.ros)?;
-        let params = NodeParams::new(&values)?;
-        let calibration = params.calibration_file.as_deref().map(load_calibration).transpose()?;
-        let options = ReadOptions {
-            record_limit_bytes: params.max_frame_bytes as usize + RECORD_MARGIN_BYTES,
-            ..ReadOptions::default()
-        };
-        let mut bags = Vec::new();
+        let NodeParams { cameras, recording, .. } = NodeParams::new(&values)?;
+        let bags = open(&request, &cameras)?;
+        let camera = camera::choose(cameras, request.camera.as_deref(), &bags, &names)?;
+        let calibration = camera.calibration_file.as_deref().map(load_calibration).transpose()?;
         let mut image_topic: Option<ImageTopic> = None;
-        for path in &request.bags {
-            let bag = BagReader::open(path, &options)?;
-            bag.notes().iter().for_each(|note| tracing::warn!("{note}"));
-            let found = choose(path, &bag, &names, &params)?;
+        for (path, bag) in request.bags.iter().zip(&bags) {
+            let found = choose(path, bag, &names, &camera)?;
             let expected = image_topic.get_or_insert_with(|| found.clone());
             if *expected != found {
                 let (expected, found) = (expected.name.clone(), found.name);
                 return Err(ReplayError::Mixed { bag: path.clone(), found, expected });
             }
             place::refuse_same(path, &request.output).map_err(ReplayError::OutputIsInput)?;
-            bags.push(bag);
         }
         // Without any recording there is nothing to choose from.
         let image_topic = image_topic.ok_or_else(|| ReplayError::Input {
@@ -180,8 +182,9 @@ impl Replay {
         })?;
         // What is recorded as effective is what was done, not the default that gave way.
         let transport = Value::Text(image_topic.transport.name().to_owned());
-        values.set("image_transport", transport, "the recording")?;
-        Ok(Self { request, names, values, params, calibration, bags, image_topic })
+        values.set(&camera.full_name("image_transport"), transport, "the recording")?;
+        let compression = recording.compression;
+        Ok(Self { request, names, values, compression, camera, calibration, bags, image_topic })
     }
 
     /// The topic that is taken.
@@ -206,13 +209,13 @@ impl Replay {
         let mut player = BagPlayer::new(messages, self.request.rate, stop.clone())?;
 
         let calibration = self.calibration.as_ref().map(|(calibration, _)| calibration);
-        let mut topics = topics::published(&self.names, calibration)?;
+        let mut topics = topics::published(&self.names, &self.camera.name, calibration)?;
         let num_topics = topics.len();
         if self.request.with_images {
             topics.extend(self.input_topic());
         }
         let options = RecordOptions {
-            compression: match self.params.compression {
+            compression: match self.compression {
                 Compression::Zstd => bag::Compression::Zstd,
                 Compression::Lz4 => bag::Compression::Lz4,
                 Compression::None => bag::Compression::None,
@@ -233,9 +236,12 @@ impl Replay {
     }
 
     fn worker(&self) -> Worker {
-        let sha256 = self.values.sha256();
+        let sha256 = self.values.camera_sha256(&self.camera.name);
         let calibration = self.calibration.as_ref().map(|(calibration, _)| calibration);
-        let results = Results::new(&self.params.scanner, calibration, &sha256);
+        let frame_id = calibration.map_or("", Calibration::frame_id);
+        // No transport is between the results and their bag.
+        let scanner = self.camera.scanner_within(None, frame_id);
+        let results = Results::new(&scanner, calibration, &sha256);
         let reporter = Reporter {
             node: self.names.fully_qualified(),
             session_id: session_id(&self.image_topic.name, &sha256),
@@ -244,10 +250,10 @@ impl Replay {
         };
         let options = WorkerOptions {
             transport: self.image_topic.transport,
-            max_frame_bytes: self.params.max_frame_bytes,
+            max_frame_bytes: self.camera.max_frame_bytes,
             sends_images: self.request.with_images,
         };
-        let pipeline = Pipeline::new(self.params.scanner, calibration.cloned());
+        let pipeline = Pipeline::new(scanner, calibration.cloned());
         Worker::new(options, pipeline, results, reporter)
     }
 
@@ -257,7 +263,7 @@ impl Replay {
         };
         Description {
             parameters: self.values.to_yaml(),
-            parameters_sha256: self.values.sha256(),
+            parameters_sha256: self.values.camera_sha256(&self.camera.name),
             inputs: self.request.bags.iter().map(name).collect(),
             input_topic: self.image_topic.name.clone(),
             calibration: self.calibration.as_ref().map(|(_, text)| text.clone()),
@@ -270,17 +276,32 @@ impl Replay {
     }
 }
 
+/// Opens the recordings for frames as large as any of the cameras may have.
+fn open(request: &ReplayRequest, cameras: &[CameraParams]) -> Result<Vec<BagReader>, ReplayError> {
+    let max_frame_bytes = cameras.iter().map(|camera| camera.max_frame_bytes).max();
+    let options = ReadOptions {
+        record_limit_bytes: max_frame_bytes.unwrap_or(0) as usize + RECORD_MARGIN_BYTES,
+        ..ReadOptions::default()
+    };
+    let open = |path: &PathBuf| {
+        let bag = BagReader::open(path, &options)?;
+        bag.notes().iter().for_each(|note| tracing::warn!("{note}"));
+        Ok(bag)
+    };
+    request.bags.iter().map(open).collect()
+}
+
 fn choose(
     path: &Path,
     bag: &BagReader,
     names: &NodeNames,
-    params: &NodeParams,
+    camera: &CameraParams,
 ) -> Result<ImageTopic, ReplayError> {
     let mut topics: Vec<_> =
         bag.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
     // One name and type may stand there twice, with different QoS.
     topics.dedup();
-    let chosen = input::choose(&topics, names, params.image_transport)
+    let chosen = input::choose(&topics, names, &camera.name, camera.image_transport)
         .map_err(|source| ReplayError::Input { bag: path.to_owned(), source })?;
     for topic in bag.topics().iter().filter(|topic| topic.name == chosen.name) {
         topic.require_cdr()?;

@@ -47,7 +47,7 @@ pub struct Results {
 }
 
 impl Results {
-    /// Results of a measurement with these values; `parameters_sha256` is the hash of the effective parameters.
+    /// Results of a measurement with these values; `parameters_sha256` is the hash of the camera's parameters.
     pub fn new(
         params: &Params,
         calibration: Option<&Calibration>,

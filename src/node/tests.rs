@@ -166,19 +166,19 @@ fn worker(setup: &Setup) -> Worker {
     for (name, value) in small {
         values.set(name, value, "a test").unwrap();
     }
-    let params = NodeParams::new(&values).unwrap();
+    let params = &NodeParams::new(&values).unwrap().cameras[0];
     let calibration = setup.calibrated.then(calibration);
     let options = WorkerOptions {
         transport: ImageTransport::Raw,
         max_frame_bytes: setup.max_frame_bytes,
         sends_images: setup.sends_images,
     };
-    let results = Results::new(&params.scanner, calibration.as_ref(), &values.sha256());
+    let results = Results::new(&params.scanner, calibration.as_ref(), &values.camera_sha256(""));
     let reporter = Reporter {
         node: "/laser_profiler".into(),
         topic: "/image_raw".into(),
         queue_capacity: 4,
-        session_id: session_id("/image_raw", &values.sha256()),
+        session_id: session_id("/image_raw", &values.camera_sha256("")),
     };
     Worker::new(options, Pipeline::new(params.scanner, calibration), results, reporter)
 }

@@ -51,18 +51,31 @@ const OUTPUTS: [(Output, &str, &MessageType, QosProfile); 9] = [
     (Output::HeightMap, "~/height_map", Image::TYPE, QosProfile::latched(1)),
 ];
 
-/// The published topics with their resolved names; without a calibration there is nothing metric.
+/// The name before remapping of something that belongs to a camera: of one among several, the camera's name stands
+/// before it (`left/image_raw`, `~/left/centerline`). A name from the root belongs to the whole node.
+pub fn of_camera(camera: &str, name: &str) -> String {
+    match (camera, name.strip_prefix("~/")) {
+        ("", _) => name.to_owned(),
+        _ if name.starts_with('/') => name.to_owned(),
+        (camera, Some(own)) => format!("~/{camera}/{own}"),
+        (camera, None) => format!("{camera}/{name}"),
+    }
+}
+
+/// The topics published for a camera, with their resolved names; without a calibration there is nothing metric. The name
+/// of a node's only camera may be empty.
 ///
 /// # Errors
 /// A remap rule that gives a topic a name that ROS does not allow.
 pub fn published(
     names: &NodeNames,
+    camera: &str,
     calibration: Option<&Calibration>,
 ) -> Result<Vec<Topic>, NameError> {
     let uncalibrated = Output::Diagnostics as usize + 1;
     let num = calibration.map_or(uncalibrated, |_| OUTPUTS.len());
     let topic = |&(_, name, kind, qos): &(Output, &str, &MessageType, QosProfile)| {
-        Ok(Topic::new(names.resolve(name)?, kind, qos))
+        Ok(Topic::new(names.resolve(&of_camera(camera, name))?, kind, qos))
     };
     OUTPUTS[..num].iter().map(topic).collect()
 }
@@ -82,11 +95,23 @@ mod tests {
     fn names_follow_the_node_and_its_remaps() {
         let rule = ros2args::RemapRule::new_global("~/points".into(), "/cloud".into());
         let names = NodeNames::new("laser_profiler", &[rule]).unwrap();
-        let topics = published(&names, Some(&crate::node::tests::calibration())).unwrap();
+        let topics = published(&names, "", Some(&crate::node::tests::calibration())).unwrap();
         let name = |output: Output| topics[output as usize].name.as_str();
         assert_eq!(name(Output::Centerline), "/laser_profiler/centerline");
         assert_eq!(name(Output::Points), "/cloud");
         assert_eq!(name(Output::Diagnostics), "/diagnostics");
-        assert_eq!(published(&names, None).unwrap().len(), 4);
+        assert_eq!(published(&names, "", None).unwrap().len(), 4);
+    }
+
+    #[test]
+    fn the_topics_of_a_camera_among_several_have_its_name() {
+        let rule = ros2args::RemapRule::new_global("~/left/points".into(), "/cloud".into());
+        let names = NodeNames::new("laser_profiler", &[rule]).unwrap();
+        let topics = published(&names, "left", Some(&crate::node::tests::calibration())).unwrap();
+        let name = |output: Output| topics[output as usize].name.as_str();
+        assert_eq!(name(Output::Centerline), "/laser_profiler/left/centerline");
+        assert_eq!(name(Output::Points), "/cloud");
+        assert_eq!(name(Output::Diagnostics), "/diagnostics");
+        assert_eq!(of_camera("left", "image_raw"), "left/image_raw");
     }
 }

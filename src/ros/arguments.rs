@@ -16,9 +16,11 @@ pub enum ArgumentError {
     /// An argument of rcl that this program would have to ignore.
     #[error("ROS argument {0} is not supported: leave it out")]
     Unsupported(&'static str),
-    /// A parameter that is not a scalar.
-    #[error("-p {0}: the value must be a single number, word or text")]
-    NotScalar(String),
+    /// A parameter that is no scalar and no list of texts.
+    #[error(
+        "-p {0}: the value must be a single number, word or text, or a list of texts in brackets"
+    )]
+    Value(String),
 }
 
 /// One `-p [node:]name:=value`.
@@ -78,7 +80,11 @@ fn assignment(parsed: &ros2args::ParamAssignment) -> Result<Assignment, Argument
     } else if let Some(value) = parsed.as_str() {
         Value::Text(value.to_owned())
     } else {
-        return Err(ArgumentError::NotScalar(parsed.name.clone()));
+        let elements = parsed.as_vec().map(|elements| elements.iter());
+        let texts = elements.and_then(|elements| {
+            elements.map(|element| element.as_str().map(str::to_owned)).collect()
+        });
+        Value::TextList(texts.ok_or_else(|| ArgumentError::Value(parsed.name.clone()))?)
     };
     Ok(Assignment { node: parsed.node_name.clone(), name: parsed.name.clone(), value })
 }
@@ -112,7 +118,7 @@ mod tests {
     #[test]
     fn values_keep_their_yaml_type() {
         let (ros, _) =
-            split(&line("--ros-args -p a:=35 -p b:=35.0 -p c:=auto -p d:=true -p e:='35'"))
+            split(&line("--ros-args -p a:=35 -p b:=35.0 -p c:=auto -p d:=true -p e:='35' -p f:=[left,'1'] -p g:=[]"))
                 .unwrap();
         let values: Vec<_> =
             ros.assignments.into_iter().map(|assignment| assignment.value).collect();
@@ -122,6 +128,8 @@ mod tests {
             Value::Text("auto".into()),
             Value::Bool(true),
             Value::Text("35".into()),
+            Value::TextList(vec!["left".into(), "1".into()]),
+            Value::TextList(Vec::new()),
         ];
         assert_eq!(values, expected);
     }

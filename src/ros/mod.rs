@@ -6,7 +6,9 @@ pub mod arguments;
 pub mod value;
 pub mod table;
 pub mod parameter_file;
+pub mod qos_overrides;
 pub mod parameters;
+pub mod camera_params;
 pub mod node_params;
 pub mod transport;
 #[cfg(test)]

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use crate::scanner::params::{
-    Channel, ExtractionParams, Method, MotionParams, MotionSource, Params, PeakSelection,
-    RegionOfInterest, StripeDirection, Window, named_enum,
-};
+use crate::scanner::params::named_enum;
 
-use super::parameters::{ParameterError, Parameters};
+use super::{
+    camera_params::CameraParams,
+    parameters::{ParameterError, Parameters, Section},
+    qos_overrides::QosOverrides,
+};
 
 named_enum! {
     /// How images arrive.
@@ -31,19 +32,58 @@ named_enum! {
     }
 }
 
+named_enum! {
+    /// How requests and responses of services are told apart on DDS.
+    ServiceMapping {
+        /// As the environment's RMW does.
+        Auto = "auto",
+        /// As Fast DDS does.
+        Enhanced = "enhanced",
+        /// As Cyclone DDS does.
+        Cyclone = "cyclone",
+    }
+}
+
 /// Everything that the node can be told.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeParams {
-    /// How images arrive; `None` when nobody set it, and the default may give way to what a recording holds.
-    pub image_transport: Option<ImageTransport>,
-    /// Largest decoded image accepted, bytes.
-    pub max_frame_bytes: u64,
-    /// The calibration; `None`: centrelines only.
-    pub calibration_file: Option<PathBuf>,
+    /// Whether the node configures and activates itself.
+    pub autostart: bool,
+    /// Whether the time is that of `/clock`.
+    pub use_sim_time: bool,
+    /// How services are spoken on DDS.
+    pub service_mapping: ServiceMapping,
+    /// How the live node records.
+    pub recording: RecordingParams,
+    /// Changes to the quality of service of topics.
+    pub qos_overrides: QosOverrides,
+    /// The cameras, at least one.
+    pub cameras: Vec<CameraParams>,
+}
+
+/// How results, and images if wanted, are recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordingParams {
+    /// Whether to record as long as the node is active.
+    pub enabled: bool,
+    /// Where bags are made.
+    pub directory: PathBuf,
+    /// Whether raw images are recorded too.
+    pub images: bool,
     /// Compression of the results.
     pub compression: Compression,
-    /// The measurement.
-    pub scanner: Params,
+    /// Size at which the next file begins, bytes; 0: never.
+    pub split_bytes: u64,
+    /// Duration after which the next file begins, seconds; 0: never.
+    pub split_seconds: u64,
+    /// Space left free on the disk, bytes.
+    pub min_free_bytes: u64,
+    /// Memory for messages that wait for the disk, bytes.
+    pub queue_bytes: u64,
+    /// How much of the past is kept for a snapshot, seconds; 0: nothing.
+    pub snapshot_seconds: u64,
+    /// Memory for that past, bytes.
+    pub snapshot_bytes: u64,
 }
 
 impl NodeParams {
@@ -52,86 +92,47 @@ impl NodeParams {
     /// # Errors
     /// Values that contradict one another.
     pub fn new(values: &Parameters) -> Result<Self, ParameterError> {
-        let side = |name| values.integer(name).map(|value| value as u32);
-        let transport = values.choice("image_transport", ImageTransport::from_name)?;
-        let params = Self {
-            image_transport: values.is_set("image_transport").then_some(transport),
-            max_frame_bytes: values.integer("max_frame_bytes")? as u64,
-            calibration_file: values.path("calibration_file")?,
-            compression: values.choice("recording.compression", Compression::from_name)?,
-            scanner: Params {
-                channel: values.choice("channel", Channel::from_name)?,
-                stripe_direction: values.choice("stripe_direction", StripeDirection::from_name)?,
-                full_scale: side("full_scale")?,
-                roi: RegionOfInterest {
-                    x_offset: side("roi.x_offset")?,
-                    y_offset: side("roi.y_offset")?,
-                    width: side("roi.width")?,
-                    height: side("roi.height")?,
-                },
-                extraction: extraction(values)?,
-                motion: MotionParams {
-                    source: values.choice("motion.source", MotionSource::from_name)?,
-                    step_m: values.float("motion.step")?,
-                    velocity_m_s: values.float("motion.velocity")?,
-                },
-                slice_profiles: side("slice.profiles")?,
-                scan_max_profiles: side("scan.max_profiles")?,
-            },
-        };
-        params.check()?;
-        Ok(params)
-    }
-
-    fn check(&self) -> Result<(), ParameterError> {
-        let MotionParams { source, step_m, velocity_m_s } = self.scanner.motion;
-        let conflict = |text: String| Err(ParameterError::Conflict(text));
-        if source == MotionSource::Constant && step_m == 0.0 && velocity_m_s == 0.0 {
-            return conflict(
-                "motion.source is constant, but motion.step and motion.velocity are both 0.0: set one of them"
-                    .to_owned(),
-            );
-        }
-        if step_m != 0.0 && velocity_m_s != 0.0 {
-            return conflict(format!(
-                "motion.step is {step_m} m/frame and motion.velocity is {velocity_m_s} m/s: set only one of them"
-            ));
-        }
-        let (slice, scan) = (self.scanner.slice_profiles, self.scanner.scan_max_profiles);
-        if slice > scan {
-            return conflict(format!(
-                "slice.profiles is {slice}, but a scan ends at scan.max_profiles {scan}: a slice may not be larger"
-            ));
-        }
-        Ok(())
+        let node = values.of_node();
+        let camera = |name: &String| CameraParams::new(name, values.of_camera(name));
+        Ok(Self {
+            autostart: node.flag("autostart")?,
+            use_sim_time: node.flag("use_sim_time")?,
+            service_mapping: node.choice("dds.service_mapping", ServiceMapping::from_name)?,
+            recording: RecordingParams::new(node)?,
+            qos_overrides: QosOverrides::new(
+                values.iter().map(|declared| (declared.name(), declared.value())),
+            ),
+            cameras: values.cameras().iter().map(camera).collect::<Result<_, _>>()?,
+        })
     }
 }
 
-fn extraction(values: &Parameters) -> Result<ExtractionParams, ParameterError> {
-    Ok(ExtractionParams {
-        method: values.choice("extraction.method", Method::from_name)?,
-        window: values.choice("extraction.window", Window::from_name)?,
-        blur_radius: values.integer("extraction.blur_radius")? as u32,
-        segment_threshold: values.float("extraction.segment_threshold")?,
-        min_segment_area: values.integer("extraction.min_segment_area")? as u32,
-        width_threshold: values.float("extraction.width_threshold")?,
-        peak_selection: values.choice("extraction.peak_selection", PeakSelection::from_name)?,
-        read_noise: values.float("extraction.read_noise")?,
-        shot_gain: values.float("extraction.shot_gain")?,
-    })
+impl RecordingParams {
+    fn new(node: Section<'_>) -> Result<Self, ParameterError> {
+        Ok(Self {
+            enabled: node.flag("recording.enabled")?,
+            directory: node.path("recording.directory")?,
+            images: node.flag("recording.images")?,
+            compression: node.choice("recording.compression", Compression::from_name)?,
+            split_bytes: node.unsigned("recording.split_bytes")?,
+            split_seconds: node.unsigned("recording.split_seconds")?,
+            min_free_bytes: node.unsigned("recording.min_free_bytes")?,
+            queue_bytes: node.unsigned("recording.queue_bytes")?,
+            snapshot_seconds: node.unsigned("recording.snapshot_seconds")?,
+            snapshot_bytes: node.unsigned("recording.snapshot_bytes")?,
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros::{
-        table::{Kind, TABLE},
-        value::Value,
-    };
+    use crate::ros::{table::Kind, value::Value};
 
     /// Some value other than the default, in range.
     fn other(kind: &Kind) -> Value {
         match *kind {
+            Kind::Bool { default } => Value::Bool(!default),
             Kind::Integer { default, min, .. } => {
                 Value::Integer(if default == min { default + 1 } else { default - 1 })
             }
@@ -140,18 +141,19 @@ mod tests {
                 Value::Text(names.iter().find(|name| **name != default).unwrap().to_string())
             }
             Kind::Text { .. } => Value::Text("file.yaml".to_owned()),
+            Kind::TextList { .. } => Value::TextList(vec!["left".to_owned()]),
         }
     }
 
     #[test]
     fn every_parameter_of_the_table_reaches_its_type() {
         let default = NodeParams::new(&Parameters::default()).unwrap();
-        for parameter in TABLE {
+        for parameter in Parameters::default().iter() {
             let mut values = Parameters::default();
-            values.set(parameter.name, other(&parameter.kind), "a test").unwrap();
+            values.set(parameter.name(), other(&parameter.row().kind), "a test").unwrap();
             match NodeParams::new(&values) {
-                Ok(changed) => assert_ne!(changed, default, "{}", parameter.name),
-                Err(error) => assert!(error.to_string().contains(parameter.name), "{error}"),
+                Ok(changed) => assert_ne!(changed, default, "{}", parameter.name()),
+                Err(error) => assert!(error.to_string().contains(parameter.name()), "{error}"),
             }
         }
     }

@@ -153,11 +153,24 @@ fn flatten(
         match value {
             Yaml::Mapping(inner) => flatten(inner, &name, take)?,
             Yaml::Scalar(value) => take(name, value.clone()),
-            Yaml::Sequence => return Err(format!("{name}: a list, but no parameter takes one")),
+            Yaml::Sequence(elements) => {
+                let texts = texts(elements).ok_or_else(|| {
+                    format!("{name}: a list, but parameters take no others than lists of texts")
+                })?;
+                take(name, Value::TextList(texts));
+            }
             Yaml::Null => return Err(format!("{name}: has no value")),
         }
     }
     Ok(())
+}
+
+fn texts(elements: &[Yaml]) -> Option<Vec<String>> {
+    let text = |element: &Yaml| match element {
+        Yaml::Scalar(Value::Text(text)) => Some(text.clone()),
+        _ => None,
+    };
+    elements.iter().map(text).collect()
 }
 
 #[cfg(test)]
@@ -197,7 +210,7 @@ mod tests {
 
     #[test]
     fn types_survive() {
-        let text = "n: {ros__parameters: {a: 1, b: 1.0, c: 1e-3, d: true, e: '1', f: auto, g: .nan, h: -7, i: ''}}";
+        let text = "n: {ros__parameters: {a: 1, b: 1.0, c: 1e-3, d: true, e: '1', f: auto, g: .nan, h: -7, i: '', j: [a, '1'], k: []}}";
         let values: Vec<_> =
             parse(text, "/n").unwrap().settings.into_iter().map(|setting| setting.value).collect();
         assert!(matches!(values[6], Value::Float(value) if value.is_nan()), "{:?}", values[6]);
@@ -212,7 +225,9 @@ mod tests {
                 text("1"),
                 text("auto"),
                 Value::Integer(-7),
-                text("")
+                text(""),
+                Value::TextList(vec!["a".into(), "1".into()]),
+                Value::TextList(Vec::new()),
             ]
         );
     }
@@ -225,6 +240,7 @@ mod tests {
             ("n: 3", "must hold ros__parameters"),
             ("n: {ros__parameters: 3}", "must be a mapping"),
             ("n: {ros__parameters: {a: [1, 2]}}", "a: a list"),
+            ("n: {ros__parameters: {a: [left, [right]]}}", "a: a list"),
             ("n: {ros__parameters: {a: }}", "a: has no value"),
             ("- 1", "must be a mapping"),
             ("n: {ros__parameters: {a: 1, a: 2}}", "a"),

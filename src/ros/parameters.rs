@@ -1,20 +1,33 @@
 //! The values in force: defaults < parameter files in order < `-p`, each checked against the table.
 
+mod declared;
+mod hint;
+
 use std::{
     fmt::Write,
     path::{Path, PathBuf},
 };
 
+use ros2args::names;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::{
     arguments::RosArguments,
     names::NodeNames,
-    parameter_file::{self, FileError},
-    table::{Kind, Parameter, TABLE},
+    parameter_file::{self, FileError, Setting},
+    qos_overrides,
+    table::{
+        camera::CAMERA,
+        node::{CAMERAS, NODE},
+    },
     value::Value,
 };
+pub use declared::Declared;
+pub(super) use declared::Section;
+
+/// Longest name of a camera, bytes.
+const MAX_CAMERA_NAME_BYTES: usize = 64;
 
 /// Why parameters are refused.
 #[derive(Debug, Error)]
@@ -36,7 +49,7 @@ pub enum ParameterError {
     #[error("{origin}: {name} is {value}, but must be {allowed}")]
     Value {
         /// The parameter.
-        name: &'static str,
+        name: String,
         /// What was given.
         value: String,
         /// What would be right.
@@ -49,30 +62,20 @@ pub enum ParameterError {
     Conflict(String),
 }
 
-#[derive(Clone, Debug, PartialEq)]
-struct Entry {
-    value: Value,
-    /// Which file or option set it; `None`: the default.
-    origin: Option<String>,
-    /// Where relative paths start; empty: the working directory.
-    base: PathBuf,
-}
-
-/// One value for every parameter of the table.
+/// One value for every parameter that the node has: those of the node, then those of each camera, then overrides of QoS.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
-    entries: Vec<Entry>,
+    declared: Vec<Declared>,
+    /// Names of the cameras; one camera without a name is called by the empty text.
+    cameras: Vec<String>,
 }
 
-/// The defaults of the table.
+/// The defaults of the table, for one camera without a name.
 impl Default for Parameters {
     fn default() -> Self {
-        let entry = |parameter: &Parameter| Entry {
-            value: parameter.default_value(),
-            origin: None,
-            base: PathBuf::new(),
-        };
-        Self { entries: TABLE.iter().map(entry).collect() }
+        let rows = NODE.iter().chain(CAMERA);
+        let declared = rows.map(|row| Declared::new(row.name.to_owned(), row)).collect();
+        Self { declared, cameras: vec![String::new()] }
     }
 }
 
@@ -100,11 +103,12 @@ impl Parameters {
         }
         // Stable: the order of files stays within each half.
         settings.sort_by_key(|(_, setting)| setting.is_exact);
-        for (path, setting) in settings {
+        let in_file = |(path, setting): (&PathBuf, Setting)| {
             let base = path.parent().unwrap_or(Path::new("")).to_owned();
             let origin = format!("parameter file {}", path.display());
-            values.put(&setting.name, setting.value, (origin, base))?;
-        }
+            (setting.name, setting.value, (origin, base))
+        };
+        let mut settings: Vec<_> = settings.into_iter().map(in_file).collect();
 
         let of_node = |node_name: &Option<String>| node_name.as_deref() == Some(node.name());
         let mut assignments: Vec<_> = arguments
@@ -113,13 +117,20 @@ impl Parameters {
             .filter(|assignment| assignment.node.is_none() || of_node(&assignment.node))
             .collect();
         assignments.sort_by_key(|assignment| assignment.node.is_some());
-        for assignment in assignments {
-            values.set(&assignment.name, assignment.value.clone(), "-p")?;
+        settings.extend(assignments.into_iter().map(|assignment| {
+            let origin = ("-p".to_owned(), PathBuf::new());
+            (assignment.name.clone(), assignment.value.clone(), origin)
+        }));
+        // Which others there are follows from the cameras.
+        settings.sort_by_key(|(name, ..)| name != CAMERAS);
+        for (name, value, origin) in settings {
+            values.put(&name, value, origin)?;
         }
         Ok(values)
     }
 
-    /// Sets one value; `origin` says who set it, for messages.
+    /// Sets one value; `origin` says who set it, for messages. Setting `cameras` declares the parameters of each; those of
+    /// cameras that are no longer there are forgotten.
     ///
     /// # Errors
     /// An undeclared name, another type, a value out of range.
@@ -133,165 +144,155 @@ impl Parameters {
         value: Value,
         (origin, base): (String, PathBuf),
     ) -> Result<(), ParameterError> {
-        let Some(index) = TABLE.iter().position(|parameter| parameter.name == name) else {
-            return Err(ParameterError::Unknown {
-                name: name.to_owned(),
-                origin,
-                hint: hint(name),
-            });
+        let found = self.declared.iter().position(|declared| declared.name == name);
+        let row = match found {
+            Some(index) => self.declared[index].row,
+            None if name.starts_with(qos_overrides::PREFIX) => {
+                qos_overrides::row(name).map_err(|hint| unknown(name, &origin, hint))?
+            }
+            None => return Err(unknown(name, &origin, self.hint(name))),
         };
-        if let Err(allowed) = TABLE[index].check(&value) {
+        let mut checked = row.check(&value);
+        if let (true, Ok(()), Value::TextList(names)) = (name == CAMERAS, &checked, &value) {
+            checked = self.declare_cameras(names);
+        }
+        if let Err(allowed) = checked {
             let value = match &value {
                 Value::Text(text) => format!("{text:?}"),
                 other => other.to_string(),
             };
-            return Err(ParameterError::Value { name: TABLE[index].name, value, allowed, origin });
+            return Err(ParameterError::Value { name: name.to_owned(), value, allowed, origin });
         }
-        self.entries[index] = Entry { value, origin: Some(origin), base };
+        let declared =
+            Declared { value, origin: Some(origin), base, ..Declared::new(name.to_owned(), row) };
+        match found {
+            Some(index) => self.declared[index] = declared,
+            None => self.insert_override(declared),
+        }
         Ok(())
+    }
+
+    /// Overrides stand last, by name.
+    fn insert_override(&mut self, declared: Declared) {
+        let first = NODE.len() + self.cameras.len() * CAMERA.len();
+        let place = self.declared[first..].partition_point(|other| other.name < declared.name);
+        self.declared.insert(first + place, declared);
+    }
+
+    /// Replaces the parameters of the cameras; those of a camera that stays keep their values.
+    fn declare_cameras(&mut self, names: &[String]) -> Result<(), String> {
+        check_cameras(names)?;
+        let unnamed = [String::new()];
+        let names = if names.is_empty() { &unnamed } else { names };
+        let first = NODE.len();
+        let end = first + self.cameras.len() * CAMERA.len();
+        let before: Vec<_> = self.declared[first..end].to_vec();
+        let full_name = |camera: &String, row: &str| match camera.as_str() {
+            "" => row.to_owned(),
+            camera => format!("{camera}.{row}"),
+        };
+        let of_camera = |camera| CAMERA.iter().map(move |row| (full_name(camera, row.name), row));
+        let after: Vec<_> = names
+            .iter()
+            .flat_map(of_camera)
+            .map(|(name, row)| {
+                let kept = before.iter().find(|declared| declared.name == name);
+                kept.cloned().unwrap_or_else(|| Declared::new(name, row))
+            })
+            .collect();
+        self.declared.splice(first..end, after);
+        self.cameras = names.to_vec();
+        Ok(())
+    }
+
+    /// Names of the cameras, at least one; a single camera without a name is called by the empty text.
+    pub fn cameras(&self) -> &[String] {
+        &self.cameras
+    }
+
+    /// Every parameter: the node's and each camera's in the order of their tables, then overrides of QoS by name.
+    pub fn iter(&self) -> impl Iterator<Item = &Declared> {
+        self.declared.iter()
+    }
+
+    /// The parameter of that full name.
+    pub fn get(&self, name: &str) -> Option<&Declared> {
+        self.declared.iter().find(|declared| declared.name == name)
     }
 
     /// Whether a file or option set this parameter.
     pub fn is_set(&self, name: &str) -> bool {
-        self.entry(name).is_ok_and(|entry| entry.origin.is_some())
+        self.get(name).is_some_and(|declared| declared.origin.is_some())
     }
 
-    /// Name and value of every parameter, in the order of the table.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static Parameter, &Value)> {
-        TABLE.iter().zip(&self.entries).map(|(parameter, entry)| (parameter, &entry.value))
-    }
-
-    /// The canonical text: a parameter file in the order of the table. Of paths only the file's name, so that the same
-    /// settings give the same text on every machine.
+    /// The canonical text: a parameter file in the order of [`iter`](Self::iter). Of paths only the file's name, so that
+    /// the same settings give the same text on every machine.
     pub fn to_yaml(&self) -> String {
-        let mut out = String::from("/**:\n  ros__parameters:\n");
-        for (parameter, value) in self.iter() {
-            let value = match (parameter.kind, value) {
-                (Kind::Text { .. }, Value::Text(path)) => {
-                    let name = Path::new(path).file_name().unwrap_or_default();
-                    Value::Text(name.to_string_lossy().into_owned())
-                }
-                _ => value.clone(),
-            };
-            // Writing to a string cannot fail.
-            _ = writeln!(out, "    {}: {value}", parameter.name);
-        }
-        out
+        to_yaml(self.iter().map(|declared| (declared.name(), declared)))
     }
 
-    /// SHA-256 of [`to_yaml`](Self::to_yaml), 64 hexadecimal digits.
-    pub fn sha256(&self) -> String {
-        let digest = Sha256::digest(self.to_yaml().as_bytes());
+    /// The canonical text of what decides the results of one camera: its parameters by the names that a camera without
+    /// a name has. So neither its name nor how results are recorded changes it.
+    pub fn camera_yaml(&self, camera: &str) -> String {
+        let Section(declared) = self.of_camera(camera);
+        to_yaml(declared.iter().map(|declared| (declared.row.name, declared)))
+    }
+
+    /// SHA-256 of [`camera_yaml`](Self::camera_yaml), 64 hexadecimal digits.
+    pub fn camera_sha256(&self, camera: &str) -> String {
+        let digest = Sha256::digest(self.camera_yaml(camera).as_bytes());
         digest.iter().fold(String::with_capacity(64), |mut out, byte| {
             _ = write!(out, "{byte:02x}");
             out
         })
     }
 
-    fn entry(&self, name: &str) -> Result<&Entry, ParameterError> {
-        let index = TABLE.iter().position(|parameter| parameter.name == name);
-        index.and_then(|index| self.entries.get(index)).ok_or_else(|| ParameterError::Unknown {
-            name: name.to_owned(),
-            origin: "the program".to_owned(),
-            hint: hint(name),
-        })
+    /// The values of the node.
+    pub(super) fn of_node(&self) -> Section<'_> {
+        Section(&self.declared[..NODE.len()])
     }
 
-    pub(super) fn integer(&self, name: &str) -> Result<i64, ParameterError> {
-        match self.entry(name)?.value {
-            Value::Integer(value) => Ok(value),
-            _ => Err(mistyped(name, "an integer")),
-        }
-    }
-
-    pub(super) fn float(&self, name: &str) -> Result<f64, ParameterError> {
-        match self.entry(name)?.value {
-            Value::Float(value) => Ok(value),
-            _ => Err(mistyped(name, "a float")),
-        }
-    }
-
-    pub(super) fn choice<T>(
-        &self,
-        name: &str,
-        from_name: impl Fn(&str) -> Option<T>,
-    ) -> Result<T, ParameterError> {
-        match &self.entry(name)?.value {
-            Value::Text(text) => from_name(text).ok_or_else(|| mistyped(name, "a choice")),
-            _ => Err(mistyped(name, "a choice")),
-        }
-    }
-
-    /// A path, resolved against the file that sets it; `None` when empty.
-    pub(super) fn path(&self, name: &str) -> Result<Option<PathBuf>, ParameterError> {
-        match self.entry(name)? {
-            Entry { value: Value::Text(text), base, .. } => {
-                Ok((!text.is_empty()).then(|| base.join(text)))
-            }
-            _ => Err(mistyped(name, "a path")),
-        }
+    /// The values of a camera; none for a camera that is not there.
+    pub(super) fn of_camera(&self, camera: &str) -> Section<'_> {
+        let index = self.cameras.iter().position(|name| name == camera);
+        Section(index.map_or(&[], |index| {
+            &self.declared[NODE.len() + index * CAMERA.len()..][..CAMERA.len()]
+        }))
     }
 }
 
-/// The table and the code that reads it disagree: a programming error, reported instead of a panic.
-fn mistyped(name: &str, kind: &str) -> ParameterError {
-    ParameterError::Conflict(format!("{name} is read as {kind}, but is not declared so"))
+fn to_yaml<'a>(values: impl Iterator<Item = (&'a str, &'a Declared)>) -> String {
+    let mut out = String::from("/**:\n  ros__parameters:\n");
+    for (name, declared) in values {
+        // Writing to a string cannot fail.
+        _ = writeln!(out, "    {name}: {}", declared.canonical());
+    }
+    out
 }
 
-impl Parameter {
-    /// The default as a value.
-    pub fn default_value(&self) -> Value {
-        match self.kind {
-            Kind::Integer { default, .. } => Value::Integer(default),
-            Kind::Float { default, .. } => Value::Float(default),
-            Kind::Choice { default, .. } | Kind::Text { default } => {
-                Value::Text(default.to_owned())
-            }
-        }
-    }
-
-    /// What values are allowed, in words.
-    pub fn allowed(&self) -> String {
-        let unit = if self.unit.is_empty() { String::new() } else { format!(" [{}]", self.unit) };
-        match self.kind {
-            Kind::Integer { min, max, .. } => format!("an integer from {min} to {max}{unit}"),
-            Kind::Float { min, max, .. } => format!("a float from {min:?} to {max:?}{unit}"),
-            Kind::Choice { names, .. } => format!("one of {}", names.join(", ")),
-            Kind::Text { .. } => "a text".to_owned(),
-        }
-    }
-
-    /// Whether the value is allowed; otherwise what would be.
-    fn check(&self, value: &Value) -> Result<(), String> {
-        let is_allowed = match (self.kind, value) {
-            (Kind::Integer { min, max, .. }, Value::Integer(value)) => (min..=max).contains(value),
-            // NaN is in no range.
-            (Kind::Float { min, max, .. }, Value::Float(value)) => (min..=max).contains(value),
-            (Kind::Choice { names, .. }, Value::Text(value)) => names.contains(&value.as_str()),
-            (Kind::Text { .. }, Value::Text(_)) => true,
-            // Strict as ROS is, but with a way out.
-            (Kind::Float { .. }, Value::Integer(value)) => {
-                return Err(format!("{}: write {value}.0", self.allowed()));
-            }
-            (_, other) => return Err(format!("{}, not {}", self.allowed(), other.kind())),
-        };
-        if is_allowed { Ok(()) } else { Err(self.allowed()) }
-    }
+fn unknown(name: &str, origin: &str, hint: String) -> ParameterError {
+    ParameterError::Unknown { name: name.to_owned(), origin: origin.to_owned(), hint }
 }
 
-/// Parameters whose last word is the same or begins alike; else where to find them all.
-fn hint(name: &str) -> String {
-    let last = |name: &str| name.rsplit('.').next().unwrap_or_default().to_owned();
-    let similar = TABLE.iter().find(|parameter| {
-        let (given, declared) = (last(name), last(parameter.name));
-        !given.is_empty() && (declared.starts_with(&given) || given.starts_with(&declared))
-    });
-    similar.map_or_else(
-        || "`laser_profiler parameters` lists them".to_owned(),
-        |parameter| {
-            format!("did you mean {}? `laser_profiler parameters` lists them", parameter.name)
-        },
-    )
+/// Whether cameras may be called so: each name becomes part of the names of topics and parameters.
+fn check_cameras(names: &[String]) -> Result<(), String> {
+    let is_taken = |name: &str| {
+        NODE.iter().any(|row| row.name.split('.').next() == Some(name))
+            || qos_overrides::PREFIX.strip_suffix('.') == Some(name)
+    };
+    let is_good = |(index, name): (usize, &String)| {
+        name.len() <= MAX_CAMERA_NAME_BYTES
+            && names::validate_node_name(name).is_ok()
+            && !is_taken(name)
+            && !names[..index].contains(name)
+    };
+    if names.iter().enumerate().all(is_good) {
+        return Ok(());
+    }
+    Err(format!(
+        "a list of different names of letters, digits and _, at most {MAX_CAMERA_NAME_BYTES} long, not beginning with a digit \
+         and not like a parameter of the node; empty for one camera without a name"
+    ))
 }
 
 #[cfg(test)]

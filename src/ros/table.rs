@@ -1,17 +1,21 @@
-//! Every parameter of the node, declared once: name, unit, type, range, default and what it does.
+//! How parameters are declared: name, unit, type, range, default and what they do.
 //!
-//! Defaults and ranges stand here and nowhere else; [`node_params`](super::node_params) turns the values into types.
+//! Defaults and ranges stand in the two tables here and nowhere else; [`node_params`](super::node_params) and
+//! [`camera_params`](super::camera_params) turn the values into types.
 
-use crate::scanner::{
-    image::MAX_SIDE_PX,
-    params::{Channel, Method, MotionSource, PeakSelection, StripeDirection, Window},
-};
+pub mod node;
+pub mod camera;
 
-use super::node_params::{Compression, ImageTransport};
+use super::value::Value;
 
 /// Type, range and default of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
+    /// Yes or no.
+    Bool {
+        /// Value when nothing else is said.
+        default: bool,
+    },
     /// A whole number.
     Integer {
         /// Value when nothing else is said.
@@ -42,19 +46,94 @@ pub enum Kind {
         /// Text when nothing else is said.
         default: &'static str,
     },
+    /// A list of texts, empty when nothing else is said.
+    TextList {
+        /// Most texts allowed.
+        max_items: usize,
+    },
 }
 
 /// A declared parameter.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// Full name, levels joined by dots.
+    /// Name, levels joined by dots; without the name of a camera.
     pub name: &'static str,
     /// Unit of the value; empty for words and counts without one.
     pub unit: &'static str,
     /// Type, range and default.
     pub kind: Kind,
+    /// Whether it stands fast once the node runs.
+    pub is_read_only: bool,
     /// What it does, what it costs, when to change it, a good value.
     pub text: &'static str,
+}
+
+impl Parameter {
+    /// The default as a value.
+    pub fn default_value(&self) -> Value {
+        match self.kind {
+            Kind::Bool { default } => Value::Bool(default),
+            Kind::Integer { default, .. } => Value::Integer(default),
+            Kind::Float { default, .. } => Value::Float(default),
+            Kind::Choice { default, .. } | Kind::Text { default } => {
+                Value::Text(default.to_owned())
+            }
+            Kind::TextList { .. } => Value::TextList(Vec::new()),
+        }
+    }
+
+    /// What values are allowed, in words.
+    pub fn allowed(&self) -> String {
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" [{}]", self.unit) };
+        match self.kind {
+            Kind::Bool { .. } => "true or false".to_owned(),
+            Kind::Integer { min, max, .. } => format!("an integer from {min} to {max}{unit}"),
+            Kind::Float { min, max, .. } => format!("a float from {min:?} to {max:?}{unit}"),
+            Kind::Choice { names, .. } => format!("one of {}", names.join(", ")),
+            Kind::Text { .. } => "a text".to_owned(),
+            Kind::TextList { max_items } => format!("a list of at most {max_items} texts"),
+        }
+    }
+
+    /// Whether the value is allowed.
+    ///
+    /// # Errors
+    /// What would be allowed, in words.
+    pub fn check(&self, value: &Value) -> Result<(), String> {
+        let is_allowed = match (self.kind, value) {
+            (Kind::Integer { min, max, .. }, Value::Integer(value)) => (min..=max).contains(value),
+            // NaN is in no range.
+            (Kind::Float { min, max, .. }, Value::Float(value)) => (min..=max).contains(value),
+            (Kind::Choice { names, .. }, Value::Text(value)) => names.contains(&value.as_str()),
+            (Kind::Bool { .. }, Value::Bool(_)) | (Kind::Text { .. }, Value::Text(_)) => true,
+            (Kind::TextList { max_items }, Value::TextList(texts)) => texts.len() <= max_items,
+            // Strict as ROS is, but with a way out.
+            (Kind::Float { .. }, Value::Integer(value)) => {
+                return Err(format!("{}: write {value}.0", self.allowed()));
+            }
+            (_, other) => return Err(format!("{}, not {}", self.allowed(), other.kind())),
+        };
+        if is_allowed { Ok(()) } else { Err(self.allowed()) }
+    }
+
+    const fn read_only(self) -> Self {
+        Self { is_read_only: true, ..self }
+    }
+}
+
+const MIB: i64 = 1 << 20;
+
+const fn parameter(
+    name: &'static str,
+    unit: &'static str,
+    kind: Kind,
+    text: &'static str,
+) -> Parameter {
+    Parameter { name, unit, kind, is_read_only: false, text }
+}
+
+const fn flag(name: &'static str, default: bool, text: &'static str) -> Parameter {
+    parameter(name, "", Kind::Bool { default }, text)
 }
 
 const fn choice(
@@ -63,7 +142,7 @@ const fn choice(
     names: &'static [&'static str],
     text: &'static str,
 ) -> Parameter {
-    Parameter { name, unit: "", kind: Kind::Choice { default, names }, text }
+    parameter(name, "", Kind::Choice { default, names }, text)
 }
 
 const fn integer(
@@ -72,7 +151,7 @@ const fn integer(
     (default, min, max): (i64, i64, i64),
     text: &'static str,
 ) -> Parameter {
-    Parameter { name, unit, kind: Kind::Integer { default, min, max }, text }
+    parameter(name, unit, Kind::Integer { default, min, max }, text)
 }
 
 const fn float(
@@ -81,81 +160,13 @@ const fn float(
     (default, min, max): (f64, f64, f64),
     text: &'static str,
 ) -> Parameter {
-    Parameter { name, unit, kind: Kind::Float { default, min, max }, text }
+    parameter(name, unit, Kind::Float { default, min, max }, text)
 }
 
-const MIB: i64 = 1 << 20;
-const MAX_SIDE: i64 = MAX_SIDE_PX as i64;
+const fn text(name: &'static str, default: &'static str, text: &'static str) -> Parameter {
+    parameter(name, "", Kind::Text { default }, text)
+}
 
-/// All parameters, in the order in which a parameter file shows them. Numbers in brackets: (default, smallest, largest).
-#[rustfmt::skip]
-pub const TABLE: &[Parameter] = &[
-    choice("image_transport", "raw", ImageTransport::NAMES,
-        "Which image topic is taken: image_raw itself, or image_raw/compressed. When this is not set, replay takes \
-         what the recording holds. Lossy compression (JPEG) moves the centreline by some hundredths of a pixel."),
-    integer("max_frame_bytes", "bytes", (64 * MIB, MIB, 1024 * MIB),
-        "Largest image that is accepted, decoded; a larger one is rejected as malformed. Bounds the memory against \
-         damaged or hostile input. Raise it only for cameras with larger frames."),
-    choice("channel", "auto", Channel::NAMES,
-        "Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing. auto: grey images as they are, \
-         the largest of the three colours otherwise. gray: luma, BT.601. The laser's own colour has the best contrast in ambient light."),
-    choice("stripe_direction", "horizontal", StripeDirection::NAMES,
-        "Which way the stripe runs through the image. horizontal: one point a column; vertical: one point a row."),
-    integer("full_scale", "grey levels of the image", (0, 0, 65_535),
-        "Level at which a sample counts as saturated. 0: by encoding, 255 or 65535. Set 4095 for 12 bits in mono16, \
-         or thresholds and saturation are wrong."),
-    integer("roi.x_offset", "px", (0, 0, MAX_SIDE),
-        "First searched column. A region without reflections is both safer and faster."),
-    integer("roi.y_offset", "px", (0, 0, MAX_SIDE),
-        "First searched row."),
-    integer("roi.width", "px", (0, 0, MAX_SIDE),
-        "Searched columns; 0 reaches to the right border."),
-    integer("roi.height", "px", (0, 0, MAX_SIDE),
-        "Searched rows; 0 reaches to the lower border. Time grows with width x height."),
-    choice("extraction.method", "improved_gravity", Method::NAMES,
-        "Estimator of the stripe's centre in a cross-section. improved_gravity: centroid in a window about a fitted \
-         maximum, the best of the three. gaussian_fit suits narrow, unsaturated stripes; gray_gravity is the plain \
-         centroid, which background pulls aside."),
-    choice("extraction.window", "fractional", Window::NAMES,
-        "Window of improved_gravity. fractional: unbiased. rounded: as printed in the paper, locks to whole pixels; \
-         only to compare with it."),
-    integer("extraction.blur_radius", "px", (3, 0, 15),
-        "Radius r of the Gaussian blur, kernel 2r + 1; 0 is off. Suppresses speckle and noise; a stripe narrower than \
-         r is smeared. Time grows with r."),
-    float("extraction.segment_threshold", "grey levels of an 8-bit scale", (35.0, 0.0, 255.0),
-        "Blurred grey above which a pixel may belong to the stripe; deeper images are scaled to 8 bits. Fixed, as in \
-         the paper: above the ambient light, below the stripe's weakest part. Too low lets the background in."),
-    integer("extraction.min_segment_area", "px", (500, 0, 10_000_000),
-        "Connected regions of this area or less are no stripe. Removes speckle and small reflections; lower it for \
-         short stripes and small images."),
-    float("extraction.width_threshold", "grey levels of an 8-bit scale", (50.0, 0.0, 255.0),
-        "Blurred grey above which a sample counts towards the width D of the stripe, whose two thirds are the window \
-         of improved_gravity."),
-    choice("extraction.peak_selection", "brightest", PeakSelection::NAMES,
-        "Which of several candidates in a cross-section is the stripe. brightest suits most scenes; first or last \
-         when a reflection always lies on the other side."),
-    float("extraction.read_noise", "grey levels of an 8-bit scale", (2.0, 0.0, 100.0),
-        "Standard deviation of the camera's noise in the dark. Only for the stated uncertainty (sigma); measure it \
-         with the lens covered."),
-    float("extraction.shot_gain", "grey levels of an 8-bit scale", (0.01, 0.0, 10.0),
-        "Variance of the shot noise per grey level: 255 / full-well electrons. Only for the stated uncertainty."),
-    Parameter { name: "calibration_file", unit: "", kind: Kind::Text { default: "" },
-        text: "Calibration of camera and laser plane. Empty: centrelines only, no metric profile. A relative path \
-         starts from the parameter file that sets it, or from the working directory when set by -p." },
-    choice("motion.source", "none", MotionSource::NAMES,
-        "Where a profile's position along the scan comes from. none: every profile at 0. constant: motion.step or \
-         motion.velocity."),
-    float("motion.step", "m/frame", (0.0, -1.0, 1.0),
-        "Distance between two frames, lost ones included; for triggered cameras. Negative moves against the scan axis."),
-    float("motion.velocity", "m/s", (0.0, -100.0, 100.0),
-        "Speed of the part; times the difference of stamps. For free-running cameras with good stamps."),
-    integer("slice.profiles", "profiles", (100, 1, 10_000),
-        "Profiles in one published slice of the point cloud. Fewer: less delay and smaller messages; 100 is a slice \
-         of some megabytes. A slice also ends before it has 2^26 points, 1 GiB."),
-    integer("scan.max_profiles", "profiles", (5_000, 1, 1_000_000),
-        "Profiles in a scan; the next one begins a new scan with its own height map. Bounds the memory: four bytes a \
-         point of every profile. A scan also ends before it has 2^28 points, 1 GiB of heights."),
-    choice("recording.compression", "zstd", Compression::NAMES,
-        "Compression of the results' recording. zstd: level 1, some threefold; lz4: cheaper, larger; none: for the \
-         fastest disk."),
-];
+const fn text_list(name: &'static str, max_items: usize, text: &'static str) -> Parameter {
+    parameter(name, "", Kind::TextList { max_items }, text)
+}

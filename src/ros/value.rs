@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-/// One scalar.
+/// One value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// `true` or `false`.
@@ -13,8 +13,10 @@ pub enum Value {
     Integer(i64),
     /// A number with a point or an exponent.
     Float(f64),
-    /// Anything else.
+    /// Any other scalar.
     Text(String),
+    /// Texts in their order.
+    TextList(Vec<String>),
 }
 
 impl Value {
@@ -25,6 +27,7 @@ impl Value {
             Self::Integer(_) => "an integer",
             Self::Float(_) => "a float",
             Self::Text(_) => "a text",
+            Self::TextList(_) => "a list",
         }
     }
 }
@@ -39,11 +42,24 @@ impl fmt::Display for Value {
             Self::Float(value) if value.is_finite() => write!(out, "{value:?}"),
             Self::Float(value) if value.is_nan() => write!(out, ".nan"),
             Self::Float(value) => write!(out, "{}.inf", if *value < 0.0 { "-" } else { "" }),
-            Self::Text(value) if is_plain(value) => write!(out, "{value}"),
-            // A JSON string is a YAML string.
-            Self::Text(value) => write!(out, "{}", serde_json::Value::from(value.as_str())),
+            Self::Text(value) => write_text(value, out),
+            Self::TextList(values) => {
+                for (index, value) in values.iter().enumerate() {
+                    out.write_str(if index == 0 { "[" } else { ", " })?;
+                    write_text(value, out)?;
+                }
+                out.write_str(if values.is_empty() { "[]" } else { "]" })
+            }
         }
     }
+}
+
+fn write_text(text: &str, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+    if is_plain(text) {
+        return out.write_str(text);
+    }
+    // A JSON string is a YAML string.
+    write!(out, "{}", serde_json::Value::from(text))
 }
 
 /// Words that YAML cannot take for anything but text.
@@ -58,7 +74,7 @@ fn is_plain(text: &str) -> bool {
 pub(super) enum Yaml {
     Null,
     Scalar(Value),
-    Sequence,
+    Sequence(Vec<Self>),
     Mapping(Vec<(String, Self)>),
 }
 
@@ -111,8 +127,11 @@ impl<'de> Visitor<'de> for YamlVisitor {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<Yaml, A::Error> {
-        while elements.next_element::<Yaml>()?.is_some() {}
-        Ok(Yaml::Sequence)
+        let mut sequence = Vec::new();
+        while let Some(element) = elements.next_element()? {
+            sequence.push(element);
+        }
+        Ok(Yaml::Sequence(sequence))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Yaml, A::Error> {

@@ -3,7 +3,7 @@
 //! Names, units, ranges, defaults and descriptions of the ROS parameters stand in one table,
 //! [`ros::parameters`](crate::ros); these are the values after that table has checked them.
 
-use super::{image::PixelFormat, pipeline::FrameError};
+use super::{image::PixelFormat, pipeline::FrameError, scan::ScanLimits};
 
 /// Declares an enum whose variants are known to users by name.
 macro_rules! named_enum {
@@ -168,11 +168,22 @@ pub struct Params {
     pub motion: MotionParams,
     /// Profiles a slice.
     pub slice_profiles: u32,
+    /// Points of a slice at most, missing ones included; a slice of one profile may have more.
+    pub slice_max_points: usize,
     /// Profiles a scan: at so many it ends with its height map and the next begins. Bounds the memory.
     pub scan_max_profiles: u32,
 }
 
 impl Params {
+    /// Where slices and scans end.
+    pub const fn scan_limits(&self) -> ScanLimits {
+        ScanLimits {
+            slice_profiles: self.slice_profiles,
+            slice_points: self.slice_max_points,
+            scan_profiles: self.scan_max_profiles,
+        }
+    }
+
     /// Level at which samples of that format are saturated.
     ///
     /// # Errors

@@ -38,7 +38,7 @@ impl Pipeline {
             centerline: Centerline::default(),
             profile: Profile::default(),
             motion: Motion::new(params.motion),
-            scan: Scan::new(params.slice_profiles, params.scan_max_profiles, seed),
+            scan: Scan::new(params.scan_limits(), seed),
             params,
             calibration,
         }

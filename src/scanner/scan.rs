@@ -110,14 +110,24 @@ pub struct Placed<'a> {
 /// last one. Two slices and two height maps take turns and are kept: after two scans of a length nothing is allocated.
 #[derive(Debug)]
 pub struct Scan {
-    slice_profiles: u32,
-    max_profiles: u32,
+    limits: ScanLimits,
     /// Makes scan ids of different calibrations differ.
     seed: String,
     open: Slice,
     closed: Slice,
     growing: HeightMap,
     finished: HeightMap,
+}
+
+/// Where slices and scans end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ScanLimits {
+    /// Profiles a slice.
+    pub slice_profiles: u32,
+    /// Points a slice, missing ones included; a slice of one profile may have more.
+    pub slice_points: usize,
+    /// Profiles a scan.
+    pub scan_profiles: u32,
 }
 
 /// What a push or the end completed.
@@ -130,13 +140,11 @@ pub struct Completed<'a> {
 }
 
 impl Scan {
-    /// An empty scan of slices of `slice_profiles` profiles, which ends at `max_profiles`; both end earlier where the
-    /// profiles are so long that [`MAX_SLICE_POINTS`] or [`MAX_SCAN_POINTS`] would be passed. `seed` tells scans of
-    /// different calibrations apart.
-    pub fn new(slice_profiles: u32, max_profiles: u32, seed: String) -> Self {
+    /// An empty scan, whose slices and itself end at these limits, and earlier where the profiles are so long that
+    /// [`MAX_SLICE_POINTS`] or [`MAX_SCAN_POINTS`] would be passed. `seed` tells scans of different calibrations apart.
+    pub fn new(limits: ScanLimits, seed: String) -> Self {
         Self {
-            slice_profiles,
-            max_profiles,
+            limits,
             seed,
             open: Slice::default(),
             closed: Slice::default(),
@@ -181,12 +189,13 @@ impl Scan {
 
     /// Profiles of that length at which a scan ends, at least 1.
     fn scan_limit(&self, width: u32) -> u32 {
-        limit(self.max_profiles, MAX_SCAN_POINTS, width)
+        limit(self.limits.scan_profiles, MAX_SCAN_POINTS, width)
     }
 
     /// Profiles of that length at which a slice is full, at least 1.
     fn slice_limit(&self, width: u32) -> u32 {
-        limit(self.slice_profiles.min(self.max_profiles), MAX_SLICE_POINTS, width)
+        let ScanLimits { slice_profiles, slice_points, scan_profiles } = self.limits;
+        limit(slice_profiles.min(scan_profiles), slice_points.min(MAX_SLICE_POINTS), width)
     }
 
     fn begin(&mut self, width: u32, placed: &Placed<'_>) {

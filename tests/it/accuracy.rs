@@ -18,7 +18,7 @@ use laser_profiler::{
 
 /// The defaults, which are the paper's values with the fractional window.
 fn paper() -> ExtractionParams {
-    NodeParams::new(&Parameters::default()).unwrap().scanner.extraction
+    NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner.extraction
 }
 
 /// 2592 columns over which the stripe passes every sub-pixel phase many times.
@@ -291,7 +291,7 @@ fn a_gap_starts_another_stripe() {
 /// A region of interest changes which columns are searched, not where the stripe is; the profile has one entry for each.
 #[test]
 fn a_region_of_interest_keeps_the_images_pixels() {
-    let scanner = NodeParams::new(&Parameters::default()).unwrap().scanner;
+    let scanner = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner;
     let roi = RegionOfInterest { x_offset: 70, y_offset: 20, width: 66, height: 65 };
     let calibration = Calibration::from_yaml(
         "{type: vertical_incidence, frame_id: laser_plane, image_distance_m: 0.026, object_distance_m: 0.3,

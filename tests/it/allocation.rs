@@ -17,7 +17,7 @@ const RIG: &str = "{type: vertical_incidence, frame_id: laser_plane, image_dista
 #[test]
 fn frames_slices_and_scans_allocate_nothing() {
     for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
-        let scanner = NodeParams::new(&Parameters::default()).unwrap().scanner;
+        let scanner = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner;
         let params = Params {
             stripe_direction: direction,
             slice_profiles: 4,

@@ -7,7 +7,8 @@ use std::{
 
 use laser_profiler::{
     ros::{
-        arguments::RosArguments, names::NodeNames, node_params::NodeParams, parameters::Parameters,
+        arguments::RosArguments, camera_params::CameraParams, names::NodeNames,
+        node_params::NodeParams, parameters::Parameters,
     },
     scanner::{
         calibration::Calibration,
@@ -29,13 +30,14 @@ fn files_ending(end: &str) -> Vec<PathBuf> {
     files
 }
 
-fn load(path: &Path) -> NodeParams {
+fn load(path: &Path) -> Vec<CameraParams> {
     let arguments =
         RosArguments { parameter_files: vec![path.to_owned()], ..RosArguments::default() };
     let values = Parameters::load(&NodeNames::new("laser_profiler", &[]).unwrap(), &arguments)
         .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     assert_ne!(values, Parameters::default(), "{} sets nothing", path.display());
-    NodeParams::new(&values).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    let params = NodeParams::new(&values);
+    params.unwrap_or_else(|error| panic!("{}: {error}", path.display())).cameras
 }
 
 #[test]
@@ -49,8 +51,7 @@ fn every_parameter_file_is_taken() {
         .collect();
     assert!(files.len() >= 3, "{files:?}");
     for path in &files {
-        let params = load(path);
-        if let Some(calibration) = params.calibration_file {
+        for calibration in load(path).into_iter().filter_map(|camera| camera.calibration_file) {
             assert!(calibration.is_file(), "{}: {}", path.display(), calibration.display());
         }
     }
@@ -68,7 +69,7 @@ fn every_calibration_is_valid() {
 
 #[test]
 fn they_fit_the_cameras_that_they_name() {
-    let cell = load(&directory().join("cell.yaml"));
+    let cell = load(&directory().join("cell.yaml")).remove(0);
     let searched = window(cell.scanner.roi, 2592, 2048).unwrap();
     let yaml = fs::read_to_string(cell.calibration_file.unwrap()).unwrap();
     let Calibration::VerticalIncidence(rig) = Calibration::from_yaml(&yaml).unwrap();
@@ -78,7 +79,7 @@ fn they_fit_the_cameras_that_they_name() {
         let rows = searched.y as f64..(searched.y + searched.height) as f64;
         assert!(rows.contains(&row_px), "{z_m} m is seen in row {row_px}");
     }
-    let turntable = load(&directory().join("turntable.yaml")).scanner;
+    let turntable = load(&directory().join("turntable.yaml")).remove(0).scanner;
     assert!(window(turntable.roi, 640, 480).is_ok());
     assert_eq!(
         (turntable.stripe_direction, turntable.channel),

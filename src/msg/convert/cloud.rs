@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use crate::{
     msg::{
         builtin_interfaces::Time,
+        cdr,
         sensor_msgs::{Image, PointCloud2, PointField},
         std_msgs::Header,
     },
@@ -57,6 +58,16 @@ fn cloud<'a>(frame_id: &'a str, stamp_ns: i64, width: u32, points: &'a [Point]) 
         row_step: width.saturating_mul(POINT_BYTES),
         data: bytemuck::cast_slice(points),
         ..PointCloud2::default()
+    }
+}
+
+/// How many points a cloud may have, so that its message in the frame `frame_id` has no more than `max_bytes`.
+pub fn points_within(max_bytes: usize, frame_id: &str) -> usize {
+    let mut empty = Vec::new();
+    // An empty cloud with a name has bytes, or nothing fits.
+    match cdr::encode(&cloud(frame_id, 0, 0, &[]), &mut empty) {
+        Ok(()) => max_bytes.saturating_sub(empty.len()) / size_of::<Point>(),
+        Err(_) => 0,
     }
 }
 
@@ -120,6 +131,24 @@ mod tests {
         let empty = Slice { points: vec![NAN; 6], ..slice };
         let cloud = dense("scan", &empty, &mut buffer);
         assert_eq!((cloud.height, cloud.width, cloud.data.len()), (1, 0, 0));
+    }
+
+    #[test]
+    fn the_points_that_fit_are_known_before() {
+        let mut bytes = Vec::new();
+        let mut size = |frame_id, num_points| {
+            let points = vec![NAN; num_points];
+            let slice = Slice { width: num_points as u32, height: 1, points, ..Slice::default() };
+            cdr::encode(&organised(frame_id, &slice), &mut bytes).unwrap();
+            bytes.len()
+        };
+        for frame_id in ["", "a", "laser_plane"] {
+            for max_bytes in [1000, 1007, 1013, 98_304] {
+                let fits = points_within(max_bytes, frame_id);
+                assert!(size(frame_id, fits) <= max_bytes && size(frame_id, fits + 1) > max_bytes);
+            }
+            assert_eq!(points_within(10, frame_id), 0);
+        }
     }
 
     #[test]

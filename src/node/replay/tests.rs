@@ -207,3 +207,42 @@ fn an_existing_output_stays_without_force() {
     replay(ReplayRequest { force: true, ..request(vec![bag], &output) }).unwrap();
     assert!(fs::read(&file).unwrap() == before, "the same again");
 }
+
+#[test]
+fn of_several_cameras_one_is_replayed_under_its_name() {
+    let place = tempfile::tempdir().unwrap();
+    let both = recording(&place.path().join("both"), &["/left/image_raw", "/right/image_raw"]);
+    let right = recording(&place.path().join("right"), &["/right/image_raw", "/other"]);
+    let output = place.path().join("results");
+    let request = |bag: &PathBuf, camera: Option<&str>| {
+        let mut request = request(vec![bag.clone()], &output);
+        request.camera = camera.map(str::to_owned);
+        request.force = true;
+        for camera in ["left", "right"] {
+            let mut area = request.ros.assignments[0].clone();
+            area.name = format!("{camera}.{}", area.name);
+            request.ros.assignments.push(area);
+        }
+        let cameras = Value::TextList(vec!["left".into(), "right".into()]);
+        request.ros.assignments[0] = Assignment { node: None, name: "cameras".into(), value: cameras };
+        request
+    };
+    for (bag, camera, taken) in [(&both, Some("left"), "left"), (&right, None, "right")] {
+        let replay = Replay::prepare(request(bag, camera)).unwrap();
+        assert_eq!(replay.image_topic().name, format!("/{taken}/image_raw"));
+        let parameters = replay.description().parameters;
+        assert!(parameters.contains(&format!("    {taken}.image_transport: raw\n")));
+        replay.run(&Stop::default(), &mut |_| {}).unwrap();
+        let results = messages(&output);
+        assert_eq!(results[&format!("/laser_profiler/{taken}/centerline")].len(), 5);
+        assert!(results.contains_key("/diagnostics"));
+    }
+    for (bag, camera, words) in [
+        (&both, None, "--camera NAME: the cameras are left, right"),
+        (&both, Some("top"), "no camera is called \"top\"; the cameras are left, right"),
+        (&right, Some("left"), "no raw or compressed images on /left/image_raw"),
+    ] {
+        let error = replay(request(bag, camera)).unwrap_err();
+        assert!(error.is_usage() && error.to_string().contains(words), "{error}");
+    }
+}

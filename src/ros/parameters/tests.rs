@@ -20,7 +20,8 @@ fn load(files: &[(&str, &str)], line: &str) -> Result<Parameters, String> {
 fn threshold(files: &[&str], line: &str) -> f64 {
     let names = ["a.yaml", "b.yaml"];
     let files: Vec<_> = names.into_iter().zip(files.iter().copied()).collect();
-    load(&files, line).unwrap().float("extraction.segment_threshold").unwrap()
+    let values = load(&files, line).unwrap();
+    NodeParams::new(&values).unwrap().cameras[0].scanner.extraction.segment_threshold
 }
 
 fn section(node: &str, value: &str) -> String {
@@ -96,8 +97,8 @@ fn a_path_starts_from_the_file_that_sets_it() {
     let node = NodeNames::new("laser_profiler", &[]).unwrap();
     let mut arguments = RosArguments { parameter_files: vec![file], ..Default::default() };
     let values = Parameters::load(&node, &arguments).unwrap();
-    let path = NodeParams::new(&values).unwrap().calibration_file;
-    assert_eq!(path, Some(directory.path().join("rig/calibration.yaml")));
+    let path = &NodeParams::new(&values).unwrap().cameras[0].calibration_file;
+    assert_eq!(*path, Some(directory.path().join("rig/calibration.yaml")));
     assert!(!values.to_yaml().contains(directory.path().to_str().unwrap()));
 
     arguments.assignments.push(arguments::Assignment {
@@ -106,35 +107,117 @@ fn a_path_starts_from_the_file_that_sets_it() {
         value: Value::Text("other.yaml".into()),
     });
     let values = Parameters::load(&node, &arguments).unwrap();
-    assert_eq!(NodeParams::new(&values).unwrap().calibration_file, Some("other.yaml".into()));
+    let path = &NodeParams::new(&values).unwrap().cameras[0].calibration_file;
+    assert_eq!(*path, Some("other.yaml".into()));
+}
+
+fn values(parameters: &Parameters) -> Vec<(&str, &Value)> {
+    parameters.iter().map(|declared| (declared.name(), declared.value())).collect()
 }
 
 #[test]
-fn the_canonical_text_reads_back_and_its_hash_follows_every_value() {
-    let mut values = Parameters::default();
-    values.set("extraction.shot_gain", Value::Float(1e-6), "a test").unwrap();
-    values.set("motion.step", Value::Float(0.1), "a test").unwrap();
-    let text = values.to_yaml();
+fn the_canonical_text_reads_back() {
+    let mut written = Parameters::default();
+    written.set("cameras", names(&["left", "right"]), "a test").unwrap();
+    let settings = [
+        ("left.extraction.shot_gain", Value::Float(1e-6)),
+        ("right.motion.step", Value::Float(0.1)),
+        ("recording.enabled", Value::Bool(true)),
+        ("qos_overrides./left/image_raw.subscription.depth", Value::Integer(1)),
+        ("qos_overrides./a.publisher.reliability", Value::Text("best_effort".into())),
+    ];
+    for (name, value) in settings {
+        written.set(name, value, "a test").unwrap();
+    }
+    let text = written.to_yaml();
     let again = load(&[("p.yaml", &text)], "").unwrap();
-    assert!(
-        values.iter().map(|(_, value)| value).eq(again.iter().map(|(_, value)| value)),
-        "{text}"
-    );
-    assert_eq!(values.sha256(), again.sha256());
-    assert_ne!(values.sha256(), Parameters::default().sha256());
-    assert_eq!(values.sha256().len(), 64);
+    assert_eq!(values(&written), values(&again), "{text}");
+    assert!(text.contains("\n    recording.directory: \".\"\n"), "{text}");
 }
 
 #[test]
-fn the_table_is_sound() {
-    for (index, parameter) in TABLE.iter().enumerate() {
+fn the_hash_follows_what_decides_a_cameras_results_and_nothing_else() {
+    let hash = |line: &str, camera: &str| load(&[], line).unwrap().camera_sha256(camera);
+    let of_defaults = hash("", "");
+    assert_eq!(of_defaults.len(), 64);
+    let beside = "-p recording.enabled:=true -p qos_overrides./a.publisher.depth:=1";
+    assert_eq!(hash(beside, ""), of_defaults);
+    assert_eq!(hash("-p cameras:=[left,right]", "right"), of_defaults, "nor does its name");
+    assert_ne!(hash("-p motion.step:=0.1", ""), of_defaults);
+    let left = "-p cameras:=[left,right] -p left.motion.step:=0.1";
+    assert_eq!(hash(left, "left"), hash("-p motion.step:=0.1", ""));
+    assert_eq!(hash(left, "right"), of_defaults);
+}
+
+fn names(cameras: &[&str]) -> Value {
+    Value::TextList(cameras.iter().map(|&name| name.to_owned()).collect())
+}
+
+#[test]
+fn each_of_several_cameras_has_its_own_parameters() {
+    let file = "/**: {ros__parameters: {left: {slice: {profiles: 7}}, cameras: [left, right]}}";
+    let line = "-p right.image_transport:=compressed -p recording.split_seconds:=60";
+    let values = load(&[("two.yaml", file)], line).unwrap();
+    assert_eq!(values.cameras(), ["left", "right"]);
+    let params = NodeParams::new(&values).unwrap();
+    assert_eq!(params.recording.split_seconds, 60);
+    let [left, right] = params.cameras.as_slice() else { panic!("{params:?}") };
+    assert_eq!((&*left.name, left.scanner.slice_profiles, left.image_transport), ("left", 7, None));
+    assert_eq!((&*right.name, right.scanner.slice_profiles), ("right", 100));
+    assert!(right.image_transport.is_some());
+
+    let unnamed = load(&[], "-p cameras:=[]").unwrap();
+    assert_eq!(unnamed.cameras(), [""]);
+    assert!(unnamed.get("slice.profiles").is_some());
+}
+
+#[test]
+fn a_camera_that_stays_keeps_its_values() {
+    let mut values = load(&[], "-p cameras:=[left,right] -p right.slice.profiles:=7").unwrap();
+    values.set("cameras", names(&["top", "right"]), "a test").unwrap();
+    let get = |name| values.get(name).map(Declared::value);
+    assert_eq!(get("right.slice.profiles"), Some(&Value::Integer(7)));
+    assert_eq!(get("top.slice.profiles"), Some(&Value::Integer(100)));
+    assert_eq!(get("left.slice.profiles"), None);
+}
+
+#[test]
+fn what_belongs_to_no_camera_is_refused_with_the_way_out() {
+    let cases = [
+        ("-p cameras:=[left,right] -p slice.profiles:=7", "as in left.slice.profiles"),
+        (
+            "-p cameras:=[left,right] -p top.slice.profiles:=7",
+            "[left, right], none is called \"top\"",
+        ),
+        ("-p left.slice.profiles:=7", "write slice.profiles"),
+        ("-p cameras:=[left,left]", "different names"),
+        ("-p cameras:=[9]", "texts"),
+        ("-p cameras:=['9']", "a digit"),
+        ("-p cameras:=['']", "empty for one camera"),
+        ("-p cameras:=[recording]", "a parameter of the node"),
+        ("-p cameras:=[qos_overrides]", "a parameter of the node"),
+        ("-p cameras:=left", "a list of at most 16 texts, not a text"),
+        ("-p qos_overrides./a.publisher.reliability:=always", "one of reliable, best_effort"),
+        ("-p qos_overrides./a.publisher.depth:=0", "from 1 to"),
+        ("-p qos_overrides./a.publisher.color:=0", "a policy of reliability, durability"),
+    ];
+    for (line, words) in cases {
+        let error = load(&[], line).unwrap_err();
+        assert!(error.contains(words), "{line}: {error}");
+    }
+    let many: Vec<_> = (0..17).map(|number| format!("c{number}")).collect();
+    let line = format!("-p cameras:=[{}]", many.join(","));
+    assert!(load(&[], &line).unwrap_err().contains("at most 16"));
+}
+
+#[test]
+fn the_tables_are_sound() {
+    let all = Parameters::default();
+    for (index, parameter) in all.iter().map(Declared::row).enumerate() {
         assert!(parameter.check(&parameter.default_value()).is_ok(), "{}", parameter.name);
-        assert!(
-            TABLE[..index].iter().all(|earlier| earlier.name != parameter.name),
-            "{}",
-            parameter.name
-        );
+        let mut earlier = all.iter().take(index);
+        assert!(earlier.all(|earlier| earlier.name() != parameter.name), "{}", parameter.name);
         assert!(parameter.text.ends_with('.'), "{}", parameter.name);
     }
-    assert!(NodeParams::new(&Parameters::default()).is_ok());
+    assert!(NodeParams::new(&all).is_ok());
 }

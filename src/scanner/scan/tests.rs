@@ -12,6 +12,11 @@ fn profile(width: usize, z_m: f32) -> Profile {
     profile
 }
 
+fn scan(slice_profiles: u32, scan_profiles: u32) -> Scan {
+    let limits = ScanLimits { slice_profiles, slice_points: usize::MAX, scan_profiles };
+    Scan::new(limits, String::new())
+}
+
 fn placed(profile: &Profile, frame_number: u64, frames_missing: u32) -> Placed<'_> {
     let index = FrameIndex { frame_number, frames_missing, frames_rejected: 0 };
     Placed {
@@ -24,7 +29,7 @@ fn placed(profile: &Profile, frame_number: u64, frames_missing: u32) -> Placed<'
 
 #[test]
 fn a_full_slice_leaves_with_the_next_profile_and_the_last_one_says_so() {
-    let mut scan = Scan::new(2, 100, String::new());
+    let mut scan = scan(2, 100);
     let one = profile(3, 0.25);
     assert!(scan.push(&placed(&one, 0, 0)).slice.is_none());
     assert!(scan.push(&placed(&one, 1, 0)).slice.is_none());
@@ -42,7 +47,7 @@ fn a_full_slice_leaves_with_the_next_profile_and_the_last_one_says_so() {
 
 #[test]
 fn another_length_or_the_limit_starts_another_scan() {
-    let mut scan = Scan::new(10, 2, String::new());
+    let mut scan = scan(10, 2);
     let (narrow, wide) = (profile(3, 0.0), profile(4, 0.0));
     assert!(scan.push(&placed(&narrow, 0, 0)).slice.is_none());
     let done = scan.push(&placed(&wide, 1, 0));
@@ -57,7 +62,7 @@ fn another_length_or_the_limit_starts_another_scan() {
 
 #[test]
 fn no_parameters_make_a_message_too_large() {
-    let scan = Scan::new(10_000, 1_000_000, String::new());
+    let scan = scan(10_000, 1_000_000);
     for width in [1, 640, 2592, 65_535] {
         let points = |profiles: u32| u64::from(profiles) * u64::from(width);
         assert!(points(scan.scan_limit(width)) * 4 <= 1 << 30, "heights of {width} points");
@@ -69,7 +74,7 @@ fn no_parameters_make_a_message_too_large() {
 
 #[test]
 fn a_slice_is_no_longer_than_its_scan() {
-    let mut scan = Scan::new(100, 2, String::new());
+    let mut scan = scan(100, 2);
     let one = profile(3, 0.25);
     for number in 0..2 {
         assert!(scan.push(&placed(&one, number, 0)).slice.is_none());
@@ -80,8 +85,24 @@ fn a_slice_is_no_longer_than_its_scan() {
 }
 
 #[test]
+fn a_slice_has_no_more_points_than_allowed_but_one_profile() {
+    let mut scan = scan(100, 100);
+    for (slice_points, expected) in [(9, 3), (8, 2), (3, 1), (2, 1)] {
+        scan.limits.slice_points = slice_points;
+        let one = profile(3, 0.25);
+        let heights: Vec<u32> = (0..7)
+            .filter_map(|number| {
+                scan.push(&placed(&one, number, 0)).slice.map(|slice| slice.height)
+            })
+            .collect();
+        assert!(!heights.is_empty() && heights.iter().all(|height| *height == expected));
+        scan.finish(0, 0);
+    }
+}
+
+#[test]
 fn missing_points_are_nan_in_every_field() {
-    let mut scan = Scan::new(10, 10, String::new());
+    let mut scan = scan(10, 10);
     scan.push(&placed(&profile(2, f32::NAN), 0, 0));
     let slice = scan.finish(0, 0).slice.unwrap();
     assert!(slice.points.iter().flatten().all(|value| value.is_nan()));
@@ -107,7 +128,7 @@ proptest! {
         slice_profiles in 1..7_u32,
         (missing_at_the_end, rejected_at_the_end) in (0..3_u32, 0..3_u32),
     ) {
-        let mut scan = Scan::new(slice_profiles, 20, String::new());
+        let mut scan = scan(slice_profiles, 20);
         let one = profile(2, 0.0);
         let mut accounts: Vec<SliceAccount> = Vec::new();
         let mut number = 0;

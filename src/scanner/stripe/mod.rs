@@ -119,7 +119,7 @@ impl Centerline {
 ///     blur_radius: 0,
 ///     segment_threshold: 5.0,
 ///     min_segment_area: 0,
-///     ..NodeParams::new(&Parameters::default())?.scanner.extraction
+///     ..NodeParams::new(&Parameters::default())?.cameras[0].scanner.extraction
 /// };
 /// let mut line = Centerline::default();
 /// Extractor::new(params, StripeDirection::Horizontal).extract(&plane, (0, 0), 255, &mut line);

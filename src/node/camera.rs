@@ -1,0 +1,74 @@
+//! Which of several cameras a replay speaks of.
+
+use thiserror::Error;
+
+use crate::{
+    bag::BagReader,
+    ros::{
+        camera_params::CameraParams,
+        names::{NameError, NodeNames},
+    },
+};
+
+use super::input;
+
+/// Why no camera can be chosen.
+#[derive(Debug, Error)]
+pub enum CameraError {
+    /// The named one is not there.
+    #[error("no camera is called {name:?}; {}", list(.cameras))]
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// Names of those that are there.
+        cameras: Vec<String>,
+    },
+    /// Nobody said which.
+    #[error("choose one with --camera NAME: {}", list(.0))]
+    Ambiguous(Vec<String>),
+    /// A remap rule with a name that ROS does not allow.
+    #[error(transparent)]
+    Name(#[from] NameError),
+}
+
+fn list(cameras: &[String]) -> String {
+    match cameras.join(", ") {
+        names if names.is_empty() => "the parameter `cameras` names none".to_owned(),
+        names => format!("the cameras are {names}"),
+    }
+}
+
+/// The camera called `name`, or the only one, or the only one whose image topic is in a recording.
+///
+/// # Errors
+/// None or several.
+pub fn choose(
+    cameras: Vec<CameraParams>,
+    name: Option<&str>,
+    bags: &[BagReader],
+    names: &NodeNames,
+) -> Result<CameraParams, CameraError> {
+    let all: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
+    if let Some(name) = name {
+        let found = cameras.into_iter().find(|camera| !name.is_empty() && camera.name == name);
+        return found.ok_or_else(|| CameraError::Unknown { name: name.to_owned(), cameras: all });
+    }
+    let is_only = cameras.len() == 1;
+    let mut found = Vec::new();
+    for camera in cameras {
+        let topic = input::image_topic_of(&camera.name, names)?;
+        if is_only || bags.iter().any(|bag| has_images(bag, &topic)) {
+            found.push(camera);
+        }
+    }
+    match <[CameraParams; 1]>::try_from(found) {
+        Ok([camera]) => Ok(camera),
+        Err(_) => Err(CameraError::Ambiguous(all)),
+    }
+}
+
+/// Whether a recording holds that topic, raw or compressed.
+fn has_images(bag: &BagReader, topic: &str) -> bool {
+    let mut names = bag.topics().iter().map(|topic| topic.name.as_str());
+    names.any(|name| name == topic || name.strip_suffix("/compressed") == Some(topic))
+}

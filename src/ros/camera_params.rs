@@ -1,0 +1,137 @@
+//! A camera's parameters as types.
+
+use std::path::PathBuf;
+
+use crate::{
+    msg::convert::cloud,
+    scanner::{
+        params::{
+            Channel, ExtractionParams, Method, MotionParams, MotionSource, Params, PeakSelection,
+            RegionOfInterest, StripeDirection, Window,
+        },
+        scan::MAX_SLICE_POINTS,
+    },
+};
+
+use super::{
+    node_params::ImageTransport,
+    parameters::{ParameterError, Section},
+};
+
+/// Everything that decides what the frames of one camera give.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraParams {
+    /// Its name among several; empty: the node has only this one.
+    pub name: String,
+    /// How images arrive; `None` when nobody set it, and the default may give way to what a recording holds.
+    pub image_transport: Option<ImageTransport>,
+    /// Largest decoded image accepted, bytes.
+    pub max_frame_bytes: u64,
+    /// The calibration; `None`: centrelines only.
+    pub calibration_file: Option<PathBuf>,
+    /// Largest message of the point cloud, bytes; 0: what the transport carries.
+    pub points_max_bytes: u64,
+    /// The measurement, without a limit to a slice's points: see [`scanner_within`](Self::scanner_within).
+    pub scanner: Params,
+}
+
+impl CameraParams {
+    pub(super) fn new(name: &str, values: Section<'_>) -> Result<Self, ParameterError> {
+        let transport = values.choice("image_transport", ImageTransport::from_name)?;
+        let params = Self {
+            name: name.to_owned(),
+            image_transport: values.is_set("image_transport").then_some(transport),
+            max_frame_bytes: values.unsigned("max_frame_bytes")?,
+            calibration_file: values.file("calibration_file")?,
+            points_max_bytes: values.unsigned("points.max_bytes")?,
+            scanner: scanner(values)?,
+        };
+        params.check()?;
+        Ok(params)
+    }
+
+    /// The measurement with slices whose message fits into `points_max_bytes`, or into what the transport carries where
+    /// that is 0. `frame_id` is the cloud's; `None` of bytes: any.
+    pub fn scanner_within(&self, transport_bytes: Option<usize>, frame_id: &str) -> Params {
+        let max_bytes = match self.points_max_bytes {
+            0 => transport_bytes,
+            chosen => Some(usize::try_from(chosen).unwrap_or(usize::MAX)),
+        };
+        let slice_max_points = max_bytes
+            .map_or(MAX_SLICE_POINTS, |max_bytes| cloud::points_within(max_bytes, frame_id));
+        Params { slice_max_points, ..self.scanner }
+    }
+
+    /// The full name of a parameter of this camera.
+    pub fn full_name(&self, name: &str) -> String {
+        if self.name.is_empty() { name.to_owned() } else { format!("{}.{name}", self.name) }
+    }
+
+    fn check(&self) -> Result<(), ParameterError> {
+        let MotionParams { source, step_m, velocity_m_s } = self.scanner.motion;
+        let name = |name| self.full_name(name);
+        let conflict = |text: String| Err(ParameterError::Conflict(text));
+        if source == MotionSource::Constant && step_m == 0.0 && velocity_m_s == 0.0 {
+            return conflict(format!(
+                "{} is constant, but {} and {} are both 0.0: set one of them",
+                name("motion.source"),
+                name("motion.step"),
+                name("motion.velocity")
+            ));
+        }
+        if step_m != 0.0 && velocity_m_s != 0.0 {
+            return conflict(format!(
+                "{} is {step_m} m/frame and {} is {velocity_m_s} m/s: set only one of them",
+                name("motion.step"),
+                name("motion.velocity")
+            ));
+        }
+        let (slice, scan) = (self.scanner.slice_profiles, self.scanner.scan_max_profiles);
+        if slice > scan {
+            return conflict(format!(
+                "{} is {slice}, but a scan ends at {} {scan}: a slice may not be larger",
+                name("slice.profiles"),
+                name("scan.max_profiles")
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn scanner(values: Section<'_>) -> Result<Params, ParameterError> {
+    let number = |name| values.unsigned(name).map(|value| value as u32);
+    Ok(Params {
+        channel: values.choice("channel", Channel::from_name)?,
+        stripe_direction: values.choice("stripe_direction", StripeDirection::from_name)?,
+        full_scale: number("full_scale")?,
+        roi: RegionOfInterest {
+            x_offset: number("roi.x_offset")?,
+            y_offset: number("roi.y_offset")?,
+            width: number("roi.width")?,
+            height: number("roi.height")?,
+        },
+        extraction: extraction(values)?,
+        motion: MotionParams {
+            source: values.choice("motion.source", MotionSource::from_name)?,
+            step_m: values.float("motion.step")?,
+            velocity_m_s: values.float("motion.velocity")?,
+        },
+        slice_profiles: number("slice.profiles")?,
+        slice_max_points: MAX_SLICE_POINTS,
+        scan_max_profiles: number("scan.max_profiles")?,
+    })
+}
+
+fn extraction(values: Section<'_>) -> Result<ExtractionParams, ParameterError> {
+    Ok(ExtractionParams {
+        method: values.choice("extraction.method", Method::from_name)?,
+        window: values.choice("extraction.window", Window::from_name)?,
+        blur_radius: values.unsigned("extraction.blur_radius")? as u32,
+        segment_threshold: values.float("extraction.segment_threshold")?,
+        min_segment_area: values.unsigned("extraction.min_segment_area")? as u32,
+        width_threshold: values.float("extraction.width_threshold")?,
+        peak_selection: values.choice("extraction.peak_selection", PeakSelection::from_name)?,
+        read_noise: values.float("extraction.read_noise")?,
+        shot_gain: values.float("extraction.shot_gain")?,
+    })
+}

@@ -1,0 +1,86 @@
+//! The parameters of a camera: all that decides what its frames give. Each of several cameras has them under its name.
+
+use crate::{
+    ros::node_params::ImageTransport,
+    scanner::{
+        image::MAX_SIDE_PX,
+        params::{Channel, Method, MotionSource, PeakSelection, StripeDirection, Window},
+    },
+};
+
+use super::{MIB, Parameter, choice, float, integer, text};
+
+const MAX_SIDE: i64 = MAX_SIDE_PX as i64;
+
+/// In the order in which a parameter file shows them. Numbers in brackets: (default, smallest, largest).
+#[rustfmt::skip]
+pub const CAMERA: &[Parameter] = &[
+    choice("image_transport", "raw", ImageTransport::NAMES,
+        "Which image topic is taken: image_raw itself, or image_raw/compressed. When this is not set, replay takes \
+         what the recording holds. Lossy compression (JPEG) moves the centreline by some hundredths of a pixel."),
+    integer("max_frame_bytes", "bytes", (64 * MIB, MIB, 1024 * MIB),
+        "Largest image that is accepted, decoded; a larger one is rejected as malformed. Bounds the memory against \
+         damaged or hostile input. Raise it only for cameras with larger frames."),
+    choice("channel", "auto", Channel::NAMES,
+        "Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing. auto: grey images as they are, \
+         the largest of the three colours otherwise. gray: luma, BT.601. The laser's own colour has the best contrast in ambient light."),
+    choice("stripe_direction", "horizontal", StripeDirection::NAMES,
+        "Which way the stripe runs through the image. horizontal: one point a column; vertical: one point a row."),
+    integer("full_scale", "grey levels of the image", (0, 0, 65_535),
+        "Level at which a sample counts as saturated. 0: by encoding, 255 or 65535. Set 4095 for 12 bits in mono16, \
+         or thresholds and saturation are wrong."),
+    integer("roi.x_offset", "px", (0, 0, MAX_SIDE),
+        "First searched column. A region without reflections is both safer and faster."),
+    integer("roi.y_offset", "px", (0, 0, MAX_SIDE),
+        "First searched row."),
+    integer("roi.width", "px", (0, 0, MAX_SIDE),
+        "Searched columns; 0 reaches to the right border."),
+    integer("roi.height", "px", (0, 0, MAX_SIDE),
+        "Searched rows; 0 reaches to the lower border. Time grows with width x height."),
+    choice("extraction.method", "improved_gravity", Method::NAMES,
+        "Estimator of the stripe's centre in a cross-section. improved_gravity: centroid in a window about a fitted \
+         maximum, the best of the three. gaussian_fit suits narrow, unsaturated stripes; gray_gravity is the plain \
+         centroid, which background pulls aside."),
+    choice("extraction.window", "fractional", Window::NAMES,
+        "Window of improved_gravity. fractional: unbiased. rounded: as printed in the paper, locks to whole pixels; \
+         only to compare with it."),
+    integer("extraction.blur_radius", "px", (3, 0, 15),
+        "Radius r of the Gaussian blur, kernel 2r + 1; 0 is off. Suppresses speckle and noise; a stripe narrower than \
+         r is smeared. Time grows with r."),
+    float("extraction.segment_threshold", "grey levels of an 8-bit scale", (35.0, 0.0, 255.0),
+        "Blurred grey above which a pixel may belong to the stripe; deeper images are scaled to 8 bits. Fixed, as in \
+         the paper: above the ambient light, below the stripe's weakest part. Too low lets the background in."),
+    integer("extraction.min_segment_area", "px", (500, 0, 10_000_000),
+        "Connected regions of this area or less are no stripe. Removes speckle and small reflections; lower it for \
+         short stripes and small images."),
+    float("extraction.width_threshold", "grey levels of an 8-bit scale", (50.0, 0.0, 255.0),
+        "Blurred grey above which a sample counts towards the width D of the stripe, whose two thirds are the window \
+         of improved_gravity."),
+    choice("extraction.peak_selection", "brightest", PeakSelection::NAMES,
+        "Which of several candidates in a cross-section is the stripe. brightest suits most scenes; first or last \
+         when a reflection always lies on the other side."),
+    float("extraction.read_noise", "grey levels of an 8-bit scale", (2.0, 0.0, 100.0),
+        "Standard deviation of the camera's noise in the dark. Only for the stated uncertainty (sigma); measure it \
+         with the lens covered."),
+    float("extraction.shot_gain", "grey levels of an 8-bit scale", (0.01, 0.0, 10.0),
+        "Variance of the shot noise per grey level: 255 / full-well electrons. Only for the stated uncertainty."),
+    text("calibration_file", "",
+        "Calibration of camera and laser plane. Empty: centrelines only, no metric profile. A relative path \
+         starts from the parameter file that sets it, or from the working directory when set by -p."),
+    choice("motion.source", "none", MotionSource::NAMES,
+        "Where a profile's position along the scan comes from. none: every profile at 0. constant: motion.step or \
+         motion.velocity."),
+    float("motion.step", "m/frame", (0.0, -1.0, 1.0),
+        "Distance between two frames, lost ones included; for triggered cameras. Negative moves against the scan axis."),
+    float("motion.velocity", "m/s", (0.0, -100.0, 100.0),
+        "Speed of the part; times the difference of stamps. For free-running cameras with good stamps."),
+    integer("slice.profiles", "profiles", (100, 1, 10_000),
+        "Profiles in one published slice of the point cloud. Fewer: less delay and smaller messages; 100 is a slice \
+         of some megabytes. A slice also ends before it has 2^26 points, 1 GiB."),
+    integer("points.max_bytes", "bytes", (0, 0, 1024 * MIB),
+        "Largest message of the point cloud: a slice ends before its own would be larger, but holds one profile at least. \
+         0: what the transport carries to every peer with stock settings, 96 KiB on DDS and any size elsewhere."),
+    integer("scan.max_profiles", "profiles", (5_000, 1, 1_000_000),
+        "Profiles in a scan; the next one begins a new scan with its own height map. Bounds the memory: four bytes a \
+         point of every profile. A scan also ends before it has 2^28 points, 1 GiB of heights."),
+];
