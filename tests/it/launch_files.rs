@@ -86,7 +86,7 @@ fn one_camera() {
     assert_eq!(names.fully_qualified(), "/laser_profiler");
     assert_eq!(names.resolve("image_raw").unwrap(), "/camera/image_raw");
     assert_eq!(names.resolve("camera_info").unwrap(), "/camera/camera_info");
-    assert!(params.calibration_file.unwrap().is_file());
+    assert!(params.cameras[0].calibration_file.as_ref().unwrap().is_file());
 
     let command = prefix.command(
         "single_camera",
@@ -97,6 +97,24 @@ fn one_camera() {
     assert_eq!(own, ["run", "--transport", "zenoh"]);
     assert_eq!(names.fully_qualified(), "/cell/laser_profiler");
     assert_eq!(names.resolve("image_raw").unwrap(), "/top/image");
+}
+
+#[test]
+fn two_cameras() {
+    let Some(prefix) = Prefix::new() else { return };
+    let arguments = ["namespace:=cell", "left_image_topic:=/gantry/image_raw"];
+    let (names, params, own) = node(&prefix.command("two_cameras", &arguments));
+    assert_eq!(own, ["run", "--transport", "dds"]);
+    assert_eq!(names.fully_qualified(), "/cell/laser_profiler");
+    let images = params.cameras.iter().map(|camera| {
+        assert!(camera.calibration_file.as_ref().unwrap().is_file(), "{}", camera.name);
+        ["image_raw", "camera_info"]
+            .map(|topic| names.resolve(&format!("{}/{topic}", camera.name)).unwrap())
+    });
+    assert_eq!(
+        images.collect::<Vec<_>>(),
+        [["/gantry/image_raw", "/left/camera_info"], ["/right/image_raw", "/right/camera_info"]]
+    );
 }
 
 #[test]
