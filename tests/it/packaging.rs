@@ -123,7 +123,7 @@ import sys
 from catkin_pkg.package import parse_package
 for path in sys.argv[1:]:
     warnings = []
-    package = parse_package(path, validate=True, warnings=warnings)
+    package = parse_package(path, warnings=warnings)
     assert package.package_format == 3 and not warnings, warnings
     print(package.name, package.version, package.get_build_type())
 ";
