@@ -1,5 +1,5 @@
-//! The package as ROS finds it, checked by ROS's own tools where a package index has them: `catkin_pkg` and colcon from PyPI,
-//! `ament_cmake` and `ament_index_python` from Debian.
+//! The package as ROS finds it, checked by ROS's own tools: `catkin_pkg` and colcon from Python's package index, `ament_cmake`
+//! and `ament_index_python` from Debian.
 
 use std::{
     env, fs, io,
