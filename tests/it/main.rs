@@ -20,3 +20,5 @@ mod bad_output;
 mod interop;
 mod tidy;
 mod launch_configs;
+mod launch_files;
+mod packaging;
