@@ -1,10 +1,6 @@
 //! `laser_profiler run`: the live node.
 
-use std::{
-    fmt::Write as _,
-    io::Write,
-    path::PathBuf,
-};
+use std::{fmt::Write as _, io::Write, path::PathBuf};
 
 use anyhow::{Context, anyhow};
 use serde::Serialize;
@@ -129,7 +125,8 @@ fn told(summaries: &[(String, Summary)]) -> serde_json::Result<String> {
     let json = match summaries {
         [(name, summary)] if name.is_empty() => serde_json::to_string(&Told::of(summary, None))?,
         several => {
-            let cameras = several.iter().map(|(name, summary)| (name.as_str(), Told::of(summary, None)));
+            let cameras =
+                several.iter().map(|(name, summary)| (name.as_str(), Told::of(summary, None)));
             serde_json::to_string(&Cameras { cameras: cameras.collect() })?
         }
     };

@@ -142,7 +142,7 @@ impl SimTime {
 }
 
 /// Nanoseconds since the epoch by the system's clock.
-fn system_ns() -> i64 {
+pub fn system_ns() -> i64 {
     match SystemTime::now().duration_since(SystemTime::UNIX_EPOCH) {
         Ok(since) => i64::try_from(since.as_nanos()).unwrap_or(i64::MAX),
         // A clock set before 1970.

@@ -13,14 +13,16 @@ use crate::{
     node::{
         camera_info::ImageHeader,
         command::{Answer, Command, Mailbox, Reply, Settings},
+        live_recording::RecordingControl,
         queue::{Queue, WhenFull},
+        recording::Description,
         run::{self, INPUT_BOUND, RunError},
         sink::Outlet,
         source::Input,
         statistics::Summary,
         worker::{
             Worker,
-            live::{Live, Notes, NowNs},
+            live::{Live, NowNs, Survey},
         },
     },
     ros::transport::{Subscription, TopicEndpoint, Transport, TransportError},
@@ -69,6 +71,18 @@ impl Images {
     }
 }
 
+/// Who a camera is, and what keeps its results.
+pub(super) struct Identity {
+    /// Its name among several; empty: the only one.
+    pub(super) name: String,
+    /// Frame of its profiles; empty without a calibration.
+    pub(super) frame_id: String,
+    /// Its recorder.
+    pub(super) recording: RecordingControl,
+    /// What explains its recordings.
+    pub(super) description: Description,
+}
+
 /// A camera that is configured. Clones speak to the same one.
 #[derive(Clone)]
 pub(super) struct Camera {
@@ -76,6 +90,10 @@ pub(super) struct Camera {
     pub(super) name: String,
     /// Frame of its profiles; empty without a calibration.
     pub(super) frame_id: String,
+    /// Its recorder.
+    pub(super) recording: RecordingControl,
+    /// What explains its recordings, as it was at the start.
+    pub(super) description: Description,
     images: Arc<Images>,
     input: Arc<Queue<Input>>,
     settings: Arc<Mailbox<Settings>>,
@@ -87,10 +105,10 @@ pub(super) type Measuring = JoinHandle<Result<Summary, RunError>>;
 impl Camera {
     /// Starts the worker; images come only after [`listen`](Self::listen).
     pub(super) fn start(
-        (name, frame_id): (&str, String),
+        Identity { name, frame_id, recording, description }: Identity,
         images: Arc<Images>,
         worker: Worker,
-        (now_ns, notes): (NowNs, Notes),
+        (now_ns, survey): (NowNs, Survey),
         outlets: Vec<Outlet>,
         num_topics: usize,
     ) -> io::Result<(Self, Measuring)> {
@@ -98,13 +116,13 @@ impl Camera {
         let settings = Arc::new(Mailbox::default());
         let observer = images.observer.clone();
         let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
-        let live = Live::new(Arc::clone(&settings), now_ns, notes, observe);
+        let live = Live::new(Arc::clone(&settings), now_ns, survey, observe);
         let worker = worker.with_live(live);
         let taken = Arc::clone(&input);
         let thread = thread::Builder::new()
             .name(format!("camera {name}"))
             .spawn(move || measure(worker, &taken, outlets, num_topics))?;
-        Ok((Self { name: name.to_owned(), frame_id, images, input, settings }, thread))
+        Ok((Self { name, frame_id, recording, description, images, input, settings }, thread))
     }
 
     /// Subscribes to the images.

@@ -8,6 +8,7 @@ mod feed;
 mod publications;
 mod notes;
 mod observer;
+mod recording;
 mod camera;
 mod setup;
 pub mod session;
@@ -89,10 +90,8 @@ impl LiveNode {
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let values = Parameters::load(&names, &request.ros)?;
         let service_mapping = NodeParams::new(&values)?.service_mapping;
-        let identity = NodeIdentity {
-            name: names.name().to_owned(),
-            namespace: names.namespace().to_owned(),
-        };
+        let identity =
+            NodeIdentity { name: names.name().to_owned(), namespace: names.namespace().to_owned() };
         let options = JoinOptions { service_mapping, is_router: request.is_router };
         let transport = request.middleware.join(&identity, options, variable)?;
         Self::on(transport, names, values, rosout)
@@ -119,8 +118,7 @@ impl LiveNode {
         let time = clock.clone();
         let parameters = ParameterServer::start(&*transport, &names, store, move || time.now_ns())?;
         let managed: Arc<dyn Managed> = Arc::new(node::Handle(node.clone()));
-        let lifecycle_server =
-            LifecycleServer::start(&*transport, &names, managed, clock.clone())?;
+        let lifecycle_server = LifecycleServer::start(&*transport, &names, managed, clock.clone())?;
         let lifecycle = lifecycle_server.lifecycle();
         let services = services::offer(&*transport, &names, &node, &cameras)?;
         tracing::info!("{} is on {}", names.fully_qualified(), transport.name());

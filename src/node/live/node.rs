@@ -13,6 +13,7 @@ use crate::{
     node::{
         command::{Answer, Command, Reply},
         lifecycle::{Failure, Managed},
+        live_recording::RecordingControl,
     },
     ros::{node_params::NodeParams, parameters::Parameters},
 };
@@ -53,12 +54,37 @@ impl Shared {
     }
 
     pub(super) fn activate(&self) -> Result<(), LiveError> {
-        let state = &mut *self.lock();
-        if let Some(session) = &state.session {
-            session.activate()?;
-            state.is_active = true;
+        let records = {
+            let state = &mut *self.lock();
+            if let Some(session) = &state.session {
+                session.activate()?;
+                state.is_active = true;
+            }
+            state.params.recording.enabled
+        };
+        if records {
+            self.record(true);
         }
         Ok(())
+    }
+
+    /// Starts or stops what `recording.enabled` speaks of. A disk that refuses keeps nothing else from working: it is
+    /// told here, and by the diagnostics.
+    fn record(&self, wanted: bool) {
+        for recorder in self.recorders("") {
+            let done = if wanted { recorder.start().map(drop) } else { recorder.stop().map(drop) };
+            if let Err(error) = done {
+                tracing::error!("{error}");
+            }
+        }
+    }
+
+    /// The recorders of the named camera, or of all of them.
+    pub(super) fn recorders(&self, camera: &str) -> Vec<RecordingControl> {
+        let state = self.lock();
+        let cameras = state.session.iter().flat_map(Session::cameras);
+        let meant = cameras.filter(|of| camera.is_empty() || of.name == camera);
+        meant.map(|of| of.recording.clone()).collect()
     }
 
     pub(super) fn deactivate(&self) {
@@ -67,6 +93,11 @@ impl Shared {
         if let Some(session) = &state.session {
             session.deactivate();
         }
+    }
+
+    /// Ends what was recorded because the node was active.
+    pub(super) fn end_recordings(&self) {
+        self.record(false);
     }
 
     pub(super) fn cleanup(&self) {
@@ -90,12 +121,22 @@ impl Shared {
     /// Takes new parameters: from the next frame on, where they can change at run time.
     pub(super) fn set(&self, values: &Parameters, params: &NodeParams) -> Result<(), String> {
         self.context.use_sim_time(params.use_sim_time)?;
-        let state = &mut *self.lock();
+        let mut guard = self.lock();
+        let state = &mut *guard;
         if let Some(session) = &state.session {
             fixed_while_configured(&state.params, params)?;
             session.set(&self.context, params, values);
         }
+        let switched = state
+            .is_active
+            .then_some(params.recording.enabled)
+            .filter(|enabled| *enabled != state.params.recording.enabled);
         (state.values, state.params) = (values.clone(), params.clone());
+        drop(guard);
+        // Not under the lock: a disk may take its time.
+        if let Some(wanted) = switched {
+            self.record(wanted);
+        }
         Ok(())
     }
 
@@ -167,6 +208,7 @@ impl Managed for Handle {
     fn deactivate(&self) -> Result<(), Failure> {
         self.with(|node| {
             node.deactivate();
+            node.end_recordings();
             Ok(())
         })
     }

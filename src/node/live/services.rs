@@ -1,6 +1,6 @@
-//! The node's own services: scans, and reset. One set for all cameras, and one for each of several.
+//! The node's own services: scans and recordings. One set for all cameras, and one for each of several.
 
-use std::{borrow::Cow, sync::Weak};
+use std::{borrow::Cow, path::PathBuf, sync::Weak};
 
 use super::node::Shared;
 use crate::{
@@ -8,11 +8,14 @@ use crate::{
         cdr,
         laser_profiler_msgs::{START_SCAN, StartScanRequest, StartScanResponse},
         schema::{Message, ServiceType},
-        std_srvs::{TRIGGER, TriggerRequest, TriggerResponse},
+        std_srvs::{
+            SET_BOOL, SetBoolRequest, SetBoolResponse, TRIGGER, TriggerRequest, TriggerResponse,
+        },
         unique_identifier_msgs::Uuid,
     },
     node::{
         command::{Answer, Command, Reply, ScanRequest},
+        live_recording::{BagStatus, RecordingControl, RecordingError},
         topics::of_camera,
     },
     ros::{
@@ -34,11 +37,13 @@ pub(super) fn offer(
     // All cameras at once, then each by its name; an only camera has none.
     for camera in std::iter::once("").chain(cameras.iter().map(String::as_str)) {
         let of = |node: &Weak<Shared>| Target { node: node.clone(), camera: camera.to_owned() };
-        let offered: [(&str, &'static ServiceType, OnRequest); 4] = [
+        let offered: [(&str, &'static ServiceType, OnRequest); 6] = [
             ("~/start_scan", &TRIGGER, trigger(of(node), start)),
             ("~/stop_scan", &TRIGGER, trigger(of(node), Command::StopScan)),
             ("~/reset", &TRIGGER, trigger(of(node), Command::Reset)),
             ("~/scan", &START_SCAN, scan(of(node))),
+            ("~/record", &SET_BOOL, record(of(node))),
+            ("~/snapshot", &TRIGGER, snapshot(of(node))),
         ];
         for (name, kind, on_request) in offered {
             let name = names.resolve(&of_camera(camera, name))?;
@@ -64,6 +69,34 @@ impl Target {
     }
 }
 
+impl Target {
+    /// Success and what was done, in one line for all cameras meant.
+    fn of_recorders(
+        &self,
+        act: impl Fn(&RecordingControl) -> Result<Vec<String>, RecordingError>,
+    ) -> (bool, String) {
+        let Some(node) = self.node.upgrade() else {
+            return (false, "the node is shutting down".to_owned());
+        };
+        let recorders = node.recorders(&self.camera);
+        if recorders.is_empty() {
+            return (false, "the node is not configured: configure it first".to_owned());
+        }
+        let (mut success, mut lines) = (true, Vec::new());
+        for recorder in &recorders {
+            match act(recorder) {
+                Ok(told) => lines.extend(told),
+                Err(error) => {
+                    success = false;
+                    lines.push(error.to_string());
+                }
+            }
+        }
+        let nothing = || "nothing was being recorded".to_owned();
+        (success, if lines.is_empty() { nothing() } else { lines.join(", ") })
+    }
+}
+
 pub(super) fn refusal(message: impl Into<String>) -> Answer {
     Answer { success: false, message: message.into(), scan_id: None }
 }
@@ -78,6 +111,32 @@ fn trigger(target: Target, command: fn(Reply) -> Command) -> OnRequest {
         let Answer { success, message, .. } = target.order(command);
         encoded(&TriggerResponse { success, message: Cow::Owned(message) })
     })
+}
+
+fn record(target: Target) -> OnRequest {
+    Box::new(move |request| {
+        let SetBoolRequest { data } = cdr::decode(request).ok()?;
+        let (success, message) = target.of_recorders(|recorder| {
+            if data { recorder.start().map(told) } else { recorder.stop().map(ended) }
+        });
+        encoded(&SetBoolResponse { success, message: Cow::Owned(message) })
+    })
+}
+
+fn snapshot(target: Target) -> OnRequest {
+    Box::new(move |request| {
+        cdr::decode::<TriggerRequest>(request).ok()?;
+        let (success, message) = target.of_recorders(|recorder| recorder.snapshot().map(told));
+        encoded(&TriggerResponse { success, message: Cow::Owned(message) })
+    })
+}
+
+fn told(directories: Vec<PathBuf>) -> Vec<String> {
+    directories.iter().map(|directory| directory.display().to_string()).collect()
+}
+
+fn ended(bags: Vec<BagStatus>) -> Vec<String> {
+    told(bags.into_iter().filter_map(|bag| bag.directory).collect())
 }
 
 fn scan(target: Target) -> OnRequest {

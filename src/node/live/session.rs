@@ -3,10 +3,11 @@
 use super::{
     camera::{Camera, Measuring},
     error::LiveError,
-    setup::Context,
+    recording,
+    setup::{Context, sends_images},
 };
 use crate::{
-    node::{command::Settings, run::RunError, statistics::Summary},
+    node::{command::Settings, recording::Description, run::RunError, statistics::Summary},
     ros::{node_params::NodeParams, parameters::Parameters},
 };
 
@@ -66,11 +67,18 @@ impl Session {
 
     /// Measures by new parameters from the next frames on.
     pub(super) fn set(&self, context: &Context, params: &NodeParams, values: &Parameters) {
-        for (camera, params) in self.cameras.iter().zip(&params.cameras) {
+        for (camera, camera_params) in self.cameras.iter().zip(&params.cameras) {
             camera.set(Settings {
-                params: context.scanner(params, &camera.frame_id),
-                max_frame_bytes: params.max_frame_bytes,
-                parameters_sha256: values.camera_sha256(&params.name),
+                params: context.scanner(camera_params, &camera.frame_id),
+                max_frame_bytes: camera_params.max_frame_bytes,
+                sends_images: sends_images(params),
+                parameters_sha256: values.camera_sha256(&camera_params.name),
+            });
+            camera.recording.set_params(recording::chosen(&params.recording));
+            camera.recording.describe(Description {
+                parameters: values.camera_yaml(&camera.name),
+                parameters_sha256: values.camera_sha256(&camera.name),
+                ..camera.description.clone()
             });
         }
     }

@@ -3,11 +3,12 @@
 use std::sync::{Arc, Mutex};
 
 use super::{
-    camera::{Camera, Images, Measuring},
+    camera::{Camera, Identity, Images, Measuring},
     error::LiveError,
     notes,
     observer::{LaserPlane, Observer},
     publications::Publications,
+    recording,
 };
 use crate::{
     msg::{
@@ -19,6 +20,7 @@ use crate::{
         calibration_file,
         clock::RosClock,
         input,
+        live_recording::RecordingControl,
         queue::WhenFull,
         recording::Description,
         results::Results,
@@ -29,7 +31,7 @@ use crate::{
         topics,
         worker::{
             Worker, WorkerOptions,
-            live::{Notes, NowNs},
+            live::{NowNs, Surroundings, Survey},
         },
     },
     ros::{
@@ -94,14 +96,24 @@ impl Context {
         let frame_id = calibration.as_ref().map_or("", Calibration::frame_id).to_owned();
         let plane = calibration.as_ref().map(|calibration| laser_plane(camera, calibration));
         let observer = Observer::new(number, plane, Arc::clone(tf), Arc::clone(&self.now_ns));
-        let worker = self.worker(camera, calibration, &description);
+        let worker = self.worker(params, camera, calibration, &description);
         let limit_bytes = camera.max_frame_bytes as usize + MESSAGE_MARGIN_BYTES;
         let transport = Arc::clone(&self.transport);
         let images = Arc::new(Images::new(transport, endpoints, limit_bytes, observer));
-        let outlets = vec![self.publications(&outputs)?];
-        let notes = self.notes(Arc::clone(&images));
-        let clocks = (Arc::clone(&self.now_ns), notes);
-        Ok(Camera::start((&camera.name, frame_id), images, worker, clocks, outlets, outputs.len())?)
+        let image_topic = topics::recorded(std::slice::from_ref(&images.endpoint)).remove(0);
+        let (recorder, recording) = recording::recorder(
+            &camera.name,
+            &params.recording,
+            description.clone(),
+            topics::recorded(&outputs),
+            image_topic,
+        );
+        let outlets = vec![self.publications(&outputs)?, recorder];
+        let survey = survey(Arc::clone(&images), recording.clone());
+        let clocks = (Arc::clone(&self.now_ns), survey);
+        let name = camera.name.clone();
+        let identity = Identity { name, frame_id, recording, description };
+        Ok(Camera::start(identity, images, worker, clocks, outlets, outputs.len())?)
     }
 
     /// The measurement, with slices that the middleware carries.
@@ -119,7 +131,9 @@ impl Context {
         let info = match self.names.remapped(&topics::of_camera(&camera.name, "camera_info"))? {
             Some(info) => info,
             // As image_transport has it: beside the images.
-            None => format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent)),
+            None => {
+                format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent))
+            }
         };
         let (images, kind) = match camera.image_transport.unwrap_or(ImageTransport::Raw) {
             ImageTransport::Raw => (base, Image::TYPE),
@@ -141,6 +155,7 @@ impl Context {
 
     fn worker(
         &self,
+        params: &NodeParams,
         camera: &CameraParams,
         calibration: Option<Calibration>,
         description: &Description,
@@ -160,7 +175,7 @@ impl Context {
         let options = WorkerOptions {
             transport: camera.image_transport.unwrap_or(ImageTransport::Raw),
             max_frame_bytes: camera.max_frame_bytes,
-            sends_images: false,
+            sends_images: sends_images(params),
         };
         Worker::new(options, Pipeline::new(scanner, calibration), results, reporter)
     }
@@ -178,17 +193,29 @@ impl Context {
             idle_period: None,
         })
     }
+}
 
-    fn notes(&self, images: Arc<Images>) -> Notes {
-        Arc::new(move || match images.num_publishers() {
-            Some(num) => {
-                let mut told = notes::on_publishers(&*images.transport, &images.endpoint, num);
-                told.extend(images.observer.notes());
-                told
-            }
-            None => Vec::new(),
-        })
-    }
+/// What a camera's surroundings say of it, for diagnostics.
+fn survey(images: Arc<Images>, recording: RecordingControl) -> Survey {
+    Arc::new(move || {
+        let status = recording.status();
+        let mut notes = recording::notes(&status);
+        if let Some(num_publishers) = images.num_publishers() {
+            let Images { transport, endpoint, observer, .. } = &*images;
+            notes.extend(notes::on_publishers(&**transport, endpoint, num_publishers));
+            notes.extend(observer.notes());
+        }
+        Surroundings {
+            notes,
+            recorder_dropped: recording::num_dropped(&status),
+            recorder_bytes: recording::num_bytes(&status),
+        }
+    })
+}
+
+/// Images are sent on where something may keep them.
+pub(super) const fn sends_images(params: &NodeParams) -> bool {
+    params.recording.images
 }
 
 fn laser_plane(camera: &CameraParams, calibration: &Calibration) -> LaserPlane {

@@ -57,6 +57,7 @@ pub struct LiveRecorder {
 pub struct RecordingControl(Arc<Shared>);
 
 pub(super) struct Shared {
+    pub(super) camera: String,
     topics: [Vec<Topic>; 2],
     pub(super) settings: Arc<Settings>,
     pub(super) tap: Mutex<Tap>,
@@ -78,8 +79,9 @@ pub(super) struct Recording {
 }
 
 impl LiveRecorder {
-    /// A recorder that is idle, and its handle.
+    /// A recorder that is idle, and its handle. The camera's name becomes part of the bags'; empty: the only one.
     pub fn new(
+        camera: &str,
         topics: RecordedTopics,
         params: RecordingParams,
         description: Description,
@@ -95,6 +97,7 @@ impl LiveRecorder {
         let topics =
             [of_stream(Stream::Results, topics.results), of_stream(Stream::Images, topics.images)];
         let shared = Arc::new(Shared {
+            camera: camera.to_owned(),
             tap: Mutex::new(Tap::new([&topics[0], &topics[1]])),
             topics,
             settings: Arc::new(Settings {
@@ -138,7 +141,7 @@ impl RecordingControl {
     pub fn start(&self) -> Result<Vec<PathBuf>, RecordingError> {
         let _one_at_a_time = lock(&self.0.orders);
         let params = lock(&self.0.settings.params).clone();
-        let base = place::name(Timestamp::now());
+        let base = place::name(&self.0.camera, Timestamp::now());
         let is_wanted = |stream: &Stream| {
             *stream == Stream::Results
                 || params.images && !self.0.topics[Stream::Images as usize].is_empty()

@@ -11,9 +11,10 @@ use super::{error::RecordingError, params::RecordingParams};
 /// Bags of one name that are counted up before giving up.
 const MAX_SAME_NAME: u32 = 10_000;
 
-/// A bag's name without its number: the time in UTC.
-pub(super) fn name(now: Timestamp) -> String {
-    format!("{}_{}", env!("CARGO_PKG_NAME"), now.strftime("%Y_%m_%d-%H_%M_%S"))
+/// A bag's name without its number: the camera, where there are several, and the time in UTC.
+pub(super) fn name(camera: &str, now: Timestamp) -> String {
+    let camera = if camera.is_empty() { String::new() } else { format!("_{camera}") };
+    format!("{}{camera}_{}", env!("CARGO_PKG_NAME"), now.strftime("%Y_%m_%d-%H_%M_%S"))
 }
 
 /// Creates the bag `<base><suffix>`, or `<base>_1<suffix>` and so on where it is there already.
@@ -69,7 +70,8 @@ mod tests {
     #[test]
     fn a_name_is_the_time_in_utc() {
         let leap_day: Timestamp = "2024-02-29T23:59:07.9+00:00".parse().unwrap();
-        assert_eq!(name(leap_day), "laser_profiler_2024_02_29-23_59_07");
+        assert_eq!(name("", leap_day), "laser_profiler_2024_02_29-23_59_07");
+        assert_eq!(name("left", leap_day), "laser_profiler_left_2024_02_29-23_59_07");
     }
 
     #[test]

@@ -87,7 +87,7 @@ impl Session {
 
     /// Waits for a message.
     pub(super) fn pop_until(&self, deadline: std::time::Instant) -> Popped<Tapped> {
-        self.queue.pop_until(deadline)
+        self.queue.pop_counted(Some(deadline))
     }
 
     /// Takes no more messages; what waits is still written.

@@ -63,7 +63,7 @@ fn write(shared: &Shared) -> Result<Vec<PathBuf>, RecordingError> {
     if recent.is_empty() {
         return Err(RecordingError::SnapshotEmpty(params.snapshot_seconds));
     }
-    let base = format!("{}_snapshot_{number}", place::name(Timestamp::now()));
+    let base = format!("{}_snapshot_{number}", place::name(&shared.camera, Timestamp::now()));
     let mut sessions = Vec::new();
     for stream in Stream::ALL {
         let of_stream = |messages: &[Tapped]| -> Vec<_> {

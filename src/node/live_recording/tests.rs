@@ -71,7 +71,7 @@ fn params(directory: &Path) -> RecordingParams {
 }
 
 fn recorder(params: RecordingParams) -> (LiveRecorder, RecordingControl) {
-    LiveRecorder::new(topics(), params, description("a: 1"))
+    LiveRecorder::new("", topics(), params, description("a: 1"))
 }
 
 fn send(recorder: &mut LiveRecorder, topic: usize, sequences: impl IntoIterator<Item = u32>) {

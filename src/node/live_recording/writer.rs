@@ -113,7 +113,7 @@ impl Writer {
         let mut next_tick = Instant::now() + TICK;
         loop {
             match self.session.pop_until(next_tick) {
-                Popped::Item(tapped) => self.write(&tapped)?,
+                Popped::Item(tapped, _) => self.write(&tapped)?,
                 Popped::TimedOut => {}
                 Popped::Closed => return Ok(()),
             }

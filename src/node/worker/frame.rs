@@ -69,8 +69,11 @@ impl Worker {
             Err(rejection) => self.reject(&rejection, message.log_time_ns),
         }
         self.after_frame(out)?;
-        self.counts.recorder_bytes = out.num_bytes();
-        self.counts.recorder_dropped = out.num_dropped(Purpose::Record);
+        // Of a live camera, its recorder knows itself.
+        if self.live.is_none() {
+            self.counts.recorder_bytes = out.num_bytes();
+            self.counts.recorder_dropped = out.num_dropped(Purpose::Record);
+        }
         self.counts.unpublished = out.num_dropped(Purpose::Publish);
         match self.schedule.poll(message.log_time_ns, &self.counts) {
             Some(interval) => self.report(message.log_time_ns, interval, out),
