@@ -11,5 +11,6 @@ pub mod parameters;
 pub mod camera_params;
 pub mod node_params;
 pub mod transport;
+pub mod middleware;
 #[cfg(test)]
 pub(crate) mod loopback;

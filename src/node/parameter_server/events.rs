@@ -4,7 +4,10 @@ use std::{borrow::Cow, sync::Arc};
 
 use crate::{
     msg::{
-        builtin_interfaces::Time, cdr, qos::QosProfile, rcl_interfaces::{Parameter, ParameterEvent},
+        builtin_interfaces::Time,
+        cdr,
+        qos::QosProfile,
+        rcl_interfaces::{Parameter, ParameterEvent},
         schema::Message,
     },
     ros::{

@@ -60,7 +60,9 @@ fn check_service<Request: Message, Response: Message>(service: &ServiceType) {
         field("request", OPTIONAL, &request),
         field("response", OPTIONAL, &response),
     ];
-    found.insert(&event, TypeDescription { type_name: event.clone(), fields });
+    let mut inside: Vec<_> = found.into_values().collect();
+    inside.push(TypeDescription { type_name: event.clone(), fields });
+    inside.sort_by(|left, right| left.type_name.cmp(&right.type_name));
     let fields = vec![
         field("request_message", NESTED, &request),
         field("response_message", NESTED, &response),
@@ -68,7 +70,7 @@ fn check_service<Request: Message, Response: Message>(service: &ServiceType) {
     ];
     let whole = TypeDescriptionMsg {
         type_description: TypeDescription { type_name: service.name.to_owned(), fields },
-        referenced_type_descriptions: found.into_values().collect(),
+        referenced_type_descriptions: inside,
     };
     assert_eq!(calculate_hash(&whole).to_rihs_string(), service.hash, "{}", service.name);
 }
