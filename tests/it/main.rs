@@ -18,5 +18,6 @@ mod bad_bags;
 mod bad_images;
 mod bad_output;
 mod interop;
+mod interfaces;
 mod tidy;
 mod launch_configs;
