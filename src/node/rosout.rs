@@ -65,9 +65,9 @@ impl RosoutSlot {
     }
 
     fn push(&self, event: &Event<'_>) {
-        let queue = self.0.queue.read().unwrap_or_else(PoisonError::into_inner);
-        let Some(queue) = &*queue else { return };
-        // After `set(None)` nobody is there to read.
+        let connected = self.0.queue.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some(queue) = connected else { return };
+        // Where nobody reads any more, the line is for standard error alone.
         if let Err(TrySendError::Full(_)) = queue.try_send(Line::of(event)) {
             self.0.num_dropped.fetch_add(1, Ordering::Relaxed);
         }

@@ -18,6 +18,7 @@ mod bad_bags;
 mod bad_images;
 mod bad_output;
 mod interop;
+mod interfaces;
 mod tidy;
 mod launch_configs;
 mod launch_files;
