@@ -192,9 +192,7 @@ impl SplitRecorder {
     /// # Errors
     /// A failing disk.
     pub fn flush(&mut self) -> Result<(), RecordError> {
-        let open = self.open()?;
-        open.pending_bytes = 0;
-        open.recorder.flush()
+        self.open()?.flush()
     }
 
     /// The file that is open, for a thread that waits until the disk has what was flushed.
@@ -273,10 +271,9 @@ impl SplitRecorder {
             };
             open.write(topic, Times { log_ns, ..*times }, data)?;
         }
-        open.recorder.flush()?;
+        open.flush()?;
         // What is repeated is no reason to begin another file, in which it would be repeated again.
-        open.head_bytes = open.recorder.written_bytes();
-        open.pending_bytes = 0;
+        open.head_bytes = open.written_bytes;
         Ok(())
     }
 }
@@ -302,13 +299,22 @@ impl OpenFile {
     fn write(&mut self, topic: usize, times: Times, data: &[u8]) -> Result<(), RecordError> {
         self.recorder.write(self.ids[topic], times, data)?;
         self.first_log_ns.get_or_insert(times.log_ns);
-        self.pending_bytes += data.len() as u64 + MESSAGE_OVERHEAD_BYTES;
+        let message_bytes = data.len() as u64 + MESSAGE_OVERHEAD_BYTES;
         let written_bytes = self.recorder.written_bytes();
-        if written_bytes != self.written_bytes {
-            // A chunk was closed.
+        if written_bytes == self.written_bytes {
+            self.pending_bytes += message_bytes;
+        } else {
+            // A chunk was closed; whether with this message is the format's affair.
             self.written_bytes = written_bytes;
-            self.pending_bytes = 0;
+            self.pending_bytes = message_bytes;
         }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<(), RecordError> {
+        self.recorder.flush()?;
+        self.written_bytes = self.recorder.written_bytes();
+        self.pending_bytes = 0;
         Ok(())
     }
 }
