@@ -9,5 +9,7 @@ pub mod parameter_file;
 pub mod parameters;
 pub mod node_params;
 pub mod transport;
+#[cfg(feature = "zenoh")]
+pub mod zenoh;
 #[cfg(test)]
 pub(crate) mod loopback;

@@ -20,3 +20,5 @@ mod bad_output;
 mod interop;
 mod tidy;
 mod launch_configs;
+#[cfg(feature = "zenoh")]
+mod zenoh;
