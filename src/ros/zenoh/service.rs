@@ -4,7 +4,7 @@ use std::{
     io,
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
-        mpsc::{Receiver, SyncSender, sync_channel},
+        mpsc::{Receiver, SyncSender, TrySendError, sync_channel},
     },
     thread,
 };
@@ -60,9 +60,9 @@ impl Requests {
     /// Returns at once: a request that finds the queue full is refused.
     fn put(&self, query: Query, service: &Arc<Service>) {
         let request = Request { query, service: Arc::clone(service) };
-        if let Err(refused) = self.0.try_send(request) {
-            let (std::sync::mpsc::TrySendError::Full(request)
-            | std::sync::mpsc::TrySendError::Disconnected(request)) = refused;
+        if let Err(TrySendError::Full(request) | TrySendError::Disconnected(request)) =
+            self.0.try_send(request)
+        {
             refuse(&request.query, &request.service.name, "too many requests wait already");
         }
     }
