@@ -7,11 +7,20 @@ import argparse
 import random
 import sys
 import threading
+import time
 
 import xxhash
 import zenoh
 
 from rmw_zenoh import Node, attachment, data_key, old_attachment, open_session, read_attachment, say
+
+
+def wait_for(condition, what, seconds=30):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            raise SystemExit(f"no {what} within {seconds} s")
+        time.sleep(0.02)
 
 
 def wait_for_end():
@@ -103,6 +112,7 @@ def call(arguments, node):
     node.declare_endpoint("SC", arguments.topic, kind)
     key = data_key(node.domain, arguments.topic, kind)
     querier = node.session.declare_querier(key, target=zenoh.QueryTarget.ALL, timeout=20.0)
+    wait_for(querier.matching_status, f"service {arguments.topic}")
     say(event="ready")
     for line in sys.stdin:
         for sequence in range(1, int(line) + 1):

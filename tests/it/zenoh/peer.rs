@@ -17,7 +17,7 @@ pub(super) const DEADLINE: Duration = Duration::from_secs(60);
 /// Ended with the test.
 pub(super) struct Peer {
     process: Child,
-    stdin: Option<ChildStdin>,
+    stdin: ChildStdin,
     events: Receiver<Json>,
 }
 
@@ -28,7 +28,7 @@ impl Peer {
         command.arg("-B").arg(script).args(arguments);
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut process = command.spawn().unwrap();
-        let (stdin, stdout) = (process.stdin.take(), process.stdout.take().unwrap());
+        let (stdin, stdout) = (process.stdin.take().unwrap(), process.stdout.take().unwrap());
         let (sender, events) = sync_channel(1000);
         thread::spawn(move || {
             for line in BufReader::new(stdout).lines().map_while(Result::ok) {
@@ -60,12 +60,7 @@ impl Peer {
 
     /// A line on its standard input.
     pub(super) fn tell(&mut self, line: &str) {
-        writeln!(self.stdin.as_mut().unwrap(), "{line}").unwrap();
-    }
-
-    /// Asks it to come to its end.
-    pub(super) fn finish(&mut self) {
-        self.stdin = None;
+        writeln!(self.stdin, "{line}").unwrap();
     }
 
     /// Ends it as `kill -9` does.

@@ -55,10 +55,11 @@ fn shared_memory_is_used_where_both_ends_have_it() {
         publication.publish(&bytes, 0).unwrap();
         std::thread::sleep(Duration::from_millis(45));
     }
-    for (peer, num_shared) in [(with, 10), (without, 0)] {
+    for (peer, is_shared) in [(with, true), (without, false)] {
         let received = peer.event("received");
         assert_eq!((&received["received"], &received["lost"]), (&10.into(), &0.into()), "{received}");
-        assert_eq!(received["in_shared_memory"], num_shared, "{received}");
+        // What finds no room in the pool goes through the socket.
+        assert_eq!(received["in_shared_memory"] != 0, is_shared, "{received}");
         assert_eq!(received["bytes"], 10 * bytes.len());
     }
 }
