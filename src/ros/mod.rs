@@ -12,5 +12,7 @@ pub mod camera_params;
 pub mod node_params;
 pub mod transport;
 pub mod middleware;
+#[cfg(feature = "zenoh")]
+pub mod zenoh;
 #[cfg(test)]
 pub(crate) mod loopback;

@@ -23,3 +23,5 @@ mod tidy;
 mod launch_configs;
 mod launch_files;
 mod packaging;
+#[cfg(feature = "zenoh")]
+mod zenoh;
