@@ -14,5 +14,7 @@ pub mod transport;
 pub mod middleware;
 #[cfg(feature = "zenoh")]
 pub mod zenoh;
+#[cfg(feature = "dds")]
+pub mod dds;
 #[cfg(test)]
 pub(crate) mod loopback;

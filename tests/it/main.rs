@@ -25,3 +25,5 @@ mod launch_files;
 mod packaging;
 #[cfg(feature = "zenoh")]
 mod zenoh;
+#[cfg(feature = "dds")]
+mod dds;
