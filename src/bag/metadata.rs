@@ -1,11 +1,12 @@
 //! `metadata.yaml`: what rosbag2 keeps beside the files of a bag (version 9).
 
 use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::Topic;
-use super::qos;
+use super::{RecordError, Topic, qos};
 use crate::msg::qos::QosProfile;
 
 /// Longest `metadata.yaml` that is read.
@@ -107,43 +108,78 @@ pub struct FileInformation {
     pub message_count: u64,
 }
 
-/// What a recorder knows of the one file it has written.
+/// What a recorder knows of a file that it has written.
 #[derive(Debug)]
-pub(super) struct Recorded<'a> {
+pub(super) struct Recorded {
     /// File name.
-    pub(super) file: &'a str,
+    pub(super) file: String,
     /// Times of the earliest and the latest message, nanoseconds since the epoch.
     pub(super) bounds_ns: Option<(i64, i64)>,
     /// Topics in the order in which they were added, and their numbers of messages.
-    pub(super) topics: &'a [(Topic, u64)],
+    pub(super) topics: Vec<(Topic, u64)>,
+}
+
+impl Recorded {
+    fn information(&self) -> FileInformation {
+        let (starting_time, duration) = span(self.bounds_ns);
+        FileInformation {
+            path: self.file.clone(),
+            starting_time,
+            duration,
+            message_count: self.topics.iter().map(|(_, count)| count).sum(),
+        }
+    }
+}
+
+/// Start and length of what lies between two times.
+fn span(bounds_ns: Option<(i64, i64)>) -> (SinceEpoch, Nanoseconds) {
+    let (start, length) =
+        bounds_ns.map_or((i64::MAX, 0), |(first, last)| (first, last.saturating_sub(first)));
+    (SinceEpoch { nanoseconds_since_epoch: start }, Nanoseconds { nanoseconds: length })
+}
+
+/// Writes `metadata.yaml`: it is there whole or not at all.
+pub(super) fn write(directory: &Path, files: &[Recorded]) -> Result<(), RecordError> {
+    let path = directory.join("metadata.yaml");
+    let text = BagInformation::of(files)
+        .into_file()
+        .map_err(|error| RecordError::Format { path: path.clone(), what: error.to_string() })?;
+    let unfinished = path.with_extension("yaml.unfinished");
+    let write = || {
+        fs::write(&unfinished, text)?;
+        fs::rename(&unfinished, &path)
+    };
+    write().map_err(|source| RecordError::Io { path: path.clone(), source })
 }
 
 impl BagInformation {
-    /// The description of a bag with one file.
-    pub(super) fn of(recorded: &Recorded<'_>) -> Self {
-        let message_count = recorded.topics.iter().map(|(_, count)| count).sum();
-        let starting_time = SinceEpoch {
-            nanoseconds_since_epoch: recorded.bounds_ns.map_or(i64::MAX, |(first, _)| first),
-        };
-        let duration = Nanoseconds {
-            nanoseconds: recorded.bounds_ns.map_or(0, |(first, last)| last.saturating_sub(first)),
-        };
+    /// The description of a bag with these files.
+    pub(super) fn of(files: &[Recorded]) -> Self {
+        let bounds_ns = files
+            .iter()
+            .filter_map(|file| file.bounds_ns)
+            .reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
+        let (starting_time, duration) = span(bounds_ns);
+        let (mut topics, mut places) = (Vec::<(&Topic, u64)>::new(), BTreeMap::new());
+        for (topic, count) in files.iter().flat_map(|file| &file.topics) {
+            let place = *places.entry(&topic.name).or_insert(topics.len());
+            match topics.get_mut(place) {
+                Some((_, sum)) => *sum += count,
+                None => topics.push((topic, *count)),
+            }
+        }
+        let files: Vec<_> = files.iter().map(Recorded::information).collect();
         Self {
             version: 9,
             storage_identifier: "mcap".into(),
             duration,
             starting_time,
-            message_count,
-            topics_with_message_count: recorded.topics.iter().map(TopicCount::of).collect(),
+            message_count: files.iter().map(|file| file.message_count).sum(),
+            topics_with_message_count: topics.into_iter().map(TopicCount::of).collect(),
             compression_format: String::new(),
             compression_mode: String::new(),
-            relative_file_paths: vec![recorded.file.into()],
-            files: vec![FileInformation {
-                path: recorded.file.into(),
-                starting_time,
-                duration,
-                message_count,
-            }],
+            relative_file_paths: files.iter().map(|file| file.path.clone()).collect(),
+            files,
             custom_data: None,
             // No ROS distribution wrote it; rosbags names itself here, too.
             ros_distro: Some(env!("CARGO_PKG_NAME").into()),
@@ -162,7 +198,7 @@ impl BagInformation {
 }
 
 impl TopicCount {
-    fn of((topic, message_count): &(Topic, u64)) -> Self {
+    fn of((topic, message_count): (&Topic, u64)) -> Self {
         Self {
             topic_metadata: TopicMetadata {
                 name: topic.name.clone(),
@@ -173,7 +209,7 @@ impl TopicCount {
                 ),
                 type_description_hash: topic.type_hash.clone(),
             },
-            message_count: *message_count,
+            message_count,
         }
     }
 }

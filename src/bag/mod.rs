@@ -19,6 +19,7 @@ pub mod messages;
 pub mod read;
 mod sink;
 pub mod record;
+pub mod split;
 pub mod recover;
 pub mod statistics;
 pub mod info;
@@ -26,12 +27,16 @@ pub mod player;
 
 use std::sync::Arc;
 
-use crate::msg::{qos::QosProfile, schema::MessageType};
+use crate::msg::{
+    qos::{Durability, QosProfile},
+    schema::MessageType,
+};
 
 pub use error::{BagError, RecordError};
 pub use messages::{Filter, Messages};
 pub use read::{BagReader, ReadOptions};
 pub use record::{Compression, RecordOptions, RecordSummary, Recorder, Times, TopicId};
+pub use split::{SplitLimits, SplitRecorder, SplitSummary};
 
 /// A topic of a recording, and all that a reader needs to understand it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -64,6 +69,12 @@ impl Topic {
             type_hash: kind.hash.to_owned(),
             qos: qos::to_yaml(&[qos]),
         }
+    }
+
+    /// Whether a late reader gets the last message: transient local, in the words of ROS 2.
+    pub fn is_latched(&self) -> bool {
+        let profiles = qos::parse(&self.qos).unwrap_or_default();
+        profiles.iter().any(|profile| profile.durability == Durability::TransientLocal)
     }
 
     /// Whether the messages are what ROS 2 writes; tells why not.

@@ -8,13 +8,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::{mem, slice};
 
 use mcap::McapError;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 
 use super::channels::{QOS_KEY, TYPE_HASH_KEY};
-use super::metadata::{BagInformation, Recorded};
+use super::metadata::{self, BagInformation, Recorded};
 use super::sink::Sink;
 use super::{Attachment, MetadataRecord, RecordError, Topic, place, qos};
 
@@ -263,16 +264,27 @@ impl Recorder {
     ///
     /// # Errors
     /// A failing disk.
-    pub fn finish(mut self) -> Result<RecordSummary, RecordError> {
-        let recorded =
-            Recorded { file: &self.file_name, bounds_ns: self.bounds_ns, topics: &self.topics };
-        let information = BagInformation::of(&recorded);
+    pub fn finish(self) -> Result<RecordSummary, RecordError> {
+        let (directory, file) = (self.directory.clone(), self.path());
+        let (recorded, bytes) = self.finish_file()?;
+        metadata::write(&directory, slice::from_ref(&recorded))?;
+        let topics: Vec<_> =
+            recorded.topics.into_iter().map(|(topic, count)| (topic.name, count)).collect();
+        let messages = topics.iter().map(|(_, count)| count).sum();
+        Ok(RecordSummary { directory, file, topics, messages, bytes })
+    }
+
+    /// Writes the index of this file; returns what is in it and its length in bytes.
+    pub(super) fn finish_file(mut self) -> Result<(Recorded, u64), RecordError> {
         let path = self.path();
-        let no_yaml = |error: serde_saphyr::ser::Error| RecordError::Format {
-            path: path.clone(),
-            what: error.to_string(),
+        let recorded = Recorded {
+            file: self.file_name.clone(),
+            bounds_ns: self.bounds_ns,
+            topics: mem::take(&mut self.topics),
         };
-        let serialized = information.to_yaml().map_err(no_yaml)?;
+        let serialized = BagInformation::of(slice::from_ref(&recorded))
+            .to_yaml()
+            .map_err(|error| RecordError::Format { path: path.clone(), what: error.to_string() })?;
         let entries = BTreeMap::from([("serialized_metadata".to_owned(), serialized)]);
         let own = mcap::records::Metadata { name: OWN_RECORD.into(), metadata: entries };
         self.write_with(|writer| {
@@ -281,22 +293,10 @@ impl Recorder {
             Ok(())
         })?;
         // `finish` does not flush, and the writer must not be asked for more after it.
-        let topics: Vec<_> =
-            self.topics.iter().map(|(topic, count)| (topic.name.clone(), *count)).collect();
-        let summary = RecordSummary {
-            messages: topics.iter().map(|(_, count)| count).sum(),
-            topics,
-            bytes: self.written_bytes(),
-            directory: self.directory.clone(),
-            file: path.clone(),
-        };
+        let bytes = self.written_bytes();
         let flushed = io::Write::flush(self.writer.into_inner().get_mut());
-        flushed.map_err(|source| RecordError::Io { path: path.clone(), source })?;
-        write_whole(
-            &summary.directory.join("metadata.yaml"),
-            &information.into_file().map_err(no_yaml)?,
-        )?;
-        Ok(summary)
+        flushed.map_err(|source| RecordError::Io { path, source })?;
+        Ok((recorded, bytes))
     }
 
     /// Lets `act` write, once nothing has failed before.
@@ -345,14 +345,4 @@ fn make_room(directory: &Path, name: &str, options: RecordOptions) -> Result<(),
         fs::remove_file(&path).map_err(|source| RecordError::Io { path, source })?;
     }
     Ok(())
-}
-
-/// Writes a file that is there whole or not at all.
-fn write_whole(path: &Path, text: &str) -> Result<(), RecordError> {
-    let unfinished = path.with_extension("yaml.unfinished");
-    let write = || {
-        fs::write(&unfinished, text)?;
-        fs::rename(&unfinished, path)
-    };
-    write().map_err(|source| RecordError::Io { path: path.into(), source })
 }

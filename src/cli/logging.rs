@@ -1,27 +1,181 @@
-//! Log lines go to standard error: standard output carries results only.
+//! Log lines go to standard error: standard output carries results only. A live node sends them to `/rosout`, too.
 
 use std::io::{self, IsTerminal};
 
-use ros2args::LogLevel;
+use ros2args::{LogLevel, LogLevelAssignment, RemapRule};
 use tracing::level_filters::LevelFilter;
+use tracing_subscriber::{
+    filter::Targets, fmt, layer::SubscriberExt, registry, util::SubscriberInitExt,
+};
 
-/// Starts logging at that level, `info` when none is given. A second call changes nothing.
-pub(super) fn start(level: Option<LogLevel>) {
-    let level = match level.unwrap_or(LogLevel::Info) {
+use super::Usage;
+use crate::{
+    node::{
+        replay::NODE_NAME,
+        rosout::{self, RosoutSlot},
+    },
+    ros::names::NodeNames,
+};
+
+/// Where this program's own events come from.
+const OWN_TARGET: &str = "laser_profiler";
+/// Other people's code that logs, by the start of its crates' names.
+const DEPENDENCIES: [&str; 3] = ["rustdds", "ros2_client", "zenoh"];
+/// Hundreds of errors a second while fragments are lost, which the counters tell better.
+const NOISE: &str = "rustdds::structure";
+
+/// Which log lines are shown.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Levels {
+    own: LevelFilter,
+    others: LevelFilter,
+    named: Vec<(&'static str, LevelFilter)>,
+}
+
+impl Levels {
+    /// From `--log-level level` and `--log-level logger:=level`. A logger is the node, a namespace above it, or one of the
+    /// dependencies; a longer name beats a shorter one, and then the last one counts.
+    ///
+    /// # Errors
+    /// A logger that does not exist.
+    pub(super) fn new(chosen: &[LogLevelAssignment], remaps: &[RemapRule]) -> Result<Self, Usage> {
+        let mut own = (0, LogLevel::Info);
+        let mut others = LogLevel::Warn;
+        let mut named = Vec::new();
+        for LogLevelAssignment { logger_name, level } in chosen {
+            let Some(name) = logger_name else {
+                own = most_specific(own, (0, *level));
+                others = match level {
+                    LogLevel::Info => LogLevel::Warn,
+                    level => *level,
+                };
+                continue;
+            };
+            let logger = NodeNames::new(NODE_NAME, remaps)
+                .map_err(|error| Usage(error.to_string()))?
+                .logger();
+            if is_at_or_above(name, &logger) {
+                own = most_specific(own, (name.len(), *level));
+            } else if let Some(crate_name) = DEPENDENCIES.iter().find(|known| *known == name) {
+                named.push((*crate_name, filter(*level)));
+            } else {
+                return Err(Usage(format!(
+                    "--log-level {name}:={}: no logger is called {name:?}, allowed is {logger}, {}",
+                    level.as_str().to_lowercase(),
+                    DEPENDENCIES.join(", ")
+                )));
+            }
+        }
+        Ok(Self { own: filter(own.1), others: filter(others), named })
+    }
+
+    fn targets(&self) -> Targets {
+        Targets::new()
+            .with_default(self.others)
+            .with_target(OWN_TARGET, self.own)
+            .with_targets(self.named.iter().copied())
+            .with_target(NOISE, LevelFilter::OFF)
+    }
+}
+
+/// Levels with the length of the logger's name that they were given for.
+fn most_specific(before: (usize, LogLevel), next: (usize, LogLevel)) -> (usize, LogLevel) {
+    if next.0 >= before.0 { next } else { before }
+}
+
+fn is_at_or_above(name: &str, logger: &str) -> bool {
+    logger.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+}
+
+const fn filter(level: LogLevel) -> LevelFilter {
+    match level {
         LogLevel::Debug => LevelFilter::DEBUG,
         LogLevel::Info => LevelFilter::INFO,
         LogLevel::Warn => LevelFilter::WARN,
         LogLevel::Error | LogLevel::Fatal => LevelFilter::ERROR,
-    };
-    let subscriber = tracing_subscriber::fmt()
-        .with_max_level(level)
+    }
+}
+
+/// Starts logging, and returns where a node connects it to `/rosout`. A second call changes nothing.
+pub(super) fn start(levels: &Levels) -> RosoutSlot {
+    let (rosout, slot) = rosout::layer();
+    let lines = fmt::layer()
         .with_target(false)
         .without_time()
         .with_ansi(io::stderr().is_terminal())
         .with_writer(io::stderr)
         // It would print its own failure to standard error, and panic where that is what fails.
-        .log_internal_errors(false)
-        .finish();
-    // Fails only when a subscriber is there already, as in tests.
-    drop(tracing::subscriber::set_global_default(subscriber));
+        .log_internal_errors(false);
+    // Also takes what dependencies tell the `log` crate. Fails only when a subscriber is there already, as in tests.
+    drop(registry().with(levels.targets()).with(lines).with(rosout).try_init());
+    slot
+}
+
+#[cfg(test)]
+mod tests {
+    use tracing::Level;
+
+    use super::*;
+    use crate::ros::arguments;
+
+    fn levels(line: &str) -> Result<Levels, Usage> {
+        let words: Vec<_> = line.split_whitespace().map(str::to_owned).collect();
+        let (ros, _) = arguments::split(&words).unwrap();
+        Levels::new(&ros.log_levels, &ros.remaps)
+    }
+
+    fn shows(line: &str, target: &str, level: Level) -> bool {
+        levels(line).unwrap().targets().would_enable(target, &level)
+    }
+
+    #[test]
+    fn the_program_tells_more_than_its_dependencies() {
+        assert!(shows("", "laser_profiler::node", Level::INFO));
+        assert!(!shows("", "laser_profiler::node", Level::DEBUG));
+        assert!(shows("", "zenoh_transport::unicast", Level::WARN));
+        assert!(!shows("", "zenoh_transport::unicast", Level::INFO));
+        let debug = "--ros-args --log-level debug";
+        assert!(shows(debug, "laser_profiler::node", Level::DEBUG));
+        assert!(shows(debug, "rustdds::rtps", Level::DEBUG));
+        let error = "--ros-args --log-level error";
+        assert!(!shows(error, "laser_profiler::node", Level::WARN));
+        assert!(!shows(error, "rustdds::rtps", Level::WARN));
+    }
+
+    #[test]
+    fn what_rustdds_says_of_lost_fragments_is_never_shown() {
+        for line in ["", "--ros-args --log-level debug", "--ros-args --log-level rustdds:=debug"] {
+            assert!(!shows(line, "rustdds::structure::sequence_number", Level::ERROR), "{line}");
+        }
+    }
+
+    #[test]
+    fn a_logger_has_the_name_of_its_node() {
+        let node = "--ros-args --log-level warn --log-level laser_profiler:=debug";
+        assert!(shows(node, "laser_profiler::node", Level::DEBUG));
+        assert!(!shows(node, "rustdds", Level::INFO));
+        // The order does not matter.
+        let node = "--ros-args --log-level laser_profiler:=debug --log-level warn";
+        assert!(shows(node, "laser_profiler::node", Level::DEBUG));
+        let renamed = "--ros-args -r __ns:=/cell -r __node:=top --log-level";
+        assert!(shows(&format!("{renamed} cell.top:=debug"), "laser_profiler", Level::DEBUG));
+        assert!(shows(&format!("{renamed} cell:=debug"), "laser_profiler", Level::DEBUG));
+        let line = format!("{renamed} cell.top:=error --log-level cell:=debug");
+        assert!(!shows(&line, "laser_profiler", Level::WARN));
+        assert!(shows("--ros-args --log-level zenoh:=debug", "zenoh_link", Level::DEBUG));
+    }
+
+    #[test]
+    fn a_logger_that_does_not_exist_is_named_with_those_that_do() {
+        for name in ["other", "laser", "laser_profiler.child", "cell"] {
+            let error = levels(&format!("--ros-args --log-level {name}:=debug")).unwrap_err();
+            assert_eq!(
+                error.to_string(),
+                format!(
+                    "--log-level {name}:=debug: no logger is called {name:?}, allowed is laser_profiler, rustdds, \
+                     ros2_client, zenoh"
+                )
+            );
+        }
+    }
 }

@@ -2,6 +2,8 @@
 
 mod interrupt;
 mod logging;
+mod summary;
+pub mod run;
 pub mod replay;
 pub mod parameters;
 pub mod info;
@@ -32,6 +34,7 @@ pub struct Usage(pub String);
 
 const EXAMPLES: &str = "\
 Examples:
+  laser_profiler run --ros-args -r image_raw:=/camera/image_raw      the live node, on DDS or Zenoh
   laser_profiler demo                                a bundled recording, replayed, drawn and explained
   laser_profiler replay my_recording -o results
   laser_profiler replay my_recording -o results --ros-args -r image_raw:=/camera/image_raw -p stripe_direction:=vertical
@@ -52,6 +55,7 @@ struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    Run(run::RunArgs),
     Replay(replay::ReplayArgs),
     Info(info::InfoArgs),
     Recover(recover::RecoverArgs),
@@ -71,10 +75,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         .collect::<Result<_, _>>()
         .map_err(|text| Usage(format!("argument {} is not UTF-8", text.display())))?;
     let (ros, rest) = arguments::split(&arguments).map_err(|error| Usage(error.to_string()))?;
-    let command_line = CommandLine::try_parse_from(rest)?;
-    logging::start(ros.log_level);
+    let command_line = CommandLine::try_parse_from(with_verb(rest, &arguments))?;
+    let rosout = logging::start(&logging::Levels::new(&ros.log_levels, &ros.remaps)?);
     let out = &mut io::stdout().lock();
     match command_line.verb {
+        Verb::Run(args) => run::run(args, ros, rosout, out),
         Verb::Replay(args) => replay::run(args, ros, out),
         Verb::Info(args) => info::run(&args, out),
         Verb::Recover(args) => recover::run(&args, out),
@@ -82,6 +87,14 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),
     }
+}
+
+/// `ros2 run` and launch files give ROS arguments alone: the node is meant.
+fn with_verb(mut rest: Vec<String>, all: &[String]) -> Vec<String> {
+    if rest.len() == 1 && all.len() > 1 {
+        rest.push("run".to_owned());
+    }
+    rest
 }
 
 /// A reader that goes away, as `| head` does, has seen enough.
@@ -122,6 +135,7 @@ mod tests {
             "laser_profiler replay missing -o out --ros-args -p slice.profiles:=0",
             "laser_profiler replay missing -o out --ros-args -r __node:=a/b",
             "laser_profiler replay missing -o out --rate 0",
+            "laser_profiler replay missing -o out --ros-args --log-level nobody:=debug",
         ] {
             assert!(failure(line).is::<Usage>(), "{line}");
         }

@@ -1,19 +1,19 @@
 //! `laser_profiler replay`: recordings through the node, offline and deterministic.
 
 use std::{
-    fmt::Write as _,
     io::{self, IsTerminal, Write},
     path::PathBuf,
 };
 
 use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde::Serialize;
 
-use super::{Outcome, Usage, interrupt};
+use super::{
+    Outcome, Usage, interrupt,
+    summary::{self, Told},
+};
 use crate::{
     node::{
-        histogram::Histogram,
         replay::{Replay, ReplayError, ReplayRequest},
         statistics::Summary,
         stop::Stop,
@@ -81,9 +81,12 @@ pub fn run(args: ReplayArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::
     let output = args.output.clone();
     let summary = replay(request(args, ros), &stop)?;
     let text = if json {
-        format!("{}\n", serde_json::to_string(&Told::of(&summary, &output.to_string_lossy()))?)
+        format!(
+            "{}\n",
+            serde_json::to_string(&Told::of(&summary, Some(&output.to_string_lossy())))?
+        )
     } else {
-        summary_text(&summary, &output.to_string_lossy())
+        format!("{}results: {}\n", summary::text(&summary), output.to_string_lossy())
     };
     super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
     Ok(if summary.is_complete() { Outcome::Done } else { Outcome::DataLost })
@@ -140,155 +143,13 @@ fn progress_bar(num_messages: Option<u64>) -> ProgressBar {
     }
 }
 
-fn frames_per_second(summary: &Summary) -> f64 {
-    let seconds = summary.elapsed.as_secs_f64();
-    if seconds > 0.0 { summary.counts.processed as f64 / seconds } else { 0.0 }
-}
-
-/// The summary of `--json`, with its keys in their published order.
-#[derive(Serialize)]
-struct Told<'a> {
-    frames: Frames,
-    points: u64,
-    slices: u64,
-    seconds: f64,
-    frames_per_second: f64,
-    stages_ms: Stages,
-    output: &'a str,
-}
-
-#[derive(Serialize)]
-struct Frames {
-    received: u64,
-    processed: u64,
-    rejected: u64,
-    dropped: u64,
-    lost: u64,
-}
-
-#[derive(Serialize)]
-struct Stages {
-    decode: Percentiles,
-    extract: Percentiles,
-    triangulate: Percentiles,
-    encode: Percentiles,
-}
-
-/// Milliseconds.
-#[derive(Serialize)]
-struct Percentiles {
-    p50: f64,
-    p99: f64,
-}
-
-impl<'a> Told<'a> {
-    fn of(summary: &Summary, output: &'a str) -> Self {
-        let Summary { counts, stages, .. } = summary;
-        let of = |times: &Histogram| Percentiles {
-            p50: times.percentile_ms(0.50),
-            p99: times.percentile_ms(0.99),
-        };
-        Self {
-            frames: Frames {
-                received: counts.received,
-                processed: counts.processed,
-                rejected: counts.rejected(),
-                dropped: counts.dropped_overload,
-                lost: counts.lost(),
-            },
-            points: counts.points,
-            slices: counts.slices,
-            seconds: summary.elapsed.as_secs_f64(),
-            frames_per_second: frames_per_second(summary),
-            stages_ms: Stages {
-                decode: of(&stages.decode),
-                extract: of(&stages.extract),
-                triangulate: of(&stages.triangulate),
-                encode: of(&stages.encode),
-            },
-            output,
-        }
-    }
-}
-
-fn summary_text(summary: &Summary, output: &str) -> String {
-    let counts = &summary.counts;
-    let mut out = String::new();
-    // Writing to a string cannot fail.
-    _ = writeln!(
-        out,
-        "{} frames: {} processed, {} rejected ({} malformed, {} duplicate, {} out of order), {} dropped; {} more never arrived",
-        counts.received,
-        counts.processed,
-        counts.rejected(),
-        counts.malformed,
-        counts.duplicate,
-        counts.out_of_order,
-        counts.dropped_overload,
-        counts.lost(),
-    );
-    if summary.num_damaged > 0 {
-        _ = writeln!(
-            out,
-            "damaged places in the input that were passed over: {}",
-            summary.num_damaged
-        );
-    }
-    if summary.was_interrupted {
-        _ = writeln!(out, "interrupted: the rest of the input was not read");
-    }
-    _ = writeln!(out, "{} points, {} slices", counts.points, counts.slices);
-    _ = writeln!(
-        out,
-        "{:.2} s, {:.1} frames/s; p50 (p99) in ms:",
-        summary.elapsed.as_secs_f64(),
-        frames_per_second(summary)
-    );
-    for (name, times) in summary.stages.named() {
-        let (p50, p99) = (times.percentile_ms(0.50), times.percentile_ms(0.99));
-        _ = writeln!(out, "  {name:<12}{p50:.3} ({p99:.3})");
-    }
-    _ = writeln!(out, "results: {output}");
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{
         bag::{RecordOptions, Recorder, Topic},
         msg::{qos::QosProfile, schema::Message, sensor_msgs::Image},
-        node::statistics::{Counts, StageTimes},
     };
-
-    #[test]
-    fn the_summary_has_the_published_keys_in_their_order_and_adds_up() {
-        let counts = Counts {
-            received: 10,
-            processed: 4,
-            dropped_overload: 3,
-            malformed: 1,
-            duplicate: 1,
-            out_of_order: 1,
-            lost_transport: 5,
-            points: 60,
-            slices: 2,
-            ..Counts::default()
-        };
-        let stages = StageTimes::default();
-        let elapsed = std::time::Duration::from_secs(2);
-        let summary = Summary { counts, stages, elapsed, ..Summary::default() };
-        let json = serde_json::to_string(&Told::of(&summary, "out")).unwrap();
-        let zero = r#"{"p50":0.0,"p99":0.0}"#;
-        let expected = format!(
-            "{}{}",
-            r#"{"frames":{"received":10,"processed":4,"rejected":3,"dropped":3,"lost":5},"points":60,"slices":2,"#,
-            format_args!(
-                r#""seconds":2.0,"frames_per_second":2.0,"stages_ms":{{"decode":{zero},"extract":{zero},"triangulate":{zero},"encode":{zero}}},"output":"out"}}"#
-            )
-        );
-        assert_eq!(json, expected);
-    }
 
     fn args(bag: &str, output: &str) -> ReplayArgs {
         ReplayArgs {

@@ -5,5 +5,6 @@ pub mod compressed;
 pub mod results;
 pub mod cloud;
 pub mod annotations;
+pub mod tf;
 
 pub use frame::FrameRejected;

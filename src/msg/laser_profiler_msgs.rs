@@ -5,8 +5,21 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    builtin_interfaces::Time, schema::message, sensor_msgs::RegionOfInterest, std_msgs::Header,
-    text, unique_identifier_msgs::Uuid,
+    builtin_interfaces::Time,
+    schema::{ServiceType, message, request_text, response_text},
+    sensor_msgs::RegionOfInterest,
+    std_msgs::Header,
+    text,
+    unique_identifier_msgs::Uuid,
+};
+
+const START_SCAN_TEXT: &str = include_str!("../../msgs/laser_profiler_msgs/srv/StartScan.srv");
+
+/// Begins a scan.
+pub const START_SCAN: ServiceType = ServiceType {
+    name: "laser_profiler_msgs/srv/StartScan",
+    text: START_SCAN_TEXT,
+    hash: "RIHS01_f4259805747f25c2e6f744c771c1487dce16ab59e3d4d52f687a51553a94ac2b",
 };
 
 /// Which frame it is, what is missing before it, and where the axis was.
@@ -257,6 +270,28 @@ pub struct EncoderStamped<'a> {
     pub error: u32,
 }
 
+/// Asks for a [`START_SCAN`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StartScanRequest<'a> {
+    /// Name of the part.
+    #[serde(borrow, with = "text")]
+    pub part_id: Cow<'a, str>,
+    /// Metres of travel; 0: until it is stopped.
+    pub length: f64,
+}
+
+/// Answers a [`START_SCAN`].
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StartScanResponse<'a> {
+    /// Whether the scan has begun.
+    pub success: bool,
+    /// Why it has not.
+    #[serde(borrow, with = "text")]
+    pub message: Cow<'a, str>,
+    /// The scan.
+    pub scan_id: Uuid,
+}
+
 message!(
     FrameTrace,
     "laser_profiler_msgs/msg/FrameTrace",
@@ -298,4 +333,18 @@ message!(
     include_str!("../../msgs/laser_profiler_msgs/msg/EncoderStamped.msg"),
     "RIHS01_cc9bc4f8a4424bc85c975d3d7d6bafc75edb6aa1e6d04fb6983536c2af1b749e",
     [Header<'_>]
+);
+message!(
+    StartScanRequest<'_>,
+    "laser_profiler_msgs/srv/StartScan_Request",
+    request_text(START_SCAN_TEXT),
+    "RIHS01_8284f7a471adb7606fef5deed2c7368ae65a9f93712d97ba956b86c0bb5ba688",
+    []
+);
+message!(
+    StartScanResponse<'_>,
+    "laser_profiler_msgs/srv/StartScan_Response",
+    response_text(START_SCAN_TEXT),
+    "RIHS01_d5da3a0e3ee2c33e67a3d577ede5ff2a281eb502b5f320741742e07a6f15067d",
+    [Uuid]
 );

@@ -18,7 +18,26 @@ macro_rules! for_each_message {
             foxglove_msgs::CircleAnnotation, foxglove_msgs::PointsAnnotation, foxglove_msgs::TextAnnotation<'_>,
             foxglove_msgs::Point2, foxglove_msgs::Color, laser_profiler_msgs::FrameTrace,
             laser_profiler_msgs::Centerline<'_>, laser_profiler_msgs::Profile<'_>, laser_profiler_msgs::SliceInfo<'_>,
-            laser_profiler_msgs::StreamStatus<'_>, laser_profiler_msgs::EncoderStamped<'_>
+            laser_profiler_msgs::StreamStatus<'_>, laser_profiler_msgs::EncoderStamped<'_>,
+            laser_profiler_msgs::StartScanRequest<'_>, laser_profiler_msgs::StartScanResponse<'_>,
+            std_srvs::TriggerRequest, std_srvs::TriggerResponse<'_>, std_srvs::SetBoolRequest, std_srvs::SetBoolResponse<'_>,
+            geometry_msgs::Vector3, geometry_msgs::Quaternion, geometry_msgs::Transform, geometry_msgs::TransformStamped<'_>,
+            tf2_msgs::TFMessage<'_>, rosout::Log<'_>, lifecycle_msgs::State<'_>, lifecycle_msgs::Transition<'_>,
+            lifecycle_msgs::TransitionDescription<'_>, lifecycle_msgs::TransitionEvent<'_>,
+            lifecycle_msgs::ChangeStateRequest<'_>, lifecycle_msgs::ChangeStateResponse, lifecycle_msgs::GetStateRequest,
+            lifecycle_msgs::GetStateResponse<'_>, lifecycle_msgs::GetAvailableStatesRequest,
+            lifecycle_msgs::GetAvailableStatesResponse<'_>, lifecycle_msgs::GetAvailableTransitionsRequest,
+            lifecycle_msgs::GetAvailableTransitionsResponse<'_>,
+            rcl_interfaces::ParameterValue<'_>, rcl_interfaces::Parameter<'_>,
+            rcl_interfaces::ParameterDescriptor<'_>, rcl_interfaces::FloatingPointRange,
+            rcl_interfaces::IntegerRange, rcl_interfaces::ParameterEvent<'_>,
+            rcl_interfaces::SetParametersResult<'_>, rcl_interfaces::ListParametersResult<'_>,
+            rcl_interfaces::DescribeParametersRequest<'_>, rcl_interfaces::DescribeParametersResponse<'_>,
+            rcl_interfaces::GetParametersRequest<'_>, rcl_interfaces::GetParametersResponse<'_>,
+            rcl_interfaces::GetParameterTypesRequest<'_>, rcl_interfaces::GetParameterTypesResponse<'_>,
+            rcl_interfaces::ListParametersRequest<'_>, rcl_interfaces::ListParametersResponse<'_>,
+            rcl_interfaces::SetParametersRequest<'_>, rcl_interfaces::SetParametersResponse<'_>,
+            rcl_interfaces::SetParametersAtomicallyRequest<'_>, rcl_interfaces::SetParametersAtomicallyResponse<'_>
         )
     };
     (@call $function:ident $arguments:tt $($message:ty),*) => {

@@ -61,6 +61,33 @@ pub struct ServiceType {
     pub hash: &'static str,
 }
 
+/// The request's part of a service's text.
+pub(super) const fn request_text(service: &'static str) -> &'static str {
+    service.split_at(separator(service)).0
+}
+
+/// The response's part of a service's text.
+pub(super) const fn response_text(service: &'static str) -> &'static str {
+    service.split_at(separator(service) + SEPARATOR.len()).1
+}
+
+const SEPARATOR: &[u8] = b"---\n";
+
+/// Where the line stands that parts request from response. A text without one does not compile.
+const fn separator(service: &str) -> usize {
+    let text = service.as_bytes();
+    let mut start = 0;
+    loop {
+        if text[start] == SEPARATOR[0] && text[start + 1] == SEPARATOR[1] {
+            return start;
+        }
+        while text[start] != b'\n' {
+            start += 1;
+        }
+        start += 1;
+    }
+}
+
 /// Ties a struct to its type: name, text, hash and the messages among its fields.
 macro_rules! message {
     ($message:ty, $name:literal, $text:expr, $hash:literal, [$($dependency:ty),*]) => {

@@ -47,6 +47,8 @@ pub struct Settings {
     pub max_frame_bytes: u64,
     /// Hash of the camera's parameters.
     pub parameters_sha256: String,
+    /// Whether input images are sent on with the results, to be recorded.
+    pub sends_images: bool,
 }
 
 /// Holds the latest of something until somebody takes it: a thousand changes between two frames are one.

@@ -12,16 +12,26 @@ pub mod command;
 pub mod source;
 pub mod sink;
 pub mod topics;
+pub mod calibration_file;
 pub mod input;
 pub mod camera;
 pub mod status;
+pub mod parameter_server;
 pub mod publisher;
 pub mod results;
 pub mod worker;
+pub mod endpoints;
+pub mod clock;
+pub mod lifecycle;
+pub mod rosout;
+pub mod static_tf;
+pub mod camera_info;
 pub mod player;
 pub mod recording;
+pub mod live_recording;
 pub mod run;
 pub mod replay;
+pub mod live;
 
 #[cfg(test)]
 mod tests;

@@ -27,11 +27,39 @@ pub struct Description {
     pub calibration: Option<String>,
 }
 
+impl Description {
+    /// The metadata record of it, which every bag has.
+    pub(super) fn record(&self) -> MetadataRecord {
+        let entries = [
+            ("version", env!("CARGO_PKG_VERSION")),
+            ("parameters", &self.parameters),
+            ("parameters_sha256", &self.parameters_sha256),
+            ("input", &self.inputs.join("\n")),
+            ("input_topic", &self.input_topic),
+        ];
+        let entries = entries.map(|(key, value)| (key.to_owned(), value.to_owned()));
+        MetadataRecord { name: "laser_profiler".to_owned(), entries: BTreeMap::from(entries) }
+    }
+
+    /// The calibration as the file that lies in the bag.
+    pub(super) fn calibration_file(&self, log_time_ns: i64) -> Option<Attachment> {
+        let text = self.calibration.as_ref()?;
+        Some(Attachment {
+            name: "calibration.yaml".to_owned(),
+            media_type: "application/yaml".to_owned(),
+            log_time_ns,
+            create_time_ns: 0,
+            data: text.clone().into_bytes(),
+        })
+    }
+}
+
 /// A recorder of results.
 pub struct ResultsBag {
     recorder: Option<Recorder>,
     ids: Vec<TopicId>,
-    calibration: Option<String>,
+    /// Its calibration is taken when it has been stored.
+    description: Description,
     last_flush_ns: Option<i64>,
 }
 
@@ -48,38 +76,16 @@ impl ResultsBag {
     ) -> Result<Self, RecordError> {
         let mut recorder = Recorder::create(directory, options)?;
         let ids = topics.iter().map(|topic| recorder.add_topic(topic)).collect::<Result<_, _>>()?;
-        let version = env!("CARGO_PKG_VERSION").to_owned();
-        let entries = [
-            ("version", version),
-            ("parameters", description.parameters),
-            ("parameters_sha256", description.parameters_sha256),
-            ("input", description.inputs.join("\n")),
-            ("input_topic", description.input_topic),
-        ];
-        let entries = entries.map(|(key, value)| (key.to_owned(), value));
-        recorder.metadata(&MetadataRecord {
-            name: "laser_profiler".to_owned(),
-            entries: BTreeMap::from(entries),
-        })?;
+        recorder.metadata(&description.record())?;
         // What a run was is known even when it ends in its first second.
         recorder.flush()?;
-        Ok(Self {
-            recorder: Some(recorder),
-            ids,
-            calibration: description.calibration,
-            last_flush_ns: None,
-        })
+        Ok(Self { recorder: Some(recorder), ids, description, last_flush_ns: None })
     }
 
     fn record(&mut self, message: &Outgoing) -> Result<(), RecordError> {
         let Some(recorder) = &mut self.recorder else { return Ok(()) };
-        attach(recorder, self.calibration.take(), message.log_time_ns)?;
-        let times = Times {
-            log_ns: message.log_time_ns,
-            publish_ns: message.publish_time_ns,
-            sequence: message.sequence,
-        };
-        recorder.write(self.ids[message.topic], times, &message.data)?;
+        attach(recorder, &mut self.description, message.log_time_ns)?;
+        recorder.write(self.ids[message.topic], message.into(), &message.data)?;
         let last_flush_ns = *self.last_flush_ns.get_or_insert(message.log_time_ns);
         if message.log_time_ns.abs_diff(last_flush_ns) >= FLUSH_PERIOD_NS {
             self.last_flush_ns = Some(message.log_time_ns);
@@ -90,8 +96,18 @@ impl ResultsBag {
 
     fn close(&mut self) -> Result<(), RecordError> {
         let Some(mut recorder) = self.recorder.take() else { return Ok(()) };
-        attach(&mut recorder, self.calibration.take(), 0)?;
+        attach(&mut recorder, &mut self.description, 0)?;
         recorder.finish().map(drop)
+    }
+}
+
+impl From<&Outgoing> for Times {
+    fn from(message: &Outgoing) -> Self {
+        Self {
+            log_ns: message.log_time_ns,
+            publish_ns: message.publish_time_ns,
+            sequence: message.sequence,
+        }
     }
 }
 
@@ -103,17 +119,12 @@ fn sink_error(error: RecordError) -> SinkError {
 /// Stores the calibration, once, at the time of the first message.
 fn attach(
     recorder: &mut Recorder,
-    calibration: Option<String>,
+    description: &mut Description,
     log_time_ns: i64,
 ) -> Result<(), RecordError> {
-    let Some(text) = calibration else { return Ok(()) };
-    recorder.attach(&Attachment {
-        name: "calibration.yaml".to_owned(),
-        media_type: "application/yaml".to_owned(),
-        log_time_ns,
-        create_time_ns: 0,
-        data: text.into_bytes(),
-    })
+    let Some(attachment) = description.calibration_file(log_time_ns) else { return Ok(()) };
+    description.calibration = None;
+    recorder.attach(&attachment)
 }
 
 impl Sink for ResultsBag {

@@ -1,7 +1,7 @@
 //! A replay from its request to its results: opens, checks and connects everything before the first frame is read.
 
 use std::{
-    fs, io,
+    io,
     path::{Path, PathBuf},
 };
 
@@ -20,13 +20,11 @@ use crate::{
         parameters::{ParameterError, Parameters},
         value::Value,
     },
-    scanner::{
-        calibration::{Calibration, CalibrationError},
-        pipeline::Pipeline,
-    },
+    scanner::{calibration::Calibration, pipeline::Pipeline},
 };
 
 use super::{
+    calibration_file::{self, CalibrationFileError},
     camera::{self, CameraError},
     input::{self, ImageTopic, InputError},
     player::BagPlayer,
@@ -46,7 +44,6 @@ pub const NODE_NAME: &str = "laser_profiler";
 
 /// What shares a record with the largest frame: its header and the chunk's other messages.
 const RECORD_MARGIN_BYTES: usize = 16 << 20;
-const MAX_CALIBRATION_BYTES: u64 = 1 << 20;
 
 /// What to replay, and how.
 #[derive(Clone, Debug, Default)]
@@ -103,22 +100,9 @@ pub enum ReplayError {
     /// Results would replace their own input.
     #[error("{0}; choose another output")]
     OutputIsInput(io::Error),
-    /// The calibration cannot be used.
-    #[error("calibration_file {}: {source}", path.display())]
-    Calibration {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: CalibrationError,
-    },
-    /// The calibration cannot be read.
-    #[error("calibration_file {}: {source}", path.display())]
-    CalibrationFile {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
+    /// The calibration.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationFileError),
     /// A recording cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
@@ -135,7 +119,10 @@ impl ReplayError {
     pub const fn is_usage(&self) -> bool {
         match self {
             Self::Input { source, .. } => source.is_usage(),
-            Self::Bag(_) | Self::Run(_) | Self::Record(_) | Self::CalibrationFile { .. } => false,
+            Self::Bag(_)
+            | Self::Run(_)
+            | Self::Record(_)
+            | Self::Calibration(CalibrationFileError::Io { .. }) => false,
             _ => true,
         }
     }
@@ -165,7 +152,8 @@ impl Replay {
         let NodeParams { cameras, recording, .. } = NodeParams::new(&values)?;
         let bags = open(&request, &cameras)?;
         let camera = camera::choose(cameras, request.camera.as_deref(), &bags, &names)?;
-        let calibration = camera.calibration_file.as_deref().map(load_calibration).transpose()?;
+        let calibration =
+            camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
         let mut image_topic: Option<ImageTopic> = None;
         for (path, bag) in request.bags.iter().zip(&bags) {
             let found = choose(path, bag, &names, &camera)?;
@@ -210,7 +198,8 @@ impl Replay {
         let mut player = BagPlayer::new(messages, self.request.rate, stop.clone())?;
 
         let calibration = self.calibration.as_ref().map(|(calibration, _)| calibration);
-        let mut topics = topics::published(&self.names, &self.camera.name, calibration)?;
+        let published = topics::published(&self.names, &self.camera.name, calibration)?;
+        let mut topics = topics::recorded(&published);
         let num_topics = topics.len();
         if self.request.with_images {
             topics.extend(self.input_topic());
@@ -308,19 +297,6 @@ fn choose(
         topic.require_cdr()?;
     }
     Ok(chosen)
-}
-
-fn load_calibration(path: &Path) -> Result<(Calibration, String), ReplayError> {
-    let io = |source| ReplayError::CalibrationFile { path: path.to_owned(), source };
-    let wrong = |source| ReplayError::Calibration { path: path.to_owned(), source };
-    let size = fs::metadata(path).map_err(io)?.len();
-    if size > MAX_CALIBRATION_BYTES {
-        let reason = format!("{size} bytes are more than the {MAX_CALIBRATION_BYTES} allowed");
-        return Err(wrong(CalibrationError::Syntax(reason)));
-    }
-    let text = fs::read_to_string(path).map_err(io)?;
-    let calibration = Calibration::from_yaml(&text).map_err(wrong)?;
-    Ok((calibration, text))
 }
 
 #[cfg(test)]

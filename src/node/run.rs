@@ -11,7 +11,7 @@ use super::{
     queue::{Bound, Popped, Queue, WhenFull},
     sink::{FanOut, Outlet, SinkError},
     source::{Input, Source},
-    statistics::Summary,
+    statistics::{Counts, StageTimes, Summary},
     stop::Stop,
     worker::Worker,
 };
@@ -63,26 +63,39 @@ impl Run<'_> {
         let Run { source, worker, outlets, num_topics, stop, on_message } = self;
         let input = &Queue::new(INPUT_BOUND, WhenFull::Wait);
         let spare = &Queue::new(Bound { items: INPUT_BOUND.items, bytes: 0 }, WhenFull::DropOldest);
-        let (fed, worked, finished) = thread::scope(|scope| {
-            let fan_out = FanOut::start(scope, outlets, num_topics);
-            let worker = scope.spawn(move || {
-                let worked = worker.run(input, spare, &mut Publisher::new(&fan_out, num_topics));
-                (worked, fan_out.finish())
-            });
+        let (fed, worked) = thread::scope(|scope| {
+            let worker = scope.spawn(move || work(worker, input, spare, outlets, num_topics));
             let fed = Feed { input, spare, stop }.all(source, on_message);
             input.close();
-            let (worked, finished) =
-                worker.join().unwrap_or_else(|panic| panic::resume_unwind(panic));
-            (fed, worked, finished)
+            (fed, worker.join().unwrap_or_else(|panic| panic::resume_unwind(panic)))
         });
-        finished?;
-        let (counts, stages) = worked.map_err(|halt| match halt {
-            Halt::SinkFailed => RunError::SinkClosed,
-            Halt::Encode(error) => error.into(),
-        })?;
+        let (counts, stages) = worked?;
         let Fed { num_damaged, was_interrupted } = fed;
         Ok(Summary { counts, stages, elapsed: started.elapsed(), num_damaged, was_interrupted })
     }
+}
+
+/// The life of a worker's thread: measures until the input is closed, and sees every sink to its end.
+///
+/// # Errors
+/// An essential sink has failed; everything before is written.
+pub fn work(
+    worker: Worker,
+    input: &Queue<Input>,
+    spare: &Queue<Vec<u8>>,
+    outlets: Vec<Outlet>,
+    num_topics: usize,
+) -> Result<(Counts, StageTimes), RunError> {
+    let (worked, finished) = thread::scope(|scope| {
+        let fan_out = FanOut::start(scope, outlets, num_topics);
+        let worked = worker.run(input, spare, &mut Publisher::new(&fan_out, num_topics));
+        (worked, fan_out.finish())
+    });
+    finished?;
+    worked.map_err(|halt| match halt {
+        Halt::SinkFailed => RunError::SinkClosed,
+        Halt::Encode(error) => error.into(),
+    })
 }
 
 struct Feed<'a> {

@@ -155,6 +155,12 @@ pub struct State {
 }
 
 impl Reporter {
+    /// Takes another identity, after a break in time: counters go on, but before and after are told apart.
+    pub fn begin_session(&mut self, now_ns: i64) {
+        let before = format!("{:?}{now_ns}", self.session_id);
+        self.session_id = session_id(&self.topic, &before);
+    }
+
     /// The counters as a message.
     pub fn stream_status(&self, now_ns: i64, state: &State) -> StreamStatus<'_> {
         let State { counts, interval, load, .. } = state;

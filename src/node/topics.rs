@@ -10,7 +10,10 @@ use crate::{
         schema::{Message, MessageType},
         sensor_msgs::{Image, PointCloud2},
     },
-    ros::names::{NameError, NodeNames},
+    ros::{
+        names::{NameError, NodeNames},
+        transport::TopicEndpoint,
+    },
     scanner::calibration::Calibration,
 };
 
@@ -71,13 +74,20 @@ pub fn published(
     names: &NodeNames,
     camera: &str,
     calibration: Option<&Calibration>,
-) -> Result<Vec<Topic>, NameError> {
+) -> Result<Vec<TopicEndpoint>, NameError> {
     let uncalibrated = Output::Diagnostics as usize + 1;
     let num = calibration.map_or(uncalibrated, |_| OUTPUTS.len());
-    let topic = |&(_, name, kind, qos): &(Output, &str, &MessageType, QosProfile)| {
-        Ok(Topic::new(names.resolve(&of_camera(camera, name))?, kind, qos))
+    let topic = |&(_, name, kind, qos): &(Output, &str, &'static MessageType, QosProfile)| {
+        Ok(TopicEndpoint { name: names.resolve(&of_camera(camera, name))?, kind, qos })
     };
     OUTPUTS[..num].iter().map(topic).collect()
+}
+
+/// The topics as recordings know them.
+pub fn recorded(endpoints: &[TopicEndpoint]) -> Vec<Topic> {
+    let topic =
+        |endpoint: &TopicEndpoint| Topic::new(endpoint.name.as_str(), endpoint.kind, endpoint.qos);
+    endpoints.iter().map(topic).collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ros2args::{LogLevel, RemapRule, Ros2ArgsError};
+use ros2args::{LogLevelAssignment, RemapRule, Ros2ArgsError};
 use thiserror::Error;
 
 use super::value::Value;
@@ -43,8 +43,8 @@ pub struct RosArguments {
     pub assignments: Vec<Assignment>,
     /// `--params-file`, in order.
     pub parameter_files: Vec<PathBuf>,
-    /// The last `--log-level` for the whole program.
-    pub log_level: Option<LogLevel>,
+    /// `--log-level`, for the whole program or one logger, in order.
+    pub log_levels: Vec<LogLevelAssignment>,
 }
 
 /// Splits a command line into ROS arguments and the rest.
@@ -60,9 +60,8 @@ pub fn split(arguments: &[String]) -> Result<(RosArguments, Vec<String>), Argume
         return Err(ArgumentError::Unsupported("--enclave"));
     }
     let assignments = parsed.param_assignments.iter().map(assignment).collect::<Result<_, _>>()?;
-    let global = parsed.log_levels.iter().rev().find(|rule| rule.logger_name.is_none());
     let arguments = RosArguments {
-        log_level: global.map(|rule| rule.level),
+        log_levels: parsed.log_levels,
         remaps: parsed.remap_rules,
         assignments,
         parameter_files: parsed.param_files,
@@ -91,6 +90,8 @@ fn assignment(parsed: &ros2args::ParamAssignment) -> Result<Assignment, Argument
 
 #[cfg(test)]
 mod tests {
+    use ros2args::LogLevel;
+
     use super::*;
 
     fn line(text: &str) -> Vec<String> {
@@ -100,7 +101,7 @@ mod tests {
     #[test]
     fn several_groups_are_cut_out() {
         let (ros, rest) = split(&line(
-            "replay --ros-args -r a:=b -p top:motion.step:=0.5 -- bag --ros-args --params-file f.yaml --log-level debug",
+            "replay --ros-args -r a:=b -p top:motion.step:=0.5 -- bag --ros-args --params-file f.yaml --log-level debug --log-level top:=warn",
         ))
         .unwrap();
         assert_eq!(rest, line("replay bag"));
@@ -112,7 +113,8 @@ mod tests {
         };
         assert_eq!(ros.assignments, [step]);
         assert_eq!(ros.parameter_files, [PathBuf::from("f.yaml")]);
-        assert_eq!(ros.log_level, Some(LogLevel::Debug));
+        let top = LogLevelAssignment::new_logger_specific("top".into(), LogLevel::Warn);
+        assert_eq!(ros.log_levels, [LogLevelAssignment::new_global(LogLevel::Debug), top]);
     }
 
     #[test]

@@ -109,9 +109,12 @@ impl Subscription for Reader {
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        if let Some(topic) = lock(&self.network.0).topics.get_mut(&self.topic) {
-            topic.subscribers.remove(&self.id);
-        }
+        let mut network = lock(&self.network.0);
+        let topic = network.topics.get_mut(&self.topic);
+        let removed = topic.and_then(|topic| topic.subscribers.remove(&self.id));
+        // It may own a publisher, which wants the lock.
+        drop(network);
+        drop(removed);
     }
 }
 
@@ -124,7 +127,9 @@ impl Server for Offered {}
 
 impl Drop for Offered {
     fn drop(&mut self) {
-        lock(&self.network.0).services.remove(&self.name);
+        let removed = lock(&self.network.0).services.remove(&self.name);
+        // It may own a publisher, which wants the lock.
+        drop(removed);
     }
 }
 

@@ -11,6 +11,9 @@ pub mod parameters;
 pub mod camera_params;
 pub mod node_params;
 pub mod transport;
+pub mod middleware;
+#[cfg(feature = "zenoh")]
+pub mod zenoh;
 #[cfg(feature = "dds")]
 pub mod dds;
 #[cfg(test)]

@@ -61,9 +61,19 @@ impl NodeNames {
         &self.name
     }
 
+    /// The node's namespace, `/` for none.
+    pub fn namespace(&self) -> &str {
+        &self.namespace
+    }
+
     /// Namespace and name, as in `/cell/laser_profiler`.
     pub fn fully_qualified(&self) -> String {
         names::build_node_fqn(&self.namespace, &self.name)
+    }
+
+    /// Name of the node's logger: namespace and name with dots, as in `cell.laser_profiler`.
+    pub fn logger(&self) -> String {
+        self.fully_qualified().trim_start_matches('/').replace('/', ".")
     }
 
     /// The absolute name of a topic after remapping; the first rule that matches decides.
@@ -136,6 +146,12 @@ mod tests {
             resolved(&["/laser_profiler/points:=~/cloud"], "~/points"),
             "/laser_profiler/cloud"
         );
+    }
+
+    #[test]
+    fn the_logger_is_named_after_the_node() {
+        assert_eq!(names(&[]).unwrap().logger(), "laser_profiler");
+        assert_eq!(names(&["__ns:=/a/b", "__node:=top"]).unwrap().logger(), "a.b.top");
     }
 
     #[test]

@@ -99,9 +99,7 @@ impl NodeParams {
             use_sim_time: node.flag("use_sim_time")?,
             service_mapping: node.choice("dds.service_mapping", ServiceMapping::from_name)?,
             recording: RecordingParams::new(node)?,
-            qos_overrides: QosOverrides::new(
-                values.iter().map(|declared| (declared.name(), declared.value())),
-            ),
+            qos_overrides: QosOverrides::of(values),
             cameras: values.cameras().iter().map(camera).collect::<Result<_, _>>()?,
         })
     }

@@ -29,6 +29,9 @@ pub(super) use declared::Section;
 /// Longest name of a camera, bytes.
 const MAX_CAMERA_NAME_BYTES: usize = 64;
 
+/// Most characters of a value in a message.
+const MAX_SHOWN: usize = 80;
+
 /// Why parameters are refused.
 #[derive(Debug, Error)]
 pub enum ParameterError {
@@ -57,12 +60,21 @@ pub enum ParameterError {
         /// Which file or option says so.
         origin: String,
     },
+    /// A parameter that stands fast once the node runs.
+    #[error("{origin}: {name} is read-only: set it where the node is started")]
+    ReadOnly {
+        /// The parameter.
+        name: String,
+        /// Who wanted to set it.
+        origin: String,
+    },
     /// Values that contradict one another.
     #[error("{0}")]
     Conflict(String),
 }
 
-/// One value for every parameter that the node has: those of the node, then those of each camera, then overrides of QoS.
+/// One value for every parameter that the node has: those of the node, then those of each camera, then
+/// overrides of quality of service.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     declared: Vec<Declared>,
@@ -138,6 +150,21 @@ impl Parameters {
         self.put(name, value, (origin.to_owned(), PathBuf::new()))
     }
 
+    /// [`set`](Self::set) for a node that runs: what stands fast is refused.
+    ///
+    /// # Errors
+    /// As there, and a read-only parameter.
+    pub fn change(&mut self, name: &str, value: Value, origin: &str) -> Result<(), ParameterError> {
+        let Some(declared) = self.get(name) else {
+            return Err(unknown(name, origin, self.hint(name)));
+        };
+        if declared.row.is_read_only {
+            let (name, origin) = (name.to_owned(), origin.to_owned());
+            return Err(ParameterError::ReadOnly { name, origin });
+        }
+        self.set(name, value, origin)
+    }
+
     fn put(
         &mut self,
         name: &str,
@@ -157,11 +184,8 @@ impl Parameters {
             checked = self.declare_cameras(names);
         }
         if let Err(allowed) = checked {
-            let value = match &value {
-                Value::Text(text) => format!("{text:?}"),
-                other => other.to_string(),
-            };
-            return Err(ParameterError::Value { name: name.to_owned(), value, allowed, origin });
+            let (name, value) = (name.to_owned(), shown(&value));
+            return Err(ParameterError::Value { name, value, allowed, origin });
         }
         let declared =
             Declared { value, origin: Some(origin), base, ..Declared::new(name.to_owned(), row) };
@@ -210,7 +234,7 @@ impl Parameters {
         &self.cameras
     }
 
-    /// Every parameter: the node's and each camera's in the order of their tables, then overrides of QoS by name.
+    /// Every parameter: the node's and each camera's in the order of their tables, then overrides of quality of service by name.
     pub fn iter(&self) -> impl Iterator<Item = &Declared> {
         self.declared.iter()
     }
@@ -268,6 +292,18 @@ fn to_yaml<'a>(values: impl Iterator<Item = (&'a str, &'a Declared)>) -> String 
         _ = writeln!(out, "    {name}: {}", declared.canonical());
     }
     out
+}
+
+/// A value in a message: texts in quotes, long ones cut.
+fn shown(value: &Value) -> String {
+    let text = match value {
+        Value::Text(text) => format!("{text:?}"),
+        other => other.to_string(),
+    };
+    match text.char_indices().nth(MAX_SHOWN) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text,
+    }
 }
 
 fn unknown(name: &str, origin: &str, hint: String) -> ParameterError {

@@ -5,6 +5,7 @@ use ros2args::names;
 use crate::msg::qos::{Durability, History, QosProfile, QosTime, Reliability};
 
 use super::{
+    parameters::Parameters,
     table::{Kind, Parameter},
     value::Value,
 };
@@ -80,16 +81,16 @@ struct Override {
 }
 
 impl QosOverrides {
-    /// The overrides among named values; others are left out.
-    pub(super) fn new<'a>(values: impl Iterator<Item = (&'a str, &'a Value)>) -> Self {
+    /// The overrides among these values.
+    pub fn of(values: &Parameters) -> Self {
+        Self::new(values.iter().map(|declared| (declared.name(), declared.value())))
+    }
+
+    fn new<'a>(values: impl Iterator<Item = (&'a str, &'a Value)>) -> Self {
         let one = |(name, value): (&str, &Value)| {
             let (topic, side, policy) = parse(name).ok()?;
-            Some(Override {
-                topic: topic.to_owned(),
-                side,
-                policy: policy.name,
-                value: value.clone(),
-            })
+            let topic = topic.to_owned();
+            Some(Override { topic, side, policy: policy.name, value: value.clone() })
         };
         Self(values.filter_map(one).collect())
     }

@@ -8,6 +8,9 @@ pub mod camera;
 
 use super::value::Value;
 
+/// Longest text of a parameter: as long as a path may be.
+const MAX_TEXT_BYTES: usize = 4096;
+
 /// Type, range and default of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
@@ -90,7 +93,7 @@ impl Parameter {
             Kind::Integer { min, max, .. } => format!("an integer from {min} to {max}{unit}"),
             Kind::Float { min, max, .. } => format!("a float from {min:?} to {max:?}{unit}"),
             Kind::Choice { names, .. } => format!("one of {}", names.join(", ")),
-            Kind::Text { .. } => "a text".to_owned(),
+            Kind::Text { .. } => format!("a text of at most {MAX_TEXT_BYTES} bytes"),
             Kind::TextList { max_items } => format!("a list of at most {max_items} texts"),
         }
     }
@@ -105,7 +108,8 @@ impl Parameter {
             // NaN is in no range.
             (Kind::Float { min, max, .. }, Value::Float(value)) => (min..=max).contains(value),
             (Kind::Choice { names, .. }, Value::Text(value)) => names.contains(&value.as_str()),
-            (Kind::Bool { .. }, Value::Bool(_)) | (Kind::Text { .. }, Value::Text(_)) => true,
+            (Kind::Bool { .. }, Value::Bool(_)) => true,
+            (Kind::Text { .. }, Value::Text(text)) => text.len() <= MAX_TEXT_BYTES,
             (Kind::TextList { max_items }, Value::TextList(texts)) => texts.len() <= max_items,
             // Strict as ROS is, but with a way out.
             (Kind::Float { .. }, Value::Integer(value)) => {
@@ -132,8 +136,12 @@ const fn parameter(
     Parameter { name, unit, kind, is_read_only: false, text }
 }
 
-const fn flag(name: &'static str, default: bool, text: &'static str) -> Parameter {
-    parameter(name, "", Kind::Bool { default }, text)
+const ON: Kind = Kind::Bool { default: true };
+const OFF: Kind = Kind::Bool { default: false };
+
+/// `default` is [`ON`] or [`OFF`].
+const fn flag(name: &'static str, default: Kind, text: &'static str) -> Parameter {
+    parameter(name, "", default, text)
 }
 
 const fn choice(

@@ -6,6 +6,7 @@ pub mod image;
 pub mod channel;
 pub mod stripe;
 pub mod calibration;
+pub mod pose;
 pub mod profile;
 pub mod motion;
 pub mod scan;

@@ -11,7 +11,7 @@ use laser_profiler::{
         node_params::NodeParams, parameters::Parameters,
     },
     scanner::{
-        calibration::Calibration,
+        calibration::{Calibration, VerticalIncidence},
         channel::window,
         params::{Channel, StripeDirection},
     },
@@ -44,9 +44,12 @@ fn load(path: &Path) -> Vec<CameraParams> {
 fn every_parameter_file_is_taken() {
     let files: Vec<PathBuf> = files_ending(".yaml")
         .into_iter()
-        .filter(|path| !path.to_string_lossy().ends_with(".calibration.yaml"))
+        .filter(|path| {
+            let is = |ending| path.to_string_lossy().ends_with(ending);
+            !is(".calibration.yaml") && !is(".launch.yaml")
+        })
         .collect();
-    assert!(files.len() >= 2, "{files:?}");
+    assert!(files.len() >= 3, "{files:?}");
     for path in &files {
         for calibration in load(path).into_iter().filter_map(|camera| camera.calibration_file) {
             assert!(calibration.is_file(), "{}: {}", path.display(), calibration.display());
@@ -64,22 +67,43 @@ fn every_calibration_is_valid() {
     }
 }
 
+fn calibration(camera: &CameraParams) -> VerticalIncidence {
+    let yaml = fs::read_to_string(camera.calibration_file.as_ref().unwrap()).unwrap();
+    let Calibration::VerticalIncidence(rig) = Calibration::from_yaml(&yaml).unwrap();
+    rig
+}
+
+/// Table and the top of a cell of 10 mm lie in the part of 2592 x 2048 pixels that is searched.
+fn sees_the_cell(camera: &CameraParams) {
+    let searched = window(camera.scanner.roi, 2592, 2048).unwrap();
+    for z_m in [0.0, 0.010] {
+        let (_, row_px) = calibration(camera).project(0.0, z_m).unwrap();
+        let rows = searched.y as f64..(searched.y + searched.height) as f64;
+        assert!(rows.contains(&row_px), "{}: {z_m} m is seen in row {row_px}", camera.name);
+    }
+}
+
 #[test]
 fn they_fit_the_cameras_that_they_name() {
-    let cell = load(&directory().join("cell.yaml")).remove(0);
-    let searched = window(cell.scanner.roi, 2592, 2048).unwrap();
-    let yaml = fs::read_to_string(cell.calibration_file.unwrap()).unwrap();
-    let Calibration::VerticalIncidence(rig) = Calibration::from_yaml(&yaml).unwrap();
-    // Table and the top of a cell of 10 mm lie in the searched part.
-    for z_m in [0.0, 0.010] {
-        let (_, row_px) = rig.project(0.0, z_m).unwrap();
-        let rows = searched.y as f64..(searched.y + searched.height) as f64;
-        assert!(rows.contains(&row_px), "{z_m} m is seen in row {row_px}");
-    }
+    sees_the_cell(&load(&directory().join("cell.yaml"))[0]);
     let turntable = load(&directory().join("turntable.yaml")).remove(0).scanner;
     assert!(window(turntable.roi, 640, 480).is_ok());
     assert_eq!(
         (turntable.stripe_direction, turntable.channel),
         (StripeDirection::Vertical, Channel::Green)
+    );
+}
+
+#[test]
+fn two_cameras_are_two() {
+    let cameras = load(&directory().join("two_cameras.yaml"));
+    let frames = cameras.iter().map(|camera| {
+        sees_the_cell(camera);
+        (camera.name.clone(), calibration(camera).frame_id)
+    });
+    let told = |name: &str, frame: &str| (name.to_owned(), frame.to_owned());
+    assert_eq!(
+        frames.collect::<Vec<_>>(),
+        [told("left", "left_laser_plane"), told("right", "right_laser_plane")]
     );
 }

@@ -10,7 +10,7 @@ use std::{
 
 use serde_json::Value as Json;
 
-const EXECUTABLE: &str = env!("CARGO_BIN_EXE_laser_profiler");
+pub(crate) const EXECUTABLE: &str = env!("CARGO_BIN_EXE_laser_profiler");
 
 /// How the executable ended.
 #[derive(Debug)]

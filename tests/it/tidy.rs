@@ -40,7 +40,7 @@ const IMPURE: [&str; 14] = [
     "async ",
     ".await",
     "Mutex",
-    "Atomic",
+    "atomic::",
 ];
 
 /// Nothing unfinished stands in the source, and nothing prints around the writer that commands are given.

@@ -3,6 +3,7 @@
 mod round_trip;
 mod damage;
 mod full_disk;
+mod split;
 mod foreign;
 mod describe;
 

@@ -8,11 +8,12 @@ use serde::{
 
 use super::*;
 use crate::msg::{
-    builtin_interfaces, diagnostic_msgs, foxglove_msgs, laser_profiler_msgs,
+    builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs, laser_profiler_msgs,
+    lifecycle_msgs,
     noise::{self, for_each_message},
-    rosgraph_msgs,
+    rcl_interfaces, rosgraph_msgs, rosout,
     schema::MessageType,
-    sensor_msgs, std_msgs, unique_identifier_msgs,
+    sensor_msgs, std_msgs, std_srvs, tf2_msgs, unique_identifier_msgs,
 };
 
 fn check_round_trip<'a, T>(noise: &'a [u8], bytes: &'a mut Vec<u8>)

@@ -8,15 +8,26 @@ use serde::Deserialize;
 
 use super::*;
 use crate::msg::{
-    builtin_interfaces, diagnostic_msgs, foxglove_msgs, laser_profiler_msgs,
+    builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs, laser_profiler_msgs,
+    lifecycle_msgs,
     noise::{self, for_each_message},
-    rosgraph_msgs, sensor_msgs, std_msgs, unique_identifier_msgs,
+    rcl_interfaces, rosgraph_msgs, rosout, sensor_msgs, std_msgs, std_srvs, tf2_msgs,
+    unique_identifier_msgs,
 };
+
+mod services;
 
 /// Fields of a type, from its text by somebody else's parser.
 fn fields(message: &MessageType) -> Vec<ros2msg::Field> {
-    let (package, name) = message.name.split_once("/msg/").unwrap();
-    parse_message_string(package, name, message.text).unwrap().fields
+    let mut parts = message.name.split('/');
+    let (package, name) = (parts.next().unwrap(), parts.next_back().unwrap());
+    let parsed = parse_message_string(package, name, message.text).unwrap().fields;
+    if !parsed.is_empty() {
+        return parsed;
+    }
+    // rosidl leaves no message empty.
+    let text = "uint8 structure_needs_at_least_one_member";
+    parse_message_string(package, name, text).unwrap().fields
 }
 
 /// Full name of the message that a field is made of, `None` for numbers and text.
@@ -139,6 +150,18 @@ fn hashes_are_the_published_ones() {
             "355d7da1400ef992c455bce1a45973391bd0b3b4fae8cc5df0b2249fb275efb6",
         ),
         (
+            <rosout::Log<'_>>::TYPE,
+            "e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac",
+        ),
+        (
+            <rcl_interfaces::ParameterEvent<'_>>::TYPE,
+            "043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204",
+        ),
+        (
+            <rcl_interfaces::ParameterDescriptor<'_>>::TYPE,
+            "52175dbfda6c51153101d33d2a9da05743f66f02d5ab2ca9ec4709b46b73d704",
+        ),
+        (
             laser_profiler_msgs::FrameTrace::TYPE,
             "8c47b55c0143779382deace35fd0635dcb126dccabc3ce94f3fe0e8ad33d605c",
         ),
@@ -161,6 +184,7 @@ fn wire(message: &MessageType, path: &str, layout: &mut Vec<String>) {
             }
             (false, _) => vec![path],
             (true, None) => vec![path + "[]"],
+            (true, Some(_)) if kind.is_upper_bound => vec![path + "[]"],
             (true, Some(length)) => (0..length).map(|i| format!("{path}[{i}]")).collect(),
         };
         for path in paths {

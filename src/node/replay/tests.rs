@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, fs};
 
 use super::*;
 use crate::{
@@ -224,7 +224,8 @@ fn of_several_cameras_one_is_replayed_under_its_name() {
             request.ros.assignments.push(area);
         }
         let cameras = Value::TextList(vec!["left".into(), "right".into()]);
-        request.ros.assignments[0] = Assignment { node: None, name: "cameras".into(), value: cameras };
+        request.ros.assignments[0] =
+            Assignment { node: None, name: "cameras".into(), value: cameras };
         request
     };
     for (bag, camera, taken) in [(&both, Some("left"), "left"), (&right, None, "right")] {

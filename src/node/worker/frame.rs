@@ -14,6 +14,7 @@ use crate::{
         std_msgs::Header,
     },
     node::{
+        camera_info::ImageHeader,
         order::{Place, StampFault, StampStep},
         publisher::{Halt, Publisher},
         results::Measured,
@@ -68,8 +69,11 @@ impl Worker {
             Err(rejection) => self.reject(&rejection, message.log_time_ns),
         }
         self.after_frame(out)?;
-        self.counts.recorder_bytes = out.num_bytes();
-        self.counts.recorder_dropped = out.num_dropped(Purpose::Record);
+        // Of a live camera, its recorder knows itself.
+        if self.live.is_none() {
+            self.counts.recorder_bytes = out.num_bytes();
+            self.counts.recorder_dropped = out.num_dropped(Purpose::Record);
+        }
         self.counts.unpublished = out.num_dropped(Purpose::Publish);
         match self.schedule.poll(message.log_time_ns, &self.counts) {
             Some(interval) => self.report(message.log_time_ns, interval, out),
@@ -127,6 +131,10 @@ impl Worker {
                     StampFault::OutOfOrder => Rejection::OutOfOrder,
                 }));
             }
+        }
+        if let Some(live) = &mut self.live {
+            let (width, height) = (image.width(), image.height());
+            live.observe(&ImageHeader { stamp_ns, frame_id: &header.frame_id, width, height });
         }
         let place = self.place(message.sequence);
         let index = FrameIndex {

@@ -7,6 +7,8 @@ use std::{
 
 use super::Worker;
 use crate::node::{
+    camera_info::ImageHeader,
+    clock::system_ns,
     command::{Answer, Command, Mailbox, Reply, ScanRequest, Settings},
     histogram::Histogram,
     publisher::{Halt, Publisher},
@@ -18,14 +20,29 @@ const TICK: Duration = Duration::from_millis(100);
 
 /// Tells the time, nanoseconds since the epoch: the system's, or that of a simulation.
 pub type NowNs = Arc<dyn Fn() -> i64 + Send + Sync>;
-/// What others have to say about the camera's state.
-pub type Notes = Arc<dyn Fn() -> Vec<Note> + Send + Sync>;
+/// What others know of the camera's state.
+#[derive(Clone, Debug, Default)]
+pub struct Surroundings {
+    /// In words.
+    pub notes: Vec<Note>,
+    /// Messages that did not reach a bag.
+    pub recorder_dropped: u64,
+    /// Bytes in the bags.
+    pub recorder_bytes: u64,
+}
+
+/// Asks them, once a report.
+pub type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
+
+/// Looks at every image that is measured.
+pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) + Send>;
 
 /// The live side of a worker.
 pub struct Live {
     settings: Arc<Mailbox<Settings>>,
     now_ns: NowNs,
-    notes: Notes,
+    survey: Survey,
+    observe: Observe,
     next_tick: Instant,
     latency: Histogram,
     queue_depth: u32,
@@ -37,11 +54,17 @@ pub struct Live {
 
 impl Live {
     /// A live side that takes new settings from the mailbox.
-    pub fn new(settings: Arc<Mailbox<Settings>>, now_ns: NowNs, notes: Notes) -> Self {
+    pub fn new(
+        settings: Arc<Mailbox<Settings>>,
+        now_ns: NowNs,
+        survey: Survey,
+        observe: Observe,
+    ) -> Self {
         Self {
             settings,
             now_ns,
-            notes,
+            survey,
+            observe,
             next_tick: Instant::now() + TICK,
             latency: Histogram::default(),
             queue_depth: 0,
@@ -54,8 +77,16 @@ impl Live {
         self.next_tick
     }
 
-    pub(super) fn notes(&self) -> Vec<Note> {
-        (self.notes)()
+    pub(super) fn surroundings(&self) -> Surroundings {
+        (self.survey)()
+    }
+
+    pub(super) fn now_ns(&self) -> i64 {
+        (self.now_ns)()
+    }
+
+    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) {
+        (self.observe)(image);
     }
 
     /// From the stamp to the result. A stamp of the future, by a clock that runs ahead, tells nothing.
@@ -95,6 +126,7 @@ impl Worker {
         self.pipeline.reconfigure(settings.params);
         self.results.reconfigure(&settings.params, &settings.parameters_sha256);
         self.options.max_frame_bytes = settings.max_frame_bytes;
+        self.options.sends_images = settings.sends_images;
         Ok(())
     }
 
@@ -157,7 +189,8 @@ impl Worker {
             return Ok(());
         }
         live.next_tick = Instant::now() + TICK;
-        let now_ns = (live.now_ns)();
+        // The clock by which images are received: that of a simulation may stand still.
+        let now_ns = system_ns();
         match self.schedule.poll(now_ns, &self.counts) {
             Some(interval) => self.report(now_ns, interval, out),
             None => Ok(()),

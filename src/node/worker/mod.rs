@@ -10,10 +10,10 @@ use super::{
     publisher::{Halt, Publisher},
     queue::{Popped, Queue},
     results::Results,
-    sink::CloseOnDrop,
+    sink::{CloseOnDrop, Purpose},
     source::{Input, Writer},
     statistics::{Counts, StageTimes},
-    status::{Interval, Reporter, Schedule, State},
+    status::{Interval, Load, Reporter, Schedule, State},
     topics::Output,
 };
 use live::Live;
@@ -148,6 +148,9 @@ impl Worker {
             }
             Input::NewRecording => {
                 self.end_scan(out)?;
+                if let Some(live) = &self.live {
+                    self.reporter.begin_session(live.now_ns());
+                }
                 self.stamps = StampOrder::default();
                 self.sequence.restart();
                 self.schedule.restart();
@@ -170,23 +173,26 @@ impl Worker {
         )
     }
 
-    /// Says how the stream is doing, stamped `now_ns`.
+    /// Says how the stream is doing; `now_ns` is when by the clock of the log times.
     fn report(
         &mut self,
         now_ns: i64,
         interval: Interval,
         out: &mut Publisher<'_>,
     ) -> Result<(), Halt> {
-        let state = State {
-            counts: self.counts,
-            interval,
-            load: self.live.as_mut().map(Live::take_load).unwrap_or_default(),
-            notes: self.live.as_ref().map(Live::notes).unwrap_or_default(),
-            last_rejection: self.last_rejection.take(),
-        };
-        let status = self.reporter.stream_status(now_ns, &state);
-        out.publish(Output::StreamStatus, self.last_time_ns, &status)?;
-        let diagnostics = self.reporter.diagnostics(now_ns, &state);
-        out.publish(Output::Diagnostics, self.last_time_ns, &diagnostics)
+        let (mut stamp_ns, mut load, mut notes) = (now_ns, Load::default(), Vec::new());
+        if let Some(live) = &mut self.live {
+            let surroundings = live.surroundings();
+            self.counts.recorder_dropped =
+                out.num_dropped(Purpose::Record) + surroundings.recorder_dropped;
+            self.counts.recorder_bytes = surroundings.recorder_bytes;
+            (stamp_ns, load, notes) = (live.now_ns(), live.take_load(), surroundings.notes);
+        }
+        let last_rejection = self.last_rejection.take();
+        let state = State { counts: self.counts, interval, load, notes, last_rejection };
+        let status = self.reporter.stream_status(stamp_ns, &state);
+        out.publish(Output::StreamStatus, now_ns, &status)?;
+        let diagnostics = self.reporter.diagnostics(stamp_ns, &state);
+        out.publish(Output::Diagnostics, now_ns, &diagnostics)
     }
 }

@@ -1,6 +1,6 @@
 //! What was perhaps meant by a name that is not declared.
 
-use crate::ros::table::camera::CAMERA;
+use crate::ros::{qos_overrides, table::camera::CAMERA};
 
 use super::Parameters;
 
@@ -10,6 +10,9 @@ impl Parameters {
     /// The camera that was forgotten or is not there; else a parameter whose last word is the same or begins alike; else
     /// where to find them all.
     pub(super) fn hint(&self, name: &str) -> String {
+        if name.starts_with(qos_overrides::PREFIX) {
+            return "overrides of quality of service are set where the node is started".to_owned();
+        }
         let of_camera = |name: &str| CAMERA.iter().any(|row| row.name == name);
         let cameras = self.cameras().join(", ");
         let is_named = !cameras.is_empty();

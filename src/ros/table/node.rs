@@ -2,7 +2,7 @@
 
 use crate::ros::node_params::{Compression, ServiceMapping};
 
-use super::{MIB, Parameter, choice, flag, integer, text, text_list};
+use super::{MIB, OFF, ON, Parameter, choice, flag, integer, text, text_list};
 
 /// The parameter that declares those of several cameras.
 pub const CAMERAS: &str = "cameras";
@@ -20,20 +20,20 @@ pub const NODE: &[Parameter] = &[
         "Names of several cameras. Each has a worker of its own, its topics under its name (left/image_raw, \
          ~/left/centerline) and its parameters too (left.extraction.method). Empty: one camera without a name.")
         .read_only(),
-    flag("autostart", true,
+    flag("autostart", ON,
         "Whether the node configures and activates itself. false: it waits for ~/change_state, as from a lifecycle manager.")
         .read_only(),
-    flag("use_sim_time", false,
+    flag("use_sim_time", OFF,
         "Whether the time is that of /clock, as a simulator or a player sends it, instead of the machine's."),
     choice("dds.service_mapping", "auto", ServiceMapping::NAMES,
         "How services are spoken on DDS. enhanced: as Fast DDS does; cyclone: as Cyclone DDS does. auto: as RMW_IMPLEMENTATION \
          says, else enhanced. Both ends must agree.")
         .read_only(),
-    flag("recording.enabled", false,
+    flag("recording.enabled", OFF,
         "Whether results are recorded as long as the node is active; ~/record switches it too."),
     text("recording.directory", ".",
         "Where recordings are made, each a directory laser_profiler_<UTC time>. A relative path starts from the working directory."),
-    flag("recording.images", false,
+    flag("recording.images", OFF,
         "Whether the raw images are recorded too, in a bag of their own beside the results. Needs a disk that takes what the \
          cameras give: 120 MB/s for 2592 x 2048 pixels at 22 frames/s."),
     choice("recording.compression", "zstd", Compression::NAMES,

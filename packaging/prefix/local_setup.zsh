@@ -1,0 +1,2 @@
+AMENT_CURRENT_PREFIX="${${(%):-%x}:A:h}"
+. "$AMENT_CURRENT_PREFIX/local_setup.sh"

@@ -1,0 +1,331 @@
+//! A bag in several files, as rosbag2 splits: each of them explains itself and can be opened alone.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::metadata::{self, Recorded};
+use super::{
+    Attachment, Compression, MetadataRecord, RecordError, Recorder, Times, Topic, TopicId,
+};
+
+/// What the file needs for a message beside its bytes: the record's header and the entry in the index.
+const MESSAGE_OVERHEAD_BYTES: u64 = 31 + 16;
+
+/// When a file of the bag is closed and the next begun. 0 is no limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SplitLimits {
+    /// Length of a file, bytes. What explains the file and its index come on top; a message longer than this has a file
+    /// for itself.
+    pub bytes: u64,
+    /// Time from the first message of a file to its last, nanoseconds.
+    pub duration_ns: u64,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SplitSummary {
+    /// The directory.
+    pub directory: PathBuf,
+    /// Number of files.
+    pub files: usize,
+    /// Messages of all topics, repeated ones included.
+    pub messages: u64,
+    /// Length of all files.
+    pub bytes: u64,
+}
+
+/// A bag being written to `NAME/NAME_0.mcap`, `NAME/NAME_1.mcap` and so on. `metadata.yaml` appears when it is finished.
+///
+/// Each file begins with what explains the bag, and with the last message of each latched (transient local) topic: at
+/// the log time of the file's first message, with the publish time and the sequence that the message had.
+pub struct SplitRecorder {
+    directory: PathBuf,
+    compression: Compression,
+    limits: SplitLimits,
+    topics: Vec<Topic>,
+    head: Head,
+    /// By topic; `None` for one that is not latched or has no message yet.
+    latched: Vec<Option<(Times, Arc<[u8]>)>>,
+    is_latched: Vec<bool>,
+    current: Option<OpenFile>,
+    closed: Vec<Recorded>,
+    closed_bytes: u64,
+}
+
+/// What explains a file.
+#[derive(Default)]
+struct Head {
+    record: Option<MetadataRecord>,
+    attachment: Option<Attachment>,
+}
+
+struct OpenFile {
+    recorder: Recorder,
+    ids: Vec<TopicId>,
+    /// The same file, to have the disk take what was written.
+    file: File,
+    /// Length of what explains the file.
+    head_bytes: u64,
+    /// Bytes of messages in the open chunk, at most: they are not in the file yet.
+    pending_bytes: u64,
+    written_bytes: u64,
+    first_log_ns: Option<i64>,
+}
+
+impl SplitRecorder {
+    /// Makes the directory and its first file. A message's topic is its place in `topics`.
+    ///
+    /// # Errors
+    /// A directory that is there already; a failing disk.
+    pub fn create(
+        directory: &Path,
+        compression: Compression,
+        limits: SplitLimits,
+        topics: Vec<Topic>,
+    ) -> Result<Self, RecordError> {
+        let no_name = || RecordError::NoName(directory.into());
+        directory.file_name().and_then(|name| name.to_str()).ok_or_else(no_name)?;
+        make_new(directory)?;
+        let is_latched: Vec<_> = topics.iter().map(Topic::is_latched).collect();
+        let mut bag = Self {
+            directory: directory.into(),
+            compression,
+            limits,
+            latched: vec![None; topics.len()],
+            is_latched,
+            topics,
+            head: Head::default(),
+            current: None,
+            closed: Vec::new(),
+            closed_bytes: 0,
+        };
+        bag.open_next()?;
+        Ok(bag)
+    }
+
+    /// The directory.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// Changes when files are closed, from the next message on.
+    pub const fn set_limits(&mut self, limits: SplitLimits) {
+        self.limits = limits;
+    }
+
+    /// Bytes of all files so far, without the open chunk.
+    pub fn written_bytes(&self) -> u64 {
+        let open = self.current.as_ref().map_or(0, |open| open.recorder.written_bytes());
+        self.closed_bytes + open
+    }
+
+    /// Stores what explains the messages that follow, here and in every later file of the bag. What explained those
+    /// before stays where it was written: of several records or attachments of a name in a file, the last counts.
+    ///
+    /// # Errors
+    /// The record's name `rosbag2`; a time before the epoch; a failing disk.
+    pub fn explain(
+        &mut self,
+        record: MetadataRecord,
+        attachment: Option<Attachment>,
+    ) -> Result<(), RecordError> {
+        self.head = Head { record: Some(record), attachment };
+        let Some(open) = &mut self.current else { return Ok(()) };
+        self.head.write(&mut open.recorder)?;
+        if open.first_log_ns.is_none() {
+            open.head_bytes = open.recorder.written_bytes();
+        }
+        Ok(())
+    }
+
+    /// Stores named text pairs in the open file only.
+    ///
+    /// # Errors
+    /// The name `rosbag2`; a failing disk.
+    pub fn metadata(&mut self, record: &MetadataRecord) -> Result<(), RecordError> {
+        self.open()?.recorder.metadata(record)
+    }
+
+    /// Tells of a message that was sent before the bag began: the last one of a latched topic stands in the first file
+    /// too. One of another topic is passed over.
+    pub fn remember(&mut self, topic: usize, times: Times, data: &Arc<[u8]>) {
+        if self.is_latched.get(topic) == Some(&true) {
+            self.latched[topic] = Some((times, Arc::clone(data)));
+        }
+    }
+
+    /// Appends a message; begins the next file first where a limit demands it.
+    ///
+    /// # Errors
+    /// A time before the epoch, after which the recorder goes on; a failing disk, after which it does not.
+    pub fn write(
+        &mut self,
+        topic: usize,
+        times: Times,
+        data: &Arc<[u8]>,
+    ) -> Result<(), RecordError> {
+        let Some(known) = self.topics.get(topic) else {
+            let what = format!("topic {topic} of {}", self.topics.len());
+            return Err(RecordError::Format { path: self.directory.clone(), what });
+        };
+        if times.log_ns < 0 || times.publish_ns < 0 {
+            let (what, time_ns) = (known.name.clone(), times.log_ns.min(times.publish_ns));
+            return Err(RecordError::NegativeTime { what, time_ns });
+        }
+        let limits = self.limits;
+        if self.open()?.is_full(limits, times.log_ns, data.len() as u64) {
+            self.close_file()?;
+            self.open_next()?;
+        }
+        if self.open()?.first_log_ns.is_none() {
+            self.repeat_latched(topic, times.log_ns)?;
+        }
+        self.open()?.write(topic, times, data)?;
+        self.remember(topic, times, data);
+        Ok(())
+    }
+
+    /// Hands everything to the operating system: all of it can then be read, even when this process dies.
+    ///
+    /// # Errors
+    /// A failing disk.
+    pub fn flush(&mut self) -> Result<(), RecordError> {
+        self.open()?.flush()
+    }
+
+    /// The file that is open, for a thread that waits until the disk has what was flushed.
+    ///
+    /// # Errors
+    /// Too many open files.
+    pub fn sync_handle(&self) -> Result<Option<File>, RecordError> {
+        let Some(open) = &self.current else { return Ok(None) };
+        let path = open.recorder.path();
+        open.file.try_clone().map(Some).map_err(|source| RecordError::Io { path, source })
+    }
+
+    /// Writes the index of the open file, and `metadata.yaml`. After a failing disk there is no `metadata.yaml`, which
+    /// would promise a whole bag: readers that ask for it refuse, ours take the files as they are.
+    ///
+    /// # Errors
+    /// A failing disk.
+    pub fn finish(mut self) -> Result<SplitSummary, RecordError> {
+        self.close_file()?;
+        metadata::write(&self.directory, &self.closed)?;
+        let counts = self.closed.iter().flat_map(|file| &file.topics).map(|(_, count)| count);
+        Ok(SplitSummary {
+            files: self.closed.len(),
+            messages: counts.sum(),
+            bytes: self.closed_bytes,
+            directory: self.directory,
+        })
+    }
+
+    fn open(&mut self) -> Result<&mut OpenFile, RecordError> {
+        self.current.as_mut().ok_or_else(|| RecordError::Stopped(self.directory.clone()))
+    }
+
+    fn close_file(&mut self) -> Result<(), RecordError> {
+        let Some(open) = self.current.take() else { return Ok(()) };
+        let (recorded, bytes) = open.recorder.finish_file()?;
+        self.closed.push(recorded);
+        self.closed_bytes += bytes;
+        Ok(())
+    }
+
+    fn open_next(&mut self) -> Result<(), RecordError> {
+        let name = self.directory.file_name().unwrap_or_default().to_string_lossy();
+        let file_name = format!("{name}_{}.mcap", self.closed.len());
+        let path = self.directory.join(&file_name);
+        let io_error = |source| RecordError::Io { path: path.clone(), source };
+        let file = File::create_new(&path).map_err(io_error)?;
+        let output = Box::new(file.try_clone().map_err(io_error)?);
+        let mut recorder = Recorder::on(output, &self.directory, file_name, self.compression)?;
+        let ids = self
+            .topics
+            .iter()
+            .map(|topic| recorder.add_topic(topic))
+            .collect::<Result<Vec<_>, _>>()?;
+        self.head.write(&mut recorder)?;
+        recorder.flush()?;
+        let written_bytes = recorder.written_bytes();
+        self.current = Some(OpenFile {
+            recorder,
+            ids,
+            file,
+            head_bytes: written_bytes,
+            pending_bytes: 0,
+            written_bytes,
+            first_log_ns: None,
+        });
+        Ok(())
+    }
+
+    /// Writes the last messages of latched topics; that of `except` follows by itself.
+    fn repeat_latched(&mut self, except: usize, log_ns: i64) -> Result<(), RecordError> {
+        let Some(open) = &mut self.current else { return Ok(()) };
+        for (topic, latched) in self.latched.iter().enumerate() {
+            let Some((times, data)) = latched.as_ref().filter(|_| topic != except) else {
+                continue;
+            };
+            open.write(topic, Times { log_ns, ..*times }, data)?;
+        }
+        open.flush()?;
+        // What is repeated is no reason to begin another file, in which it would be repeated again.
+        open.head_bytes = open.written_bytes;
+        Ok(())
+    }
+}
+
+impl Head {
+    fn write(&self, recorder: &mut Recorder) -> Result<(), RecordError> {
+        self.record.iter().try_for_each(|record| recorder.metadata(record))?;
+        self.attachment.iter().try_for_each(|attachment| recorder.attach(attachment))
+    }
+}
+
+impl OpenFile {
+    fn is_full(&self, limits: SplitLimits, log_ns: i64, data_bytes: u64) -> bool {
+        let Some(first_log_ns) = self.first_log_ns else { return false };
+        let length = self.recorder.written_bytes() - self.head_bytes + self.pending_bytes;
+        let is_long =
+            limits.bytes > 0 && length + data_bytes + MESSAGE_OVERHEAD_BYTES > limits.bytes;
+        // A clock that is set back begins a file, too.
+        let age_ns = log_ns.abs_diff(first_log_ns);
+        is_long || (limits.duration_ns > 0 && age_ns >= limits.duration_ns)
+    }
+
+    fn write(&mut self, topic: usize, times: Times, data: &[u8]) -> Result<(), RecordError> {
+        self.recorder.write(self.ids[topic], times, data)?;
+        self.first_log_ns.get_or_insert(times.log_ns);
+        let message_bytes = data.len() as u64 + MESSAGE_OVERHEAD_BYTES;
+        let written_bytes = self.recorder.written_bytes();
+        if written_bytes == self.written_bytes {
+            self.pending_bytes += message_bytes;
+        } else {
+            // A chunk was closed; whether with this message is the format's affair.
+            self.written_bytes = written_bytes;
+            self.pending_bytes = message_bytes;
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<(), RecordError> {
+        self.recorder.flush()?;
+        self.written_bytes = self.recorder.written_bytes();
+        self.pending_bytes = 0;
+        Ok(())
+    }
+}
+
+fn make_new(directory: &Path) -> Result<(), RecordError> {
+    let io_error = |source| RecordError::Io { path: directory.into(), source };
+    if let Some(parent) = directory.parent() {
+        fs::create_dir_all(parent).map_err(io_error)?;
+    }
+    fs::create_dir(directory).map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => RecordError::Exists(directory.into()),
+        _ => io_error(source),
+    })
+}

@@ -1,0 +1,134 @@
+//! `laser_profiler run`: the live node.
+
+use std::{fmt::Write as _, io::Write, path::PathBuf};
+
+use anyhow::{Context, anyhow};
+use serde::Serialize;
+
+use super::{
+    Outcome, Usage, interrupt,
+    summary::{self, Told},
+};
+use crate::{
+    node::{
+        live::{LiveNode, LiveRequest, error::LiveError, session::CameraSummary},
+        rosout::RosoutSlot,
+        statistics::Summary,
+        stop::Stop,
+    },
+    ros::{arguments::RosArguments, middleware::Middleware},
+};
+
+const HELP: &str = "\
+Examples:
+  laser_profiler run --ros-args -r image_raw:=/camera/image_raw
+      measures the camera's images and publishes ~/centerline; without a calibration there is nothing metric
+  laser_profiler run --params-file rig.yaml
+      with parameters and calibration: ~/profile, ~/points, ~/points_dense, ~/slice_info, ~/height_map
+  laser_profiler run --transport zenoh --router --params-file rig.yaml
+      on Zenoh, as rmw_zenoh speaks it, and as its own router
+  ros2 param set /laser_profiler extraction.segment_threshold 45.0
+  ros2 service call /laser_profiler/record std_srvs/srv/SetBool '{data: true}'
+
+Without --transport, RMW_IMPLEMENTATION decides: zenoh where it is rmw_zenoh_cpp, else dds. DDS follows ROS_DOMAIN_ID,
+ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and ROS_STATIC_PEERS; Zenoh follows ROS_DOMAIN_ID,
+ZENOH_SESSION_CONFIG_URI, ZENOH_CONFIG_OVERRIDE and ZENOH_ROUTER_CHECK_ATTEMPTS.
+
+Ctrl-C or SIGTERM ends it in good order: recordings are closed, and the last words say what became of the frames.
+--json prints them as `replay --json` does; of several cameras as {\"cameras\": {NAME: ...}}.";
+
+/// Measures a camera live, as a ROS 2 node on DDS or Zenoh.
+#[derive(Debug, Default, clap::Args)]
+#[command(after_help = HELP)]
+pub struct RunArgs {
+    /// The middleware: dds or zenoh.
+    #[arg(long, value_name = "NAME", value_parser = transport)]
+    pub transport: Option<Middleware>,
+    /// On Zenoh: be the router too, for a cell without one.
+    #[arg(long)]
+    pub router: bool,
+    /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
+    #[arg(long, value_name = "FILE")]
+    pub params_file: Vec<PathBuf>,
+    /// Print a machine-readable summary on standard output at the end.
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn transport(name: &str) -> Result<Middleware, String> {
+    Middleware::from_name(name).ok_or_else(|| format!("one of {}", Middleware::NAMES.join(", ")))
+}
+
+/// Runs until a signal comes, and prints the summary on `out`.
+///
+/// # Errors
+/// [`Usage`] when the request cannot be followed, else whatever the middleware, a file or the machine refuses.
+pub fn run(
+    args: RunArgs,
+    ros: RosArguments,
+    rosout: RosoutSlot,
+    out: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
+    let stop = Stop::default();
+    interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
+    let json = args.json;
+    let summaries = live(request(args, ros)?, rosout, &stop).map_err(|error: LiveError| {
+        if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
+    })?;
+    let summaries: Vec<(String, Summary)> = summaries
+        .into_iter()
+        .map(|CameraSummary { name, summary }| Ok((name, summary?)))
+        .collect::<anyhow::Result<_>>()?;
+    let text = if json { told(&summaries)? } else { text(&summaries) };
+    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    let is_complete = summaries.iter().all(|(_, summary)| summary.is_complete());
+    Ok(if is_complete { Outcome::Done } else { Outcome::DataLost })
+}
+
+fn live(
+    request: LiveRequest,
+    rosout: RosoutSlot,
+    stop: &Stop,
+) -> Result<Vec<CameraSummary>, LiveError> {
+    let variable = |name: &str| std::env::var(name).ok();
+    Ok(LiveNode::start(request, rosout, &variable)?.run(stop))
+}
+
+fn request(args: RunArgs, mut ros: RosArguments) -> anyhow::Result<LiveRequest> {
+    ros.parameter_files.splice(0..0, args.params_file);
+    let of_environment = || Middleware::of_environment(&|name| std::env::var(name).ok());
+    let middleware = args.transport.unwrap_or_else(of_environment);
+    if args.router && middleware != Middleware::Zenoh {
+        return Err(Usage("--router is for --transport zenoh".to_owned()).into());
+    }
+    Ok(LiveRequest { middleware, is_router: args.router, ros })
+}
+
+fn text(summaries: &[(String, Summary)]) -> String {
+    let mut out = String::new();
+    for (name, summary) in summaries {
+        if !name.is_empty() {
+            // Writing to a string cannot fail.
+            _ = writeln!(out, "camera {name}");
+        }
+        out.push_str(&summary::text(summary));
+    }
+    out
+}
+
+#[derive(Serialize)]
+struct Cameras<'a> {
+    cameras: std::collections::BTreeMap<&'a str, Told<'a>>,
+}
+
+fn told(summaries: &[(String, Summary)]) -> serde_json::Result<String> {
+    let json = match summaries {
+        [(name, summary)] if name.is_empty() => serde_json::to_string(&Told::of(summary, None))?,
+        several => {
+            let cameras =
+                several.iter().map(|(name, summary)| (name.as_str(), Told::of(summary, None)));
+            serde_json::to_string(&Cameras { cameras: cameras.collect() })?
+        }
+    };
+    Ok(json + "\n")
+}

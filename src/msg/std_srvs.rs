@@ -1,0 +1,90 @@
+//! `std_srvs`: services that press a button or turn a switch.
+
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    schema::{ServiceType, message, request_text, response_text},
+    text,
+};
+
+const TRIGGER_TEXT: &str = include_str!("definitions/std_srvs/Trigger.srv");
+const SET_BOOL_TEXT: &str = include_str!("definitions/std_srvs/SetBool.srv");
+
+/// Does what the service's name says.
+pub const TRIGGER: ServiceType = ServiceType {
+    name: "std_srvs/srv/Trigger",
+    text: TRIGGER_TEXT,
+    hash: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+};
+
+/// Switches something on or off.
+pub const SET_BOOL: ServiceType = ServiceType {
+    name: "std_srvs/srv/SetBool",
+    text: SET_BOOL_TEXT,
+    hash: "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
+};
+
+/// Asks for a [`TRIGGER`]; says nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TriggerRequest {
+    /// What ROS puts into messages that would be empty.
+    pub structure_needs_at_least_one_member: u8,
+}
+
+/// Answers a [`TRIGGER`].
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TriggerResponse<'a> {
+    /// Whether it was done.
+    pub success: bool,
+    /// What was done, or why it was not.
+    #[serde(borrow, with = "text")]
+    pub message: Cow<'a, str>,
+}
+
+/// Asks for a [`SET_BOOL`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SetBoolRequest {
+    /// Whether it shall be on.
+    pub data: bool,
+}
+
+/// Answers a [`SET_BOOL`].
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SetBoolResponse<'a> {
+    /// Whether it was done.
+    pub success: bool,
+    /// What was done, or why it was not.
+    #[serde(borrow, with = "text")]
+    pub message: Cow<'a, str>,
+}
+
+message!(
+    TriggerRequest,
+    "std_srvs/srv/Trigger_Request",
+    request_text(TRIGGER_TEXT),
+    "RIHS01_d010825374ce8918e72bfd826c82603e60f45419e932ea976f807b74a863a199",
+    []
+);
+message!(
+    TriggerResponse<'_>,
+    "std_srvs/srv/Trigger_Response",
+    response_text(TRIGGER_TEXT),
+    "RIHS01_2d946c21e2fc3f1e9ca6986a8191d85fcc70097a8bb7771a053564bc47009cdf",
+    []
+);
+message!(
+    SetBoolRequest,
+    "std_srvs/srv/SetBool_Request",
+    request_text(SET_BOOL_TEXT),
+    "RIHS01_c62fbb99d94e1b25e8ef9e109f9581956bb1b3361a45a4e5810c36a90d29932e",
+    []
+);
+message!(
+    SetBoolResponse<'_>,
+    "std_srvs/srv/SetBool_Response",
+    response_text(SET_BOOL_TEXT),
+    "RIHS01_d0814e7f7b4880ab77e9c57426c7aa1562ab69f11eef8e2e968812f9cbd0b059",
+    []
+);

@@ -1,0 +1,50 @@
+//! The calibration that a parameter names.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use thiserror::Error;
+
+use crate::scanner::calibration::{Calibration, CalibrationError};
+
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Why there is no calibration.
+#[derive(Debug, Error)]
+pub enum CalibrationFileError {
+    /// It cannot be used.
+    #[error("calibration_file {}: {source}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: CalibrationError,
+    },
+    /// It cannot be read.
+    #[error("calibration_file {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// Reads a calibration; returns its text too.
+///
+/// # Errors
+/// A file that is not there, too long, or no calibration.
+pub fn load(path: &Path) -> Result<(Calibration, String), CalibrationFileError> {
+    let io = |source| CalibrationFileError::Io { path: path.to_owned(), source };
+    let content = |source| CalibrationFileError::Content { path: path.to_owned(), source };
+    let size = fs::metadata(path).map_err(io)?.len();
+    if size > MAX_BYTES {
+        let reason = format!("{size} bytes are more than the {MAX_BYTES} allowed");
+        return Err(content(CalibrationError::Syntax(reason)));
+    }
+    let text = fs::read_to_string(path).map_err(io)?;
+    let calibration = Calibration::from_yaml(&text).map_err(content)?;
+    Ok((calibration, text))
+}

@@ -1,0 +1,250 @@
+//! Which `camera_info` belongs to an image: the one of exactly the same stamp. Pure.
+
+use std::collections::VecDeque;
+
+use sha2::{Digest, Sha256};
+use thiserror::Error;
+
+use crate::msg::sensor_msgs::CameraInfo;
+
+/// Messages that wait for their image; more than any camera sends ahead.
+const CAPACITY: usize = 32;
+
+/// Why an image and its `camera_info` do not belong together.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum Conflict {
+    /// They say to be of different frames.
+    #[error(
+        "camera_info is of frame {info:?}, the image of {image:?}: the driver must give both the same frame_id"
+    )]
+    Frame {
+        /// That of the message.
+        info: String,
+        /// That of the image.
+        image: String,
+    },
+    /// They are of different sizes.
+    #[error(
+        "camera_info describes images of {} x {} pixels, the image has {} x {}: calibrate at this size, or state binning and roi",
+        .info.0, .info.1, .image.0, .image.1
+    )]
+    Size {
+        /// Columns and rows according to the message.
+        info: (u32, u32),
+        /// Columns and rows of the image.
+        image: (u32, u32),
+    },
+}
+
+/// What is known of an image's camera.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Pairing {
+    /// It is described.
+    Matched {
+        /// Equal for equal calibrations; shown as sixteen hexadecimal digits.
+        calibration_id: u64,
+        /// Whether the image before had another calibration.
+        is_new: bool,
+    },
+    /// There is no message of this stamp: not yet, or never.
+    NoneYet,
+    /// There is one that contradicts the image.
+    Conflict(Conflict),
+}
+
+/// What must be known of an image.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageHeader<'a> {
+    /// Time of acquisition, nanoseconds since the epoch.
+    pub stamp_ns: i64,
+    /// Optical frame of the camera.
+    pub frame_id: &'a str,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// The last messages of one camera, by stamp.
+#[derive(Debug, Default)]
+pub struct CameraInfos {
+    waiting: VecDeque<Described>,
+    calibration_id: Option<u64>,
+}
+
+#[derive(Debug)]
+struct Described {
+    stamp_ns: i64,
+    frame_id: String,
+    size: (u32, u32),
+    calibration_id: u64,
+}
+
+impl CameraInfos {
+    /// Keeps a message for its image. One of the same stamp is replaced; of too many, the oldest goes.
+    pub fn insert(&mut self, info: &CameraInfo<'_>) {
+        let stamp_ns = info.header.stamp.to_ns();
+        self.waiting.retain(|waiting| waiting.stamp_ns != stamp_ns);
+        if self.waiting.len() == CAPACITY {
+            self.waiting.pop_front();
+        }
+        self.waiting.push_back(Described {
+            stamp_ns,
+            frame_id: info.header.frame_id.as_ref().to_owned(),
+            size: image_size(info),
+            calibration_id: calibration_id(info),
+        });
+    }
+
+    /// Finds the message of an image, and keeps it: an image may come twice.
+    pub fn pair(&mut self, image: &ImageHeader<'_>) -> Pairing {
+        let Some(info) = self.waiting.iter().find(|info| info.stamp_ns == image.stamp_ns) else {
+            return Pairing::NoneYet;
+        };
+        if info.frame_id != image.frame_id {
+            let (info, image) = (info.frame_id.clone(), image.frame_id.to_owned());
+            return Pairing::Conflict(Conflict::Frame { info, image });
+        }
+        let size = (image.width, image.height);
+        if info.size != size {
+            return Pairing::Conflict(Conflict::Size { info: info.size, image: size });
+        }
+        let calibration_id = info.calibration_id;
+        let is_new = self.calibration_id.replace(calibration_id) != Some(calibration_id);
+        Pairing::Matched { calibration_id, is_new }
+    }
+}
+
+/// Columns and rows of the images that a message describes.
+fn image_size(info: &CameraInfo<'_>) -> (u32, u32) {
+    let part = |roi: u32, all: u32| if roi == 0 { all } else { roi };
+    (
+        part(info.roi.width, info.width) / info.binning_x.max(1),
+        part(info.roi.height, info.height) / info.binning_y.max(1),
+    )
+}
+
+/// The start of the SHA-256 of all that says where a point of the world is seen.
+fn calibration_id(info: &CameraInfo<'_>) -> u64 {
+    let roi = &info.roi;
+    let sizes = [
+        info.width,
+        info.height,
+        info.binning_x.max(1),
+        info.binning_y.max(1),
+        roi.x_offset,
+        roi.y_offset,
+        roi.width,
+        roi.height,
+    ];
+    let mut hash = Sha256::new();
+    hash.update(info.distortion_model.as_bytes());
+    hash.update([0]);
+    for size in sizes {
+        hash.update(size.to_le_bytes());
+    }
+    hash.update((info.d.len() as u64).to_le_bytes());
+    for value in info.d.iter().chain(&info.k).chain(&info.r).chain(&info.p) {
+        hash.update(value.to_le_bytes());
+    }
+    let digest = hash.finalize();
+    digest[..8].iter().fold(0, |id, byte| id << 8 | u64::from(*byte))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::msg::{builtin_interfaces::Time, sensor_msgs::RegionOfInterest, std_msgs::Header};
+
+    fn info(stamp_ns: i64) -> CameraInfo<'static> {
+        CameraInfo {
+            header: Header { stamp: Time::from_ns(stamp_ns), frame_id: "camera".into() },
+            width: 640,
+            height: 480,
+            k: [500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0],
+            ..CameraInfo::default()
+        }
+    }
+
+    fn image(stamp_ns: i64) -> ImageHeader<'static> {
+        ImageHeader { stamp_ns, frame_id: "camera", width: 640, height: 480 }
+    }
+
+    fn is_new(pairing: &Pairing) -> bool {
+        matches!(pairing, Pairing::Matched { is_new: true, .. })
+    }
+
+    #[test]
+    fn only_the_same_stamp_is_a_pair() {
+        let mut infos = CameraInfos::default();
+        assert_eq!(infos.pair(&image(7)), Pairing::NoneYet);
+        infos.insert(&info(7));
+        assert!(is_new(&infos.pair(&image(7))));
+        assert_eq!(infos.pair(&image(8)), Pairing::NoneYet);
+        // Twice the same image, and order does not matter.
+        infos.insert(&info(9));
+        infos.insert(&info(8));
+        for stamp_ns in [8, 7, 9] {
+            let pairing = infos.pair(&image(stamp_ns));
+            assert!(matches!(pairing, Pairing::Matched { is_new: false, .. }), "{pairing:?}");
+        }
+    }
+
+    #[test]
+    fn another_frame_or_size_is_a_conflict_with_its_reason() {
+        let mut infos = CameraInfos::default();
+        infos.insert(&info(7));
+        let Pairing::Conflict(conflict) = infos.pair(&ImageHeader { frame_id: "left", ..image(7) })
+        else {
+            panic!("other frame");
+        };
+        assert!(conflict.to_string().contains(r#"of frame "camera", the image of "left""#));
+        let Pairing::Conflict(conflict) = infos.pair(&ImageHeader { width: 320, ..image(7) })
+        else {
+            panic!("other size");
+        };
+        assert!(conflict.to_string().contains("640 x 480 pixels, the image has 320 x 480"));
+    }
+
+    #[test]
+    fn binning_and_roi_say_how_large_the_image_is() {
+        let roi = RegionOfInterest { width: 400, height: 100, ..RegionOfInterest::default() };
+        let mut infos = CameraInfos::default();
+        infos.insert(&CameraInfo { binning_x: 2, binning_y: 2, roi, ..info(7) });
+        let pairing = infos.pair(&ImageHeader { width: 200, height: 50, ..image(7) });
+        assert!(is_new(&pairing), "{pairing:?}");
+    }
+
+    #[test]
+    fn any_other_value_is_a_new_calibration_once() {
+        let mut infos = CameraInfos::default();
+        let mut stamp_ns = 0;
+        let mut pair = |info: CameraInfo<'static>| {
+            stamp_ns += 1;
+            let stamp = Time::from_ns(stamp_ns);
+            infos.insert(&CameraInfo { header: Header { stamp, ..info.header }, ..info });
+            is_new(&infos.pair(&image(stamp_ns)))
+        };
+        assert!(pair(info(0)) && !pair(info(0)));
+        let mut other = info(0);
+        other.k[0] = 501.0;
+        assert!(pair(other.clone()) && !pair(other));
+        assert!(pair(CameraInfo { d: vec![0.1], ..info(0) }));
+        assert!(pair(CameraInfo { distortion_model: "plumb_bob".into(), ..info(0) }));
+        assert!(pair(info(0)));
+        // No binning is binning by one.
+        assert!(!pair(CameraInfo { binning_x: 1, binning_y: 1, ..info(0) }));
+    }
+
+    #[test]
+    fn messages_without_an_image_are_bounded() {
+        let mut infos = CameraInfos::default();
+        for stamp_ns in 0..1000 {
+            infos.insert(&info(stamp_ns));
+            infos.insert(&info(stamp_ns));
+        }
+        assert_eq!(infos.waiting.len(), CAPACITY);
+        assert_eq!(infos.pair(&image(0)), Pairing::NoneYet);
+        assert!(is_new(&infos.pair(&image(1000 - CAPACITY as i64))));
+    }
+}

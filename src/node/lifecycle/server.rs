@@ -1,0 +1,262 @@
+//! The lifecycle on the network: five services and `~/transition_event`; and a handle for the program itself.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+
+use thiserror::Error;
+
+use super::{
+    Failure, Managed,
+    machine::{Ending, Impossible, Machine, State, TRANSITIONS, Transition, Wanted},
+};
+use crate::{
+    msg::{
+        cdr,
+        lifecycle_msgs::{self as msgs, ChangeStateRequest, ChangeStateResponse, TransitionEvent},
+        qos::QosProfile,
+    },
+    node::{
+        clock::RosClock,
+        endpoints::{self, answer},
+    },
+    ros::{
+        names::NodeNames,
+        transport::{OnRequest, Publication, Server, Transport, TransportError},
+    },
+};
+
+/// Why a change of state did not come about.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ChangeError {
+    /// It cannot begin here.
+    #[error(transparent)]
+    Impossible(#[from] Impossible),
+    /// Another one is running.
+    #[error("the node is changing its state ({}): wait for its end", .0.label())]
+    Busy(State),
+    /// The node could not do it.
+    #[error("{label} failed, the node is {}: {failure}", .state.label())]
+    Failed {
+        /// The transition.
+        label: &'static str,
+        /// The state now.
+        state: State,
+        /// Why.
+        failure: Failure,
+    },
+}
+
+/// Changes and tells the state of the node. Clones share it.
+#[derive(Clone)]
+pub struct Lifecycle(Arc<Shared>);
+
+struct Shared {
+    machine: Mutex<Machine>,
+    managed: Arc<dyn Managed>,
+    clock: RosClock,
+    /// Held while a transition runs: one at a time, and its events in order.
+    events: Mutex<Box<dyn Publication>>,
+}
+
+impl Lifecycle {
+    /// The state now.
+    pub fn state(&self) -> State {
+        lock(&self.0.machine).state()
+    }
+
+    /// Changes the state, and returns when that is done.
+    ///
+    /// # Errors
+    /// It cannot begin, or the node could not do it.
+    pub fn change(&self, wanted: Wanted<'_>) -> Result<State, ChangeError> {
+        let mut events = match self.0.events.try_lock() {
+            Ok(events) => events,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => return Err(ChangeError::Busy(self.state())),
+        };
+        let begun = lock(&self.0.machine).begin(wanted)?;
+        self.tell(&mut **events, begun);
+        let done = self.call(begun.goal);
+        self.end(&mut **events, &done);
+        if matches!(done, Err(Failure::Broken(_))) {
+            let recovered = self.0.managed.recover();
+            self.end(&mut **events, &recovered);
+        }
+        let state = self.state();
+        match done {
+            Ok(()) => Ok(state),
+            Err(failure) => Err(ChangeError::Failed { label: begun.label, state, failure }),
+        }
+    }
+
+    /// Configures and activates: for those who have no manager.
+    ///
+    /// # Errors
+    /// The node could not do it; its state says how far it came.
+    pub fn autostart(&self) -> Result<State, ChangeError> {
+        self.change(Wanted::Label("configure"))?;
+        self.change(Wanted::Label("activate"))
+    }
+
+    /// Ends for good; nothing happens where that is done already.
+    ///
+    /// # Errors
+    /// Something was lost at the end, or another change is running.
+    pub fn shutdown(&self) -> Result<State, ChangeError> {
+        match self.state() {
+            State::Finalized => Ok(State::Finalized),
+            _ => self.change(Wanted::Label("shutdown")),
+        }
+    }
+
+    fn call(&self, state: State) -> Result<(), Failure> {
+        let managed = &self.0.managed;
+        match state {
+            State::Configuring => managed.configure(),
+            State::Activating => managed.activate(),
+            State::Deactivating => managed.deactivate(),
+            State::CleaningUp => managed.cleanup(),
+            // The only other state in which a transition of TRANSITIONS that is asked for ends.
+            _ => managed.shutdown(),
+        }
+    }
+
+    fn end(&self, events: &mut dyn Publication, done: &Result<(), Failure>) {
+        let ending = match done {
+            Ok(()) => Ending::Success,
+            Err(Failure::Refused(_)) => Ending::Failure,
+            Err(Failure::Broken(_)) => Ending::Error,
+        };
+        let ended = lock(&self.0.machine).end(ending);
+        if let Some(transition) = ended {
+            self.tell(events, transition);
+        }
+    }
+
+    fn tell(&self, events: &mut dyn Publication, transition: Transition) {
+        let now_ns = self.0.clock.now_ns();
+        let described = described(transition);
+        let event = TransitionEvent {
+            timestamp: now_ns.try_into().unwrap_or(0),
+            transition: described.transition,
+            start_state: described.start_state,
+            goal_state: described.goal_state,
+        };
+        if let Err(error) = endpoints::send(events, &event, now_ns) {
+            tracing::warn!("transition_event: {error}");
+        }
+    }
+
+    fn answer_change(&self, request: &[u8]) -> Option<Vec<u8>> {
+        let request = match cdr::decode::<ChangeStateRequest<'_>>(request) {
+            Ok(request) => request.transition,
+            Err(error) => {
+                tracing::warn!("change_state: {error}");
+                return None;
+            }
+        };
+        let wanted = if request.label.is_empty() {
+            Wanted::Id(request.id)
+        } else {
+            Wanted::Label(&request.label)
+        };
+        let changed = self.change(wanted);
+        if let Err(error) = &changed {
+            tracing::error!("change_state: {error}");
+        }
+        answer(&ChangeStateResponse { success: changed.is_ok() })
+    }
+}
+
+fn lock(machine: &Mutex<Machine>) -> MutexGuard<'_, Machine> {
+    machine.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn described_state(state: State) -> msgs::State<'static> {
+    msgs::State { id: state.id(), label: state.label().into() }
+}
+
+fn described(transition: Transition) -> msgs::TransitionDescription<'static> {
+    msgs::TransitionDescription {
+        transition: msgs::Transition { id: transition.id, label: transition.label.into() },
+        start_state: described_state(transition.start),
+        goal_state: described_state(transition.goal),
+    }
+}
+
+/// The lifecycle's services. Dropping it takes them out of the graph; [`Lifecycle`] still works.
+pub struct LifecycleServer {
+    // Dropped before the handle: a service that ends is never the last to hold the publisher.
+    _servers: Vec<Box<dyn Server>>,
+    lifecycle: Lifecycle,
+}
+
+impl LifecycleServer {
+    /// Offers the services and the topic of a node that is unconfigured.
+    ///
+    /// # Errors
+    /// The middleware refuses one of them.
+    pub fn start(
+        transport: &dyn Transport,
+        names: &NodeNames,
+        managed: Arc<dyn Managed>,
+        clock: RosClock,
+    ) -> Result<Self, TransportError> {
+        let qos = QosProfile::reliable(10);
+        let events = endpoints::advertise::<TransitionEvent<'_>>(
+            transport,
+            names,
+            "~/transition_event",
+            qos,
+        )?;
+        let (machine, events) = (Mutex::default(), Mutex::new(events));
+        let lifecycle = Lifecycle(Arc::new(Shared { machine, managed, clock, events }));
+        let services: [(_, _, OnRequest); 5] = [
+            ("~/change_state", &msgs::CHANGE_STATE, {
+                let lifecycle = lifecycle.clone();
+                Box::new(move |request| lifecycle.answer_change(request))
+            }),
+            ("~/get_state", &msgs::GET_STATE, {
+                let lifecycle = lifecycle.clone();
+                // These requests are empty: whatever bytes they have, they say nothing.
+                Box::new(move |_| {
+                    let current_state = described_state(lifecycle.state());
+                    answer(&msgs::GetStateResponse { current_state })
+                })
+            }),
+            (
+                "~/get_available_states",
+                &msgs::GET_AVAILABLE_STATES,
+                Box::new(|_| {
+                    let available_states = State::ALL.map(described_state).into();
+                    answer(&msgs::GetAvailableStatesResponse { available_states })
+                }),
+            ),
+            ("~/get_available_transitions", &msgs::GET_AVAILABLE_TRANSITIONS, {
+                let lifecycle = lifecycle.clone();
+                Box::new(move |_| {
+                    let available: Vec<_> = lock(&lifecycle.0.machine).available().collect();
+                    answer_transitions(available)
+                })
+            }),
+            (
+                "~/get_transition_graph",
+                &msgs::GET_AVAILABLE_TRANSITIONS,
+                Box::new(|_| answer_transitions(TRANSITIONS.to_vec())),
+            ),
+        ];
+        let offer =
+            |(name, kind, on_request)| endpoints::serve(transport, names, name, kind, on_request);
+        let servers = services.into_iter().map(offer).collect::<Result<_, _>>()?;
+        Ok(Self { _servers: servers, lifecycle })
+    }
+
+    /// The handle for the program itself.
+    pub fn lifecycle(&self) -> Lifecycle {
+        self.lifecycle.clone()
+    }
+}
+
+fn answer_transitions(transitions: Vec<Transition>) -> Option<Vec<u8>> {
+    let available_transitions = transitions.into_iter().map(described).collect();
+    answer(&msgs::GetAvailableTransitionsResponse { available_transitions })
+}

@@ -1,0 +1,184 @@
+//! One camera: its queue, its worker's thread, and its subscription while the node is active.
+
+use std::{
+    io,
+    sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc},
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use super::{feed, observer::Observer};
+use crate::{
+    bag::Topic,
+    node::{
+        camera_info::ImageHeader,
+        command::{Answer, Command, Mailbox, Reply, Settings},
+        live_recording::RecordingControl,
+        queue::{Queue, WhenFull},
+        recording::Description,
+        run::{self, INPUT_BOUND, RunError},
+        sink::Outlet,
+        source::Input,
+        statistics::Summary,
+        worker::{
+            Worker,
+            live::{Live, NowNs, Survey},
+        },
+    },
+    ros::transport::{Subscription, TopicEndpoint, Transport, TransportError},
+};
+
+/// How long a service waits for a camera to do what it is asked for.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Distortion models have a handful of coefficients.
+const INFO_LIMIT_BYTES: usize = 64 << 10;
+
+/// Where a camera's images come from.
+pub(super) struct Images {
+    /// The middleware.
+    pub(super) transport: Arc<dyn Transport>,
+    /// Their topic.
+    pub(super) endpoint: TopicEndpoint,
+    /// Largest message accepted, bytes.
+    pub(super) limit_bytes: usize,
+    /// The topic of the camera's descriptions.
+    pub(super) info: TopicEndpoint,
+    /// Looks at what comes on both.
+    pub(super) observer: Observer,
+    /// To the images and to the descriptions, while the node is active.
+    subscriptions: Mutex<Option<[Box<dyn Subscription>; 2]>>,
+}
+
+impl Images {
+    pub(super) fn new(
+        transport: Arc<dyn Transport>,
+        [endpoint, info]: [TopicEndpoint; 2],
+        limit_bytes: usize,
+        observer: Observer,
+    ) -> Self {
+        let subscriptions = Mutex::new(None);
+        Self { transport, endpoint, limit_bytes, info, observer, subscriptions }
+    }
+
+    /// Publishers that reach the camera now; `None`: it does not listen.
+    pub(super) fn num_publishers(&self) -> Option<usize> {
+        self.lock().as_ref().map(|[images, _]| images.num_matched())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<[Box<dyn Subscription>; 2]>> {
+        self.subscriptions.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Who a camera is, and what keeps its results.
+pub(super) struct Identity {
+    /// Its name among several; empty: the only one.
+    pub(super) name: String,
+    /// Frame of its profiles; empty without a calibration.
+    pub(super) frame_id: String,
+    /// Its recorder.
+    pub(super) recording: RecordingControl,
+    /// What explains its recordings.
+    pub(super) description: Description,
+}
+
+/// A camera that is configured. Clones speak to the same one.
+#[derive(Clone)]
+pub(super) struct Camera {
+    /// Its name among several; empty: the only one.
+    pub(super) name: String,
+    /// Frame of its profiles; empty without a calibration.
+    pub(super) frame_id: String,
+    /// Its recorder.
+    pub(super) recording: RecordingControl,
+    /// What explains its recordings, as it was at the start.
+    pub(super) description: Description,
+    images: Arc<Images>,
+    input: Arc<Queue<Input>>,
+    settings: Arc<Mailbox<Settings>>,
+}
+
+/// The thread of a camera's worker.
+pub(super) type Measuring = JoinHandle<Result<Summary, RunError>>;
+
+impl Camera {
+    /// Starts the worker; images come only after [`listen`](Self::listen).
+    pub(super) fn start(
+        Identity { name, frame_id, recording, description }: Identity,
+        images: Arc<Images>,
+        worker: Worker,
+        (now_ns, survey): (NowNs, Survey),
+        outlets: Vec<Outlet>,
+        num_topics: usize,
+    ) -> io::Result<(Self, Measuring)> {
+        let input = Arc::new(Queue::new(INPUT_BOUND, WhenFull::DropOldest));
+        let settings = Arc::new(Mailbox::default());
+        let observer = images.observer.clone();
+        let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
+        let live = Live::new(Arc::clone(&settings), now_ns, survey, observe);
+        let worker = worker.with_live(live);
+        let taken = Arc::clone(&input);
+        let thread = thread::Builder::new()
+            .name(format!("camera {name}"))
+            .spawn(move || measure(worker, &taken, outlets, num_topics))?;
+        Ok((Self { name, frame_id, recording, description, images, input, settings }, thread))
+    }
+
+    /// Subscribes to the images.
+    pub(super) fn listen(&self) -> Result<(), TransportError> {
+        let Images { transport, endpoint, limit_bytes, info, observer, .. } = &*self.images;
+        let topic = Topic::new(endpoint.name.as_str(), endpoint.kind, endpoint.qos);
+        let on_image = feed::on_image(Arc::clone(&self.input), Arc::new(topic));
+        let infos = transport.subscribe(info, INFO_LIMIT_BYTES, observer.on_info())?;
+        let images = transport.subscribe(endpoint, *limit_bytes, on_image)?;
+        *self.images.lock() = Some([images, infos]);
+        Ok(())
+    }
+
+    /// Ends the subscription, and the scan behind the images that came before.
+    pub(super) fn stop_listening(&self) {
+        if self.images.lock().take().is_some() {
+            // A closed queue: the worker has ended, and its scan with it.
+            drop(self.input.push(Input::NewRecording, 0));
+        }
+    }
+
+    /// What comes next does not go on from what came before.
+    pub(super) fn begin_session(&self) {
+        // A closed queue: the worker has ended.
+        drop(self.input.push_urgent(Input::NewRecording));
+    }
+
+    /// Measures by these from the next frame on.
+    pub(super) fn set(&self, settings: Settings) {
+        self.settings.put(settings);
+    }
+
+    /// Has the worker carry out a command; `None`: it has not answered within a second.
+    pub(super) fn order(&self, command: impl FnOnce(Reply) -> Command) -> Option<Answer> {
+        let (reply, answer) = mpsc::sync_channel(1);
+        self.input.push_urgent(Input::Command(command(reply))).ok()?;
+        answer.recv_timeout(PATIENCE).ok()
+    }
+
+    /// Takes no more; what came is still measured.
+    pub(super) fn close(&self) {
+        drop(self.images.lock().take());
+        self.input.close();
+    }
+}
+
+fn measure(
+    worker: Worker,
+    input: &Queue<Input>,
+    outlets: Vec<Outlet>,
+    num_topics: usize,
+) -> Result<Summary, RunError> {
+    let started = Instant::now();
+    // The middleware gives a new buffer with every message: spare ones would lie about.
+    let spare = Queue::new(INPUT_BOUND, WhenFull::DropOldest);
+    spare.close();
+    let (counts, stages) = run::work(worker, input, &spare, outlets, num_topics)?;
+    Ok(Summary { counts, stages, elapsed: started.elapsed(), ..Summary::default() })
+}

@@ -1,0 +1,57 @@
+//! Why the live node cannot do what it is asked for.
+
+use std::io;
+
+use thiserror::Error;
+
+use crate::{
+    node::{
+        calibration_file::CalibrationFileError, lifecycle::server::ChangeError,
+        rosout::RosoutError, run::RunError,
+    },
+    ros::{names::NameError, parameters::ParameterError, transport::TransportError},
+};
+
+/// A live node that cannot start or go on.
+#[derive(Debug, Error)]
+pub enum LiveError {
+    /// A name or remap rule.
+    #[error(transparent)]
+    Name(#[from] NameError),
+    /// A parameter or parameter file.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The calibration of a camera.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationFileError),
+    /// The middleware.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// The log on `/rosout`.
+    #[error(transparent)]
+    Rosout(#[from] RosoutError),
+    /// The node cannot begin to work.
+    #[error(transparent)]
+    Lifecycle(#[from] ChangeError),
+    /// The system gives no thread.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] io::Error),
+    /// A camera's worker ended before its time.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+impl LiveError {
+    /// Whether what was asked for is to blame, rather than a file, the network or the machine.
+    pub const fn is_usage(&self) -> bool {
+        match self {
+            Self::Name(_) | Self::Parameter(_) => true,
+            Self::Transport(error) => matches!(error, TransportError::Setting { .. }),
+            Self::Calibration(_)
+            | Self::Rosout(_)
+            | Self::Lifecycle(_)
+            | Self::Thread(_)
+            | Self::Run(_) => false,
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! The live node: cameras on the middleware, and all that ROS users see of a node.
+//!
+//! Every camera has a worker of its own behind a queue that drops the oldest image; it is the worker of a replay, with
+//! the middleware and the recorder as its sinks. [`node`] is what services, parameters and the lifecycle share.
+
+pub mod error;
+mod feed;
+mod publications;
+mod notes;
+mod observer;
+mod recording;
+mod camera;
+mod setup;
+pub mod session;
+mod node;
+mod services;
+
+use std::{
+    sync::{Arc, Weak},
+    time::Duration,
+};
+
+use crate::{
+    node::{
+        clock::RosClock,
+        lifecycle::{
+            Managed,
+            machine::State,
+            server::{Lifecycle, LifecycleServer},
+        },
+        parameter_server::{OnChange, ParameterServer, ParameterStore},
+        replay::NODE_NAME,
+        rosout::{Rosout, RosoutSlot},
+        stop::Stop,
+    },
+    ros::{
+        arguments::RosArguments,
+        middleware::{JoinOptions, Middleware},
+        names::NodeNames,
+        node_params::NodeParams,
+        parameters::Parameters,
+        transport::{NodeIdentity, Server, Transport},
+    },
+};
+use error::LiveError;
+use node::Shared;
+use session::CameraSummary;
+use setup::Context;
+
+/// How often the node looks whether a camera has ended, or `/clock` was set back.
+const WATCH_PERIOD: Duration = Duration::from_millis(100);
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct LiveRequest {
+    /// On what.
+    pub middleware: Middleware,
+    /// Whether the node is its own Zenoh router.
+    pub is_router: bool,
+    /// Names, remaps and parameters.
+    pub ros: RosArguments,
+}
+
+/// A node that is on the network.
+pub struct LiveNode {
+    shared: Arc<Shared>,
+    clock: RosClock,
+    lifecycle: Lifecycle,
+    // Before the transport, so that nothing is asked of a node that is half gone.
+    _servers: Servers,
+}
+
+struct Servers {
+    _services: Vec<Box<dyn Server>>,
+    _parameters: ParameterServer,
+    _lifecycle: LifecycleServer,
+    _rosout: Rosout,
+}
+
+impl LiveNode {
+    /// Reads the parameters, joins the network and, if `autostart`, begins to measure. `variable` is the environment.
+    ///
+    /// # Errors
+    /// The first thing that is not as it should be.
+    pub fn start(
+        request: LiveRequest,
+        rosout: RosoutSlot,
+        variable: &dyn Fn(&str) -> Option<String>,
+    ) -> Result<Self, LiveError> {
+        let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
+        let values = Parameters::load(&names, &request.ros)?;
+        let service_mapping = NodeParams::new(&values)?.service_mapping;
+        let identity =
+            NodeIdentity { name: names.name().to_owned(), namespace: names.namespace().to_owned() };
+        let options = JoinOptions { service_mapping, is_router: request.is_router };
+        let transport = request.middleware.join(&identity, options, variable)?;
+        Self::on(transport, names, values, rosout)
+    }
+
+    /// Puts a node on a middleware that has been joined.
+    fn on(
+        transport: Arc<dyn Transport>,
+        names: NodeNames,
+        values: Parameters,
+        rosout: RosoutSlot,
+    ) -> Result<Self, LiveError> {
+        let params = NodeParams::new(&values)?;
+        let clock = RosClock::default();
+        clock.use_sim_time(&*transport, &names, params.use_sim_time)?;
+        let rosout = Rosout::start(&*transport, &names, rosout)?;
+        let autostart = params.autostart;
+        let cameras = values.cameras().to_vec();
+        let context = Context::new(Arc::clone(&transport), names.clone(), clock.clone());
+        let shared = Arc::new(Shared::new(context, values.clone(), params));
+        let node = Arc::downgrade(&shared);
+
+        let store = Arc::new(ParameterStore::new(values, on_change(node.clone()))?);
+        let time = clock.clone();
+        let parameters = ParameterServer::start(&*transport, &names, store, move || time.now_ns())?;
+        let managed: Arc<dyn Managed> = Arc::new(node::Handle(node.clone()));
+        let lifecycle_server = LifecycleServer::start(&*transport, &names, managed, clock.clone())?;
+        let lifecycle = lifecycle_server.lifecycle();
+        let services = services::offer(&*transport, &names, &node, &cameras)?;
+        tracing::info!("{} is on {}", names.fully_qualified(), transport.name());
+        if autostart {
+            lifecycle.autostart()?;
+        }
+        let servers = Servers {
+            _services: services,
+            _parameters: parameters,
+            _lifecycle: lifecycle_server,
+            _rosout: rosout,
+        };
+        Ok(Self { shared, clock, lifecycle, _servers: servers })
+    }
+
+    /// Measures until `stop` is raised, the node is shut down from outside, or a camera fails. Everything is written when
+    /// it returns.
+    ///
+    /// # Errors
+    /// None today: what a camera failed of stands in its summary.
+    pub fn run(self, stop: &Stop) -> Vec<CameraSummary> {
+        let mut num_breaks = self.clock.num_breaks();
+        while !stop.wait(WATCH_PERIOD) {
+            if self.lifecycle.state() == State::Finalized || self.shared.has_failed() {
+                break;
+            }
+            if self.clock.num_breaks() != num_breaks {
+                num_breaks = self.clock.num_breaks();
+                tracing::warn!("time did not go on: a new session begins");
+                self.shared.begin_session();
+            }
+        }
+        if let Err(error) = self.lifecycle.shutdown() {
+            tracing::error!("{error}");
+        }
+        self.shared.take_summaries()
+    }
+}
+
+fn on_change(node: Weak<Shared>) -> OnChange {
+    Box::new(move |params, values| match node.upgrade() {
+        Some(node) => node.set(values, params),
+        None => Err("the node is shutting down".to_owned()),
+    })
+}

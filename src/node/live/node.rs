@@ -1,0 +1,230 @@
+//! The state that services, parameters and the lifecycle share, and what they do with it.
+
+use std::sync::{Mutex, MutexGuard, PoisonError, Weak};
+
+use super::{
+    camera::Camera,
+    error::LiveError,
+    services::refusal,
+    session::{CameraSummary, Session},
+    setup::Context,
+};
+use crate::{
+    node::{
+        command::{Answer, Command, Reply},
+        lifecycle::{Failure, Managed},
+        live_recording::RecordingControl,
+    },
+    ros::{node_params::NodeParams, parameters::Parameters},
+};
+
+/// A node on the middleware.
+pub(super) struct Shared {
+    pub(super) context: Context,
+    state: Mutex<State>,
+}
+
+struct State {
+    /// What is in force, or will be when the node is configured.
+    values: Parameters,
+    params: NodeParams,
+    /// Between configure and cleanup.
+    session: Option<Session>,
+    is_active: bool,
+    /// Of cameras that ended.
+    summaries: Vec<CameraSummary>,
+}
+
+impl Shared {
+    pub(super) fn new(context: Context, values: Parameters, params: NodeParams) -> Self {
+        let state =
+            State { values, params, session: None, is_active: false, summaries: Vec::new() };
+        Self { context, state: Mutex::new(state) }
+    }
+
+    /// Every change under the lock is complete in itself, so the state of a panicked holder is sound.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn configure(&self) -> Result<(), LiveError> {
+        let state = &mut *self.lock();
+        state.session = Some(Session::configure(&self.context, &state.params, &state.values)?);
+        Ok(())
+    }
+
+    pub(super) fn activate(&self) -> Result<(), LiveError> {
+        let records = {
+            let state = &mut *self.lock();
+            if let Some(session) = &state.session {
+                session.activate()?;
+                state.is_active = true;
+            }
+            state.params.recording.enabled
+        };
+        if records {
+            self.record(true);
+        }
+        Ok(())
+    }
+
+    /// Starts or stops what `recording.enabled` speaks of. A disk that refuses keeps nothing else from working: it is
+    /// told here, and by the diagnostics.
+    fn record(&self, wanted: bool) {
+        for recorder in self.recorders("") {
+            let done = if wanted { recorder.start().map(drop) } else { recorder.stop().map(drop) };
+            if let Err(error) = done {
+                tracing::error!("{error}");
+            }
+        }
+    }
+
+    /// The recorders of the named camera, or of all of them.
+    pub(super) fn recorders(&self, camera: &str) -> Vec<RecordingControl> {
+        let state = self.lock();
+        let cameras = state.session.iter().flat_map(Session::cameras);
+        let meant = cameras.filter(|of| camera.is_empty() || of.name == camera);
+        meant.map(|of| of.recording.clone()).collect()
+    }
+
+    pub(super) fn deactivate(&self) {
+        let state = &mut *self.lock();
+        state.is_active = false;
+        if let Some(session) = &state.session {
+            session.deactivate();
+        }
+    }
+
+    /// Ends what was recorded because the node was active.
+    pub(super) fn end_recordings(&self) {
+        self.record(false);
+    }
+
+    pub(super) fn cleanup(&self) {
+        let session = {
+            let state = &mut *self.lock();
+            state.is_active = false;
+            state.session.take()
+        };
+        // Not under the lock: what waits for its turn is still measured and written.
+        let summaries = session.map(Session::end).unwrap_or_default();
+        self.lock().summaries.extend(summaries);
+    }
+
+    /// Begins a new session: stamps may start anew, positions before and after do not belong together.
+    pub(super) fn begin_session(&self) {
+        if let Some(session) = &self.lock().session {
+            session.cameras().iter().for_each(Camera::begin_session);
+        }
+    }
+
+    /// Takes new parameters: from the next frame on, where they can change at run time.
+    pub(super) fn set(&self, values: &Parameters, params: &NodeParams) -> Result<(), String> {
+        self.context.use_sim_time(params.use_sim_time)?;
+        let mut guard = self.lock();
+        let state = &mut *guard;
+        if let Some(session) = &state.session {
+            fixed_while_configured(&state.params, params)?;
+            session.set(&self.context, params, values);
+        }
+        let switched = state
+            .is_active
+            .then_some(params.recording.enabled)
+            .filter(|enabled| *enabled != state.params.recording.enabled);
+        (state.values, state.params) = (values.clone(), params.clone());
+        drop(guard);
+        // Not under the lock: a disk may take its time.
+        if let Some(wanted) = switched {
+            self.record(wanted);
+        }
+        Ok(())
+    }
+
+    /// Has cameras carry out a command: the named one, or all of them.
+    pub(super) fn order(&self, camera: &str, command: impl Fn(Reply) -> Command) -> Answer {
+        let cameras: Vec<Camera> = {
+            let state = self.lock();
+            let Some(session) = state.session.as_ref().filter(|_| state.is_active) else {
+                return refusal("the node is not active: activate it first");
+            };
+            let meant = |of: &&Camera| camera.is_empty() || of.name == camera;
+            session.cameras().iter().filter(meant).cloned().collect()
+        };
+        // Not under the lock: a scan has begun when its first frame has come.
+        let late = || refusal("not carried out within a second: no frame came");
+        let carry_out = |of: &Camera| of.order(&command).unwrap_or_else(late);
+        let answers: Vec<_> = cameras.iter().map(carry_out).collect();
+        let failed = answers.iter().find(|answer| !answer.success);
+        failed.or(answers.first()).cloned().unwrap_or_else(|| refusal("there is no camera"))
+    }
+
+    /// Whether a camera ended by itself.
+    pub(super) fn has_failed(&self) -> bool {
+        self.lock().session.as_ref().is_some_and(Session::has_failed)
+    }
+
+    /// What the cameras came to that ended since the last call.
+    pub(super) fn take_summaries(&self) -> Vec<CameraSummary> {
+        std::mem::take(&mut self.lock().summaries)
+    }
+}
+
+/// Refuses changes that need another subscription or another geometry.
+fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), String> {
+    for (old, new) in old.cameras.iter().zip(&new.cameras) {
+        let changed = [
+            ("image_transport", old.image_transport != new.image_transport),
+            ("calibration_file", old.calibration_file != new.calibration_file),
+        ];
+        if let Some((name, _)) = changed.iter().find(|(_, is_changed)| *is_changed) {
+            return Err(format!(
+                "{} changes only while the node is unconfigured: clean it up first",
+                new.full_name(name)
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The node as its lifecycle sees it.
+pub(super) struct Handle(pub(super) Weak<Shared>);
+
+impl Handle {
+    fn with<T>(&self, act: impl FnOnce(&Shared) -> Result<T, LiveError>) -> Result<T, Failure> {
+        let node = self.0.upgrade().ok_or_else(|| "the node is gone".to_owned())?;
+        act(&node).map_err(|error| Failure::Refused(error.to_string()))
+    }
+}
+
+impl Managed for Handle {
+    fn configure(&self) -> Result<(), Failure> {
+        self.with(Shared::configure)
+    }
+
+    fn activate(&self) -> Result<(), Failure> {
+        self.with(Shared::activate)
+    }
+
+    fn deactivate(&self) -> Result<(), Failure> {
+        self.with(|node| {
+            node.deactivate();
+            node.end_recordings();
+            Ok(())
+        })
+    }
+
+    fn cleanup(&self) -> Result<(), Failure> {
+        self.with(|node| {
+            node.cleanup();
+            Ok(())
+        })
+    }
+
+    fn shutdown(&self) -> Result<(), Failure> {
+        self.cleanup()
+    }
+
+    fn recover(&self) -> Result<(), Failure> {
+        self.cleanup()
+    }
+}

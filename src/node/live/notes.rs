@@ -1,0 +1,67 @@
+//! What a camera's diagnostics say besides its counters: who publishes its images, and whether they can be understood.
+
+use crate::{
+    msg::diagnostic_msgs::DiagnosticStatus,
+    node::status::Note,
+    ros::transport::{TopicEndpoint, Transport},
+};
+
+/// What is odd about the publishers of the image topic.
+pub(super) fn on_publishers(
+    transport: &dyn Transport,
+    images: &TopicEndpoint,
+    num_matched: usize,
+) -> Vec<Note> {
+    let warning = |text| Note { level: DiagnosticStatus::WARN, key: "publishers", text };
+    let mut notes = Vec::new();
+    let topics = transport.topics();
+    let others = topics.iter().filter(|topic| {
+        topic.name == images.name && topic.type_name != images.kind.name && topic.num_publishers > 0
+    });
+    for other in others {
+        notes.push(warning(format!(
+            "{} is published as {}, but {} is expected: set image_transport, or remap image_raw",
+            images.name, other.type_name, images.kind.name
+        )));
+    }
+    if num_matched > 1 {
+        notes.push(warning(format!(
+            "{num_matched} publishers on {}: frames of several cameras are mixed; remap all but one",
+            images.name
+        )));
+    }
+    if num_matched == 0 && notes.is_empty() {
+        notes.push(warning(format!("nobody publishes {} on {}", images.name, transport.name())));
+    }
+    notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        msg::{
+            qos::QosProfile,
+            schema::{Message, MessageType},
+            sensor_msgs::{CompressedImage, Image},
+        },
+        ros::loopback::Loopback,
+    };
+
+    fn endpoint(kind: &'static MessageType) -> TopicEndpoint {
+        TopicEndpoint { name: "/image_raw".into(), kind, qos: QosProfile::best_effort(5) }
+    }
+
+    #[test]
+    fn what_keeps_images_away_is_named() {
+        let network = Loopback::default();
+        let images = endpoint(Image::TYPE);
+        let text = |num| on_publishers(&network, &images, num).pop().map(|note| note.text);
+        assert_eq!(text(0).as_deref(), Some("nobody publishes /image_raw on loopback"));
+        assert_eq!(text(1), None);
+        assert!(text(2).is_some_and(|text| text.starts_with("2 publishers on /image_raw")));
+        let _wrong = network.advertise(&endpoint(CompressedImage::TYPE)).unwrap();
+        let told = text(0).unwrap();
+        assert!(told.contains("published as sensor_msgs/msg/CompressedImage"), "{told}");
+    }
+}

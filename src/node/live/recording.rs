@@ -1,0 +1,96 @@
+//! The recorder of a camera, as parameters and diagnostics see it.
+
+use crate::{
+    bag::{self, Topic},
+    msg::diagnostic_msgs::DiagnosticStatus,
+    node::{
+        live_recording::{
+            BagStatus, LiveRecorder, RecordedTopics, RecordingControl, RecordingParams,
+            RecordingStatus,
+        },
+        queue::{Bound, WhenFull},
+        recording::Description,
+        sink::{Outlet, Purpose, Takes},
+        status::Note,
+    },
+    ros::node_params::{self, Compression},
+};
+
+/// The recorder itself never waits; this is room for what comes while its thread is not scheduled.
+const BOUND: Bound = Bound { items: 256, bytes: 128 << 20 };
+
+/// A recorder of a camera's results and, behind them, its images.
+pub(super) fn recorder(
+    camera: &str,
+    params: &node_params::RecordingParams,
+    description: Description,
+    results: Vec<Topic>,
+    images: Topic,
+) -> (Outlet, RecordingControl) {
+    let num_results = results.len();
+    let topics = RecordedTopics {
+        results: results.into_iter().enumerate().collect(),
+        images: vec![(num_results, images)],
+    };
+    let (sink, control) = LiveRecorder::new(camera, topics, chosen(params), description);
+    let outlet = Outlet {
+        sink: Box::new(sink),
+        takes: Takes::All,
+        purpose: Purpose::Record,
+        bound: BOUND,
+        when_full: WhenFull::DropOldest,
+        is_essential: false,
+        idle_period: None,
+    };
+    (outlet, control)
+}
+
+/// The parameters as the recorder wants them.
+pub(super) fn chosen(params: &node_params::RecordingParams) -> RecordingParams {
+    RecordingParams {
+        directory: params.directory.clone(),
+        images: params.images,
+        compression: match params.compression {
+            Compression::Zstd => bag::Compression::Zstd,
+            Compression::Lz4 => bag::Compression::Lz4,
+            Compression::None => bag::Compression::None,
+        },
+        // Disks take images faster than processors compress them.
+        image_compression: bag::Compression::None,
+        split_bytes: params.split_bytes,
+        split_seconds: u32::try_from(params.split_seconds).unwrap_or(u32::MAX),
+        min_free_bytes: params.min_free_bytes,
+        queue_bytes: usize::try_from(params.queue_bytes).unwrap_or(usize::MAX),
+        snapshot_seconds: u32::try_from(params.snapshot_seconds).unwrap_or(u32::MAX),
+        snapshot_bytes: usize::try_from(params.snapshot_bytes).unwrap_or(usize::MAX),
+    }
+}
+
+/// Messages that did not reach a bag.
+pub(super) const fn num_dropped(status: &RecordingStatus) -> u64 {
+    status.results.dropped + status.images.dropped + status.snapshot.dropped
+}
+
+/// Bytes in the bags.
+pub(super) const fn num_bytes(status: &RecordingStatus) -> u64 {
+    status.results.bytes + status.images.bytes
+}
+
+/// What is being recorded, and what keeps it from being so.
+pub(super) fn notes(status: &RecordingStatus) -> Vec<Note> {
+    let bags = [
+        ("recording", &status.results),
+        ("recording of images", &status.images),
+        ("snapshot", &status.snapshot),
+    ];
+    bags.into_iter().filter_map(|(key, bag)| note(key, bag)).collect()
+}
+
+fn note(key: &'static str, bag: &BagStatus) -> Option<Note> {
+    if let Some(error) = &bag.last_error {
+        return Some(Note { level: DiagnosticStatus::ERROR, key, text: error.clone() });
+    }
+    let directory = bag.directory.as_ref().filter(|_| bag.is_recording)?;
+    let text = format!("{} ({} bytes)", directory.display(), bag.bytes);
+    Some(Note { level: DiagnosticStatus::OK, key, text })
+}

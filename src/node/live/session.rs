@@ -1,0 +1,105 @@
+//! What exists between configure and cleanup: the cameras, measuring while the node is active.
+
+use super::{
+    camera::{Camera, Measuring},
+    error::LiveError,
+    recording,
+    setup::{Context, sends_images},
+};
+use crate::{
+    node::{command::Settings, recording::Description, run::RunError, statistics::Summary},
+    ros::{node_params::NodeParams, parameters::Parameters},
+};
+
+/// A configured node.
+pub(super) struct Session {
+    cameras: Vec<Camera>,
+    threads: Vec<Measuring>,
+}
+
+/// What a camera came to.
+pub struct CameraSummary {
+    /// Its name among several; empty: the only one.
+    pub name: String,
+    /// Its frames, or why it ended before its time.
+    pub summary: Result<Summary, RunError>,
+}
+
+impl Session {
+    /// Starts every camera.
+    pub(super) fn configure(
+        context: &Context,
+        params: &NodeParams,
+        values: &Parameters,
+    ) -> Result<Self, LiveError> {
+        let mut session = Self { cameras: Vec::new(), threads: Vec::new() };
+        let tf = context.static_tf(params.cameras.len())?;
+        for camera in params.cameras.iter().enumerate() {
+            match context.camera(params, values, camera, &tf) {
+                Ok((camera, thread)) => {
+                    session.cameras.push(camera);
+                    session.threads.push(thread);
+                }
+                Err(error) => {
+                    session.end();
+                    return Err(error);
+                }
+            }
+        }
+        Ok(session)
+    }
+
+    /// Subscribes to the images of every camera, or of none.
+    pub(super) fn activate(&self) -> Result<(), LiveError> {
+        for camera in &self.cameras {
+            if let Err(error) = camera.listen() {
+                self.deactivate();
+                return Err(error.into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the subscriptions, and every open scan.
+    pub(super) fn deactivate(&self) {
+        self.cameras.iter().for_each(Camera::stop_listening);
+    }
+
+    /// Measures by new parameters from the next frames on.
+    pub(super) fn set(&self, context: &Context, params: &NodeParams, values: &Parameters) {
+        for (camera, camera_params) in self.cameras.iter().zip(&params.cameras) {
+            camera.set(Settings {
+                params: context.scanner(camera_params, &camera.frame_id),
+                max_frame_bytes: camera_params.max_frame_bytes,
+                sends_images: sends_images(params),
+                parameters_sha256: values.camera_sha256(&camera_params.name),
+            });
+            camera.recording.set_params(recording::chosen(&params.recording));
+            camera.recording.describe(Description {
+                parameters: values.camera_yaml(&camera.name),
+                parameters_sha256: values.camera_sha256(&camera.name),
+                ..camera.description.clone()
+            });
+        }
+    }
+
+    /// The cameras.
+    pub(super) fn cameras(&self) -> &[Camera] {
+        &self.cameras
+    }
+
+    /// Whether a camera has ended by itself, which it does only when something is wrong.
+    pub(super) fn has_failed(&self) -> bool {
+        self.threads.iter().any(Measuring::is_finished)
+    }
+
+    /// Ends: what came is measured, what was measured is written.
+    pub(super) fn end(self) -> Vec<CameraSummary> {
+        self.cameras.iter().for_each(Camera::close);
+        let end = |(camera, thread): (Camera, Measuring)| CameraSummary {
+            name: camera.name,
+            summary: thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+        };
+        self.cameras.into_iter().zip(self.threads).map(end).collect()
+    }
+}

@@ -1,0 +1,224 @@
+//! A camera from its parameters: topics, worker and sinks.
+
+use std::sync::{Arc, Mutex};
+
+use super::{
+    camera::{Camera, Identity, Images, Measuring},
+    error::LiveError,
+    notes,
+    observer::{LaserPlane, Observer},
+    publications::Publications,
+    recording,
+};
+use crate::{
+    msg::{
+        qos::QosProfile,
+        schema::Message,
+        sensor_msgs::{CameraInfo, CompressedImage, Image},
+    },
+    node::{
+        calibration_file,
+        clock::RosClock,
+        input,
+        live_recording::RecordingControl,
+        queue::WhenFull,
+        recording::Description,
+        results::Results,
+        run::INPUT_BOUND,
+        sink::{Outlet, Purpose, SINK_BOUND, Takes},
+        static_tf::StaticTf,
+        status::{Reporter, session_id},
+        topics,
+        worker::{
+            Worker, WorkerOptions,
+            live::{NowNs, Surroundings, Survey},
+        },
+    },
+    ros::{
+        camera_params::CameraParams,
+        names::NodeNames,
+        node_params::{ImageTransport, NodeParams},
+        parameters::Parameters,
+        qos_overrides::Side,
+        transport::{TopicEndpoint, Transport},
+    },
+    scanner::{calibration::Calibration, params::Params, pipeline::Pipeline},
+};
+
+/// What an image message has besides its pixels, bytes, generously.
+const MESSAGE_MARGIN_BYTES: usize = 64 << 10;
+/// Images that the middleware may hold back for a slow worker.
+const IMAGE_DEPTH: u64 = 5;
+
+/// What the cameras of a node share.
+pub(super) struct Context {
+    transport: Arc<dyn Transport>,
+    names: NodeNames,
+    clock: RosClock,
+    now_ns: NowNs,
+}
+
+impl Context {
+    pub(super) fn new(transport: Arc<dyn Transport>, names: NodeNames, clock: RosClock) -> Self {
+        let told = clock.clone();
+        Self { transport, names, clock, now_ns: Arc::new(move || told.now_ns()) }
+    }
+
+    /// Chooses the source of time.
+    pub(super) fn use_sim_time(&self, wanted: bool) -> Result<(), String> {
+        let chosen = self.clock.use_sim_time(&*self.transport, &self.names, wanted);
+        chosen.map_err(|error| error.to_string())
+    }
+
+    /// Starts a camera.
+    pub(super) fn camera(
+        &self,
+        params: &NodeParams,
+        values: &Parameters,
+        (number, camera): (usize, &CameraParams),
+        tf: &Arc<Mutex<StaticTf>>,
+    ) -> Result<(Camera, Measuring), LiveError> {
+        let calibration =
+            camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
+        let (calibration, text) = calibration.unzip();
+        let endpoints = self.images(params, camera)?;
+        let mut outputs = topics::published(&self.names, &camera.name, calibration.as_ref())?;
+        for output in &mut outputs {
+            output.qos = params.qos_overrides.apply(&output.name, Side::Publisher, output.qos);
+        }
+        let description = Description {
+            parameters: values.camera_yaml(&camera.name),
+            parameters_sha256: values.camera_sha256(&camera.name),
+            input_topic: endpoints[0].name.clone(),
+            calibration: text,
+            ..Description::default()
+        };
+        let frame_id = calibration.as_ref().map_or("", Calibration::frame_id).to_owned();
+        let plane = calibration.as_ref().map(|calibration| laser_plane(camera, calibration));
+        let observer = Observer::new(number, plane, Arc::clone(tf), Arc::clone(&self.now_ns));
+        let worker = self.worker(params, camera, calibration, &description);
+        let limit_bytes = camera.max_frame_bytes as usize + MESSAGE_MARGIN_BYTES;
+        let transport = Arc::clone(&self.transport);
+        let images = Arc::new(Images::new(transport, endpoints, limit_bytes, observer));
+        let image_topic = topics::recorded(std::slice::from_ref(&images.endpoint)).remove(0);
+        let (recorder, recording) = recording::recorder(
+            &camera.name,
+            &params.recording,
+            description.clone(),
+            topics::recorded(&outputs),
+            image_topic,
+        );
+        let outlets = vec![self.publications(&outputs)?, recorder];
+        let survey = survey(Arc::clone(&images), recording.clone());
+        let clocks = (Arc::clone(&self.now_ns), survey);
+        let name = camera.name.clone();
+        let identity = Identity { name, frame_id, recording, description };
+        Ok(Camera::start(identity, images, worker, clocks, outlets, outputs.len())?)
+    }
+
+    /// The measurement, with slices that the middleware carries.
+    pub(super) fn scanner(&self, camera: &CameraParams, frame_id: &str) -> Params {
+        camera.scanner_within(self.transport.max_reliable_bytes(), frame_id)
+    }
+
+    /// The topics of the images and of their descriptions, best effort, so that they match every publisher.
+    fn images(
+        &self,
+        params: &NodeParams,
+        camera: &CameraParams,
+    ) -> Result<[TopicEndpoint; 2], LiveError> {
+        let base = input::image_topic_of(&camera.name, &self.names)?;
+        let info = match self.names.remapped(&topics::of_camera(&camera.name, "camera_info"))? {
+            Some(info) => info,
+            // As image_transport has it: beside the images.
+            None => {
+                format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent))
+            }
+        };
+        let (images, kind) = match camera.image_transport.unwrap_or(ImageTransport::Raw) {
+            ImageTransport::Raw => (base, Image::TYPE),
+            ImageTransport::Compressed => (format!("{base}/compressed"), CompressedImage::TYPE),
+        };
+        let endpoint = |name: String, kind| {
+            let qos = QosProfile::best_effort(IMAGE_DEPTH);
+            let qos = params.qos_overrides.apply(&name, Side::Subscription, qos);
+            TopicEndpoint { name, kind, qos }
+        };
+        Ok([endpoint(images, kind), endpoint(info, CameraInfo::TYPE)])
+    }
+
+    /// The publisher of where the laser planes are.
+    pub(super) fn static_tf(&self, num_cameras: usize) -> Result<Arc<Mutex<StaticTf>>, LiveError> {
+        let tf = StaticTf::start(&*self.transport, &self.names, num_cameras)?;
+        Ok(Arc::new(Mutex::new(tf)))
+    }
+
+    fn worker(
+        &self,
+        params: &NodeParams,
+        camera: &CameraParams,
+        calibration: Option<Calibration>,
+        description: &Description,
+    ) -> Worker {
+        let frame_id = calibration.as_ref().map_or("", Calibration::frame_id);
+        let scanner = self.scanner(camera, frame_id);
+        let sha256 = &description.parameters_sha256;
+        let results = Results::new(&scanner, calibration.as_ref(), sha256);
+        // A live session is told from every other by when it began.
+        let begun = format!("{sha256}{}", (self.now_ns)());
+        let reporter = Reporter {
+            node: self.names.fully_qualified(),
+            topic: description.input_topic.clone(),
+            queue_capacity: INPUT_BOUND.items as u32,
+            session_id: session_id(&description.input_topic, &begun),
+        };
+        let options = WorkerOptions {
+            transport: camera.image_transport.unwrap_or(ImageTransport::Raw),
+            max_frame_bytes: camera.max_frame_bytes,
+            sends_images: sends_images(params),
+        };
+        Worker::new(options, Pipeline::new(scanner, calibration), results, reporter)
+    }
+
+    fn publications(&self, outputs: &[TopicEndpoint]) -> Result<Outlet, LiveError> {
+        let now_ns = Arc::clone(&self.now_ns);
+        let sink = Publications::advertise(&*self.transport, outputs, now_ns)?;
+        Ok(Outlet {
+            sink: Box::new(sink),
+            takes: Takes::Results,
+            purpose: Purpose::Publish,
+            bound: SINK_BOUND,
+            when_full: WhenFull::DropOldest,
+            is_essential: false,
+            idle_period: None,
+        })
+    }
+}
+
+/// What a camera's surroundings say of it, for diagnostics.
+fn survey(images: Arc<Images>, recording: RecordingControl) -> Survey {
+    Arc::new(move || {
+        let status = recording.status();
+        let mut notes = recording::notes(&status);
+        if let Some(num_publishers) = images.num_publishers() {
+            let Images { transport, endpoint, observer, .. } = &*images;
+            notes.extend(notes::on_publishers(&**transport, endpoint, num_publishers));
+            notes.extend(observer.notes());
+        }
+        Surroundings {
+            notes,
+            recorder_dropped: recording::num_dropped(&status),
+            recorder_bytes: recording::num_bytes(&status),
+        }
+    })
+}
+
+/// Images are sent on where something may keep them.
+pub(super) const fn sends_images(params: &NodeParams) -> bool {
+    params.recording.images
+}
+
+fn laser_plane(camera: &CameraParams, calibration: &Calibration) -> LaserPlane {
+    let camera_from_laser = calibration.camera_from_laser(camera.scanner.stripe_direction);
+    LaserPlane { frame_id: calibration.frame_id().to_owned(), camera_from_laser }
+}

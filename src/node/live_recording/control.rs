@@ -1,0 +1,287 @@
+//! The recorder as a sink, and the handle that starts, stops and asks it.
+
+use std::{
+    collections::BTreeMap,
+    path::PathBuf,
+    sync::{Arc, Mutex, atomic::AtomicU64},
+    time::{Duration, Instant},
+};
+
+use jiff::Timestamp;
+
+use crate::{
+    bag::{SplitRecorder, Topic},
+    node::{
+        recording::Description,
+        sink::{Outgoing, Sink, SinkError},
+    },
+};
+
+use super::{
+    error::RecordingError,
+    lock,
+    params::RecordingParams,
+    place,
+    session::Session,
+    snapshot::{self, Snapshots},
+    status::{BagStatus, RecordingStatus},
+    tap::{Stream, Tap, Tapped},
+    writer::{self, Settings},
+};
+
+/// How long an order waits for a bag to be closed before it answers that this still goes on.
+const STOP_WAIT: Duration = Duration::from_secs(2);
+/// At the end of the node: after so long, what waits for a slow disk is left out.
+const END_HURRY: Duration = Duration::from_secs(1);
+/// At the end of the node: so much longer the index may take.
+const END_WAIT: Duration = Duration::from_millis(700);
+
+/// What is recorded: topics by the number that their messages carry ([`Outgoing::topic`]).
+#[derive(Clone, Debug, Default)]
+pub struct RecordedTopics {
+    /// What the node publishes.
+    pub results: Vec<(usize, Topic)>,
+    /// The raw images.
+    pub images: Vec<(usize, Topic)>,
+}
+
+/// A sink that records while it is told to. It never waits and never fails: what the disk does concerns the recording
+/// alone.
+pub struct LiveRecorder {
+    pub(super) shared: Arc<Shared>,
+    places: BTreeMap<usize, (Stream, usize)>,
+}
+
+/// Starts and stops recordings and tells how they are doing. Clones order the same recorder.
+#[derive(Clone)]
+pub struct RecordingControl(Arc<Shared>);
+
+pub(super) struct Shared {
+    pub(super) camera: String,
+    topics: [Vec<Topic>; 2],
+    pub(super) settings: Arc<Settings>,
+    pub(super) tap: Mutex<Tap>,
+    /// Held while an order is carried out, so that there is one at a time.
+    orders: Mutex<()>,
+    pub(super) recordings: Mutex<[Recording; 2]>,
+    /// The same for snapshots, which wait for no other order.
+    pub(super) snapshot_orders: Mutex<()>,
+    pub(super) snapshots: Mutex<Snapshots>,
+}
+
+/// The recordings of a stream.
+#[derive(Default)]
+pub(super) struct Recording {
+    /// The one that is on, or the last one.
+    pub(super) session: Option<Arc<Session>>,
+    start_error: Option<String>,
+    dropped: Arc<AtomicU64>,
+}
+
+impl LiveRecorder {
+    /// A recorder that is idle, and its handle. The camera's name becomes part of the bags'; empty: the only one.
+    pub fn new(
+        camera: &str,
+        topics: RecordedTopics,
+        params: RecordingParams,
+        description: Description,
+    ) -> (Self, RecordingControl) {
+        let mut places = BTreeMap::new();
+        let mut of_stream = |stream: Stream, topics: Vec<(usize, Topic)>| -> Vec<Topic> {
+            let known = topics.into_iter().enumerate().map(|(place, (index, topic))| {
+                places.insert(index, (stream, place));
+                topic
+            });
+            known.collect()
+        };
+        let topics =
+            [of_stream(Stream::Results, topics.results), of_stream(Stream::Images, topics.images)];
+        let shared = Arc::new(Shared {
+            camera: camera.to_owned(),
+            tap: Mutex::new(Tap::new([&topics[0], &topics[1]])),
+            topics,
+            settings: Arc::new(Settings {
+                params: Mutex::new(RecordingParams::default()),
+                description: Mutex::new(Arc::new(description)),
+            }),
+            orders: Mutex::new(()),
+            recordings: Mutex::default(),
+            snapshot_orders: Mutex::new(()),
+            snapshots: Mutex::default(),
+        });
+        let control = RecordingControl(Arc::clone(&shared));
+        control.set_params(params);
+        (Self { shared, places }, control)
+    }
+}
+
+impl Sink for LiveRecorder {
+    fn write(&mut self, message: &Outgoing) -> Result<(), SinkError> {
+        if let Some(&(stream, place)) = self.places.get(&message.topic) {
+            let tapped = Tapped { stream, place, message: message.clone() };
+            lock(&self.shared.tap).take(Instant::now(), tapped);
+        }
+        Ok(())
+    }
+
+    /// Closes every bag, within two seconds: what a slow disk has not taken by then is dropped and counted.
+    fn finish(&mut self) -> Result<(), SinkError> {
+        let sink_error =
+            |error: RecordingError| SinkError { sink: "recording".into(), source: error.into() };
+        self.shared.end().map_err(sink_error)
+    }
+}
+
+impl RecordingControl {
+    /// Begins to record: a bag of the results and, if [`RecordingParams::images`], one of the images. What is being
+    /// recorded already goes on, so that this can be called again when one of them failed. Returns all directories.
+    ///
+    /// # Errors
+    /// Too little free space, a failing disk: the first reason. What could begin has begun.
+    pub fn start(&self) -> Result<Vec<PathBuf>, RecordingError> {
+        let _one_at_a_time = lock(&self.0.orders);
+        let params = lock(&self.0.settings.params).clone();
+        let base = place::name(&self.0.camera, Timestamp::now());
+        let is_wanted = |stream: &Stream| {
+            *stream == Stream::Results
+                || params.images && !self.0.topics[Stream::Images as usize].is_empty()
+        };
+        let wanted = Stream::ALL.into_iter().filter(is_wanted);
+        let started: Vec<_> = wanted.map(|stream| self.0.begin(stream, &params, &base)).collect();
+        started.into_iter().collect()
+    }
+
+    /// Ends the recordings that are on; what was sent before is in them. Returns what became of them; empty when none was
+    /// on.
+    ///
+    /// # Errors
+    /// A bag that is not closed after two seconds: its disk is slow, and goes on.
+    pub fn stop(&self) -> Result<Vec<BagStatus>, RecordingError> {
+        let _one_at_a_time = lock(&self.0.orders);
+        let sessions = self.0.close_all();
+        wait(&sessions, Instant::now() + STOP_WAIT)?;
+        Ok(sessions.iter().map(|session| session.status()).collect())
+    }
+
+    /// Writes the last seconds into bags of their own, a recording or not. Returns at once; the status tells when they
+    /// are whole.
+    ///
+    /// # Errors
+    /// Nothing is kept, or came; the snapshot before is still being written; too little space; a failing disk.
+    pub fn snapshot(&self) -> Result<Vec<PathBuf>, RecordingError> {
+        snapshot::take(&self.0)
+    }
+
+    /// How everything is doing. Never waits for a disk.
+    pub fn status(&self) -> RecordingStatus {
+        let [results, images] = lock(&self.0.recordings).each_ref().map(Recording::status);
+        RecordingStatus { results, images, snapshot: lock(&self.0.snapshots).status() }
+    }
+
+    /// Changes how is recorded; see [`RecordingParams`] for what holds from when.
+    pub fn set_params(&self, params: RecordingParams) {
+        lock(&self.0.tap).set_params(&params);
+        *lock(&self.0.settings.params) = params;
+    }
+
+    /// Changes what explains the bags: after parameters were set, say. Recordings that are on get a further metadata
+    /// record within half a second; the hash in [`Centerline::method`](crate::msg::laser_profiler_msgs::Centerline)
+    /// tells which one belongs to a result, and readers who ask for one take the last.
+    pub fn describe(&self, description: Description) {
+        *lock(&self.0.settings.description) = Arc::new(description);
+    }
+}
+
+impl Shared {
+    /// A new bag of a stream.
+    pub(super) fn create(
+        &self,
+        stream: Stream,
+        params: &RecordingParams,
+        base: &str,
+    ) -> Result<SplitRecorder, RecordingError> {
+        let compression = match stream {
+            Stream::Results => params.compression,
+            Stream::Images => params.image_compression,
+        };
+        let topics = &self.topics[stream as usize];
+        place::create(params, (base, stream.suffix()), compression, topics)
+    }
+
+    /// Begins to record a stream, unless it is being recorded. Returns the directory.
+    fn begin(
+        &self,
+        stream: Stream,
+        params: &RecordingParams,
+        base: &str,
+    ) -> Result<PathBuf, RecordingError> {
+        let current = lock(&self.recordings)[stream as usize].session.clone();
+        if let Some(session) = current.filter(|session| session.is_open()) {
+            return Ok(session.directory().into());
+        }
+        let begun = self.begin_anew(stream, params, base);
+        lock(&self.recordings)[stream as usize].start_error =
+            begun.as_ref().err().map(ToString::to_string);
+        begun
+    }
+
+    fn begin_anew(
+        &self,
+        stream: Stream,
+        params: &RecordingParams,
+        base: &str,
+    ) -> Result<PathBuf, RecordingError> {
+        let bag = self.create(stream, params, base)?;
+        let directory = bag.directory().to_owned();
+        let dropped = Arc::clone(&lock(&self.recordings)[stream as usize].dropped);
+        let session = Arc::new(Session::new(&directory, params.queue_bytes, &dropped));
+        let latched = lock(&self.tap).begin(stream, Arc::clone(&session));
+        let started = writer::start(bag, &session, &self.settings, &latched);
+        if started.is_err() {
+            lock(&self.tap).end(stream);
+            session.end();
+        }
+        started?;
+        tracing::info!("recording into {}", directory.display());
+        lock(&self.recordings)[stream as usize].session = Some(session);
+        Ok(directory)
+    }
+
+    /// Lets no recording have more; returns those that were on.
+    fn close_all(&self) -> Vec<Arc<Session>> {
+        let ended = Stream::ALL.map(|stream| lock(&self.tap).end(stream));
+        ended.into_iter().flatten().inspect(|session| session.close()).collect()
+    }
+
+    fn end(&self) -> Result<(), RecordingError> {
+        self.close_all();
+        let deadline = Instant::now() + END_HURRY;
+        let mut sessions = lock(&self.snapshots).sessions().to_vec();
+        sessions.extend(lock(&self.recordings).iter().filter_map(|known| known.session.clone()));
+        if wait(&sessions, deadline).is_err() {
+            for session in &sessions {
+                session.hurry();
+            }
+        }
+        wait(&sessions, deadline + END_WAIT)
+    }
+}
+
+/// Waits until all bags are closed.
+fn wait(sessions: &[Arc<Session>], deadline: Instant) -> Result<(), RecordingError> {
+    for session in sessions {
+        if !session.wait(deadline.saturating_duration_since(Instant::now())) {
+            return Err(RecordingError::StillWriting(session.directory().into()));
+        }
+    }
+    Ok(())
+}
+
+impl Recording {
+    fn status(&self) -> BagStatus {
+        let mut status =
+            self.session.as_ref().map_or_else(BagStatus::default, |session| session.status());
+        status.last_error = self.start_error.clone().or(status.last_error);
+        status
+    }
+}

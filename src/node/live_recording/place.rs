@@ -1,0 +1,103 @@
+//! Where bags are put: names that were never used, and the space that is left.
+
+use std::{fs, path::Path};
+
+use jiff::Timestamp;
+
+use crate::bag::{Compression, RecordError, SplitLimits, SplitRecorder, Topic};
+
+use super::{error::RecordingError, params::RecordingParams};
+
+/// Bags of one name that are counted up before giving up.
+const MAX_SAME_NAME: u32 = 10_000;
+
+/// A bag's name without its number: the camera, where there are several, and the time in UTC.
+pub(super) fn name(camera: &str, now: Timestamp) -> String {
+    let camera = if camera.is_empty() { String::new() } else { format!("_{camera}") };
+    format!("{}{camera}_{}", env!("CARGO_PKG_NAME"), now.strftime("%Y_%m_%d-%H_%M_%S"))
+}
+
+/// Creates the bag `<base><suffix>`, or `<base>_1<suffix>` and so on where it is there already.
+///
+/// # Errors
+/// Too little free space; a failing disk.
+pub(super) fn create(
+    params: &RecordingParams,
+    (base, suffix): (&str, &str),
+    compression: Compression,
+    topics: &[Topic],
+) -> Result<SplitRecorder, RecordingError> {
+    let directory = &params.directory;
+    fs::create_dir_all(directory)
+        .map_err(|source| RecordingError::System { directory: directory.clone(), source })?;
+    require_space(directory, params.min_free_bytes)?;
+    let limits: SplitLimits = params.split_limits();
+    for number in 0..MAX_SAME_NAME {
+        let number = if number == 0 { String::new() } else { format!("_{number}") };
+        let path = directory.join(format!("{base}{number}{suffix}"));
+        match SplitRecorder::create(&path, compression, limits, topics.to_vec()) {
+            Err(RecordError::Exists(_)) => {}
+            created => return Ok(created?),
+        }
+    }
+    Err(RecordError::Exists(directory.join(format!("{base}{suffix}"))).into())
+}
+
+/// Asks for the space that a user without privileges can still write.
+///
+/// # Errors
+/// Less than `min_free_bytes`; a directory that is gone.
+pub(super) fn require_space(directory: &Path, min_free_bytes: u64) -> Result<(), RecordingError> {
+    let found = rustix::fs::statvfs(directory).map_err(|error| RecordingError::System {
+        directory: directory.into(),
+        source: error.into(),
+    })?;
+    let free_bytes = found.f_bavail.saturating_mul(found.f_frsize);
+    if free_bytes < min_free_bytes {
+        return Err(RecordingError::LowSpace {
+            directory: directory.into(),
+            free_bytes,
+            min_free_bytes,
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_the_time_in_utc() {
+        let leap_day: Timestamp = "2024-02-29T23:59:07.9+00:00".parse().unwrap();
+        assert_eq!(name("", leap_day), "laser_profiler_2024_02_29-23_59_07");
+        assert_eq!(name("left", leap_day), "laser_profiler_left_2024_02_29-23_59_07");
+    }
+
+    #[test]
+    fn names_that_are_taken_are_counted_on() {
+        let place = tempfile::tempdir().unwrap();
+        let params = RecordingParams {
+            directory: place.path().join("made/here"),
+            min_free_bytes: 0,
+            ..RecordingParams::default()
+        };
+        let names = [(); 3].map(|()| {
+            let bag = create(&params, ("a", "_images"), Compression::None, &[]).unwrap();
+            bag.directory().file_name().unwrap().to_str().unwrap().to_owned()
+        });
+        assert_eq!(names, ["a_images", "a_1_images", "a_2_images"]);
+    }
+
+    #[test]
+    fn too_little_space_is_told_with_its_figures() {
+        let place = tempfile::tempdir().unwrap();
+        require_space(place.path(), 0).unwrap();
+        let text = require_space(place.path(), u64::MAX).unwrap_err().to_string();
+        for part in [&*place.path().display().to_string(), "min_free_bytes 18446744073709551615"] {
+            assert!(text.contains(part), "{text}");
+        }
+        let gone = require_space(&place.path().join("gone"), 0).unwrap_err().to_string();
+        assert!(gone.contains("gone") && gone.contains("No such file"), "{gone}");
+    }
+}

@@ -1,0 +1,94 @@
+//! The last seconds as bags of their own, written beside a recording without disturbing it.
+
+use std::{
+    path::PathBuf,
+    sync::{Arc, atomic::AtomicU64},
+    time::Instant,
+};
+
+use jiff::Timestamp;
+
+use super::{
+    control::Shared,
+    error::RecordingError,
+    lock, place,
+    session::Session,
+    status::BagStatus,
+    tap::{Stream, Tapped},
+    writer,
+};
+
+/// The snapshots of the node.
+#[derive(Default)]
+pub(super) struct Snapshots {
+    num_taken: u32,
+    /// Those of the last one, a bag for each stream.
+    sessions: Vec<Arc<Session>>,
+    dropped: Arc<AtomicU64>,
+    start_error: Option<String>,
+}
+
+impl Snapshots {
+    pub(super) fn sessions(&self) -> &[Arc<Session>] {
+        &self.sessions
+    }
+
+    pub(super) fn status(&self) -> BagStatus {
+        let mut statuses = self.sessions.iter().map(|session| session.status());
+        let mut sum = statuses.next().unwrap_or_default();
+        for other in statuses {
+            sum.is_ending |= other.is_ending;
+            sum.bytes += other.bytes;
+            sum.messages += other.messages;
+            sum.last_error = sum.last_error.or(other.last_error);
+        }
+        sum.last_error = self.start_error.clone().or(sum.last_error);
+        sum
+    }
+}
+
+/// Writes what the ring holds; returns its bags, which are still being written then.
+pub(super) fn take(shared: &Shared) -> Result<Vec<PathBuf>, RecordingError> {
+    let _one_at_a_time = lock(&shared.snapshot_orders);
+    let taken = write(shared);
+    lock(&shared.snapshots).start_error = taken.as_ref().err().map(ToString::to_string);
+    taken
+}
+
+fn write(shared: &Shared) -> Result<Vec<PathBuf>, RecordingError> {
+    let (number, dropped) = next(&lock(&shared.snapshots))?;
+    let params = lock(&shared.settings.params).clone();
+    let kept = lock(&shared.tap).snapshot(Instant::now());
+    let (recent, earlier) = kept.ok_or(RecordingError::SnapshotOff)?;
+    if recent.is_empty() {
+        return Err(RecordingError::SnapshotEmpty(params.snapshot_seconds));
+    }
+    let base = format!("{}_snapshot_{number}", place::name(&shared.camera, Timestamp::now()));
+    let mut sessions = Vec::new();
+    for stream in Stream::ALL {
+        let of_stream = |messages: &[Tapped]| -> Vec<_> {
+            messages.iter().filter(|tapped| tapped.stream == stream).cloned().collect()
+        };
+        let (recent, earlier) = (of_stream(&recent), of_stream(&earlier));
+        if recent.is_empty() {
+            continue;
+        }
+        let bag = shared.create(stream, &params, &base)?;
+        let session = Arc::new(Session::of(bag.directory(), recent, &dropped));
+        writer::start(bag, &session, &shared.settings, &earlier)?;
+        sessions.push(session);
+    }
+    let directories = sessions.iter().map(|session| session.directory().into()).collect();
+    *lock(&shared.snapshots) =
+        Snapshots { num_taken: number, sessions, dropped, start_error: None };
+    Ok(directories)
+}
+
+/// The number of the next snapshot, and the counter of what snapshots lost.
+fn next(snapshots: &Snapshots) -> Result<(u32, Arc<AtomicU64>), RecordingError> {
+    match snapshots.sessions.iter().find(|session| session.status().is_ending) {
+        // Two at a time would hold twice the memory.
+        Some(session) => Err(RecordingError::StillWriting(session.directory().into())),
+        None => Ok((snapshots.num_taken + 1, Arc::clone(&snapshots.dropped))),
+    }
+}

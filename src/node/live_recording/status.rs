@@ -1,0 +1,41 @@
+//! How recordings are doing, for diagnostics and services.
+
+use std::path::PathBuf;
+
+/// All recordings of the node.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecordingStatus {
+    /// The results' bag.
+    pub results: BagStatus,
+    /// The raw images' bag.
+    pub images: BagStatus,
+    /// The snapshot: the one that is being written, or the last.
+    pub snapshot: BagStatus,
+}
+
+impl RecordingStatus {
+    /// Whether anything is being recorded, a snapshot aside.
+    pub const fn is_recording(&self) -> bool {
+        self.results.is_recording || self.images.is_recording
+    }
+}
+
+/// A bag that is being recorded, or was the last one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BagStatus {
+    /// Whether it takes messages.
+    pub is_recording: bool,
+    /// Whether it ended, but waits for the disk to take its last messages or its index.
+    pub is_ending: bool,
+    /// Its directory; `None` before the first one.
+    pub directory: Option<PathBuf>,
+    /// Length of its files, bytes; the last half second may be missing.
+    pub bytes: u64,
+    /// Messages in it.
+    pub messages: u64,
+    /// Messages that were lost on their way into a bag of this kind since the node started: the disk was too slow, it
+    /// failed, or their time cannot be stored.
+    pub dropped: u64,
+    /// Why the last recording ended unasked, or did not begin; `None` again when one begins.
+    pub last_error: Option<String>,
+}

@@ -1,0 +1,197 @@
+//! Slow, full and vanished disks: the recording suffers, the node does not.
+
+use std::{fs, sync::atomic::AtomicU64};
+
+use super::*;
+use crate::node::{live_recording::session::Session, stop::Stop};
+
+/// A recording whose disk takes nothing: its writer has not begun.
+fn blocked(recorder: &LiveRecorder, stream: Stream, queue_bytes: usize) -> Arc<Session> {
+    let directory = Path::new("blocked");
+    let session = Arc::new(Session::new(directory, queue_bytes, &Arc::new(AtomicU64::new(0))));
+    let shared = &recorder.shared;
+    lock(&shared.recordings)[stream as usize].session = Some(Arc::clone(&session));
+    assert!(lock(&shared.tap).begin(stream, Arc::clone(&session)).is_empty());
+    session
+}
+
+#[test]
+fn a_slow_disk_costs_the_oldest_messages_and_every_one_is_counted() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, _control) = recorder(params(place.path()));
+    let session = blocked(&recorder, Stream::Results, 1000);
+    send(&mut recorder, CENTERLINE, 1..=50);
+    assert_eq!(session.dropped(), 40);
+
+    // The disk is back.
+    let shared = Arc::clone(&recorder.shared);
+    let bag = shared.create(Stream::Results, &params(place.path()), "slow").unwrap();
+    let directory = bag.directory().to_owned();
+    writer::start(bag, &session, &shared.settings, &[]).unwrap();
+    session.close();
+    assert!(session.wait(Duration::from_secs(30)));
+    assert_eq!((session.messages(), session.dropped()), (10, 40));
+    assert_eq!(sequences(&directory, "/centerline"), Vec::from_iter(41..=50));
+    assert_eq!(records(&directory, "laser_profiler_end")[0].entries["dropped"], "40");
+}
+
+#[test]
+fn a_slow_disk_of_images_does_not_hurt_the_results() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, control) = recorder(params(place.path()));
+    let directory = control.start().unwrap().remove(0);
+    let images = blocked(&recorder, Stream::Images, 1000);
+    for sequence in 1..=100 {
+        send(&mut recorder, CENTERLINE, [sequence]);
+        send(&mut recorder, IMAGE, [sequence]);
+    }
+    images.end();
+    recorder.finish().unwrap();
+    assert_eq!(images.dropped(), 90);
+    assert_eq!(sequences(&directory, "/centerline"), Vec::from_iter(1..=100));
+    assert_eq!(control.status().results.dropped, 0);
+}
+
+#[test]
+fn a_disk_that_hangs_holds_up_neither_orders_nor_the_end_for_more_than_two_seconds() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, control) = recorder(params(place.path()));
+    let _hanging = blocked(&recorder, Stream::Results, 1000);
+    send(&mut recorder, CENTERLINE, 1..=50);
+    let asked = Instant::now();
+    assert!(matches!(control.stop(), Err(RecordingError::StillWriting(_))));
+    assert!(asked.elapsed() < Duration::from_millis(2500), "{:?}", asked.elapsed());
+    send(&mut recorder, CENTERLINE, 51..=60);
+    let asked = Instant::now();
+    assert!(recorder.finish().unwrap_err().to_string().contains("still being written"));
+    assert!(asked.elapsed() < Duration::from_secs(2), "{:?}", asked.elapsed());
+}
+
+#[test]
+fn in_a_hurry_what_waits_is_dropped_counted_and_the_bag_is_whole() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, _control) = recorder(params(place.path()));
+    let session = blocked(&recorder, Stream::Results, 10_000);
+    send(&mut recorder, CENTERLINE, 1..=50);
+    session.close();
+    session.hurry();
+    let shared = Arc::clone(&recorder.shared);
+    let bag = shared.create(Stream::Results, &params(place.path()), "hurry").unwrap();
+    let directory = bag.directory().to_owned();
+    writer::start(bag, &session, &shared.settings, &[]).unwrap();
+    assert!(session.wait(Duration::from_secs(30)));
+    assert_eq!(session.messages() + session.dropped(), 50);
+    assert!(session.dropped() > 0 && open(&directory).is_indexed());
+}
+
+#[test]
+fn below_the_minimum_of_free_space_a_recording_ends_in_good_order() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, control) = recorder(params(place.path()));
+    let directory = control.start().unwrap().remove(0);
+    send(&mut recorder, CENTERLINE, 1..=5);
+    control.set_params(RecordingParams { min_free_bytes: u64::MAX, ..params(place.path()) });
+    wait_until("it ends", || !control.status().results.is_recording);
+    assert!(
+        lock(&recorder.shared.recordings)[0]
+            .session
+            .as_ref()
+            .unwrap()
+            .wait(Duration::from_secs(30))
+    );
+    send(&mut recorder, CENTERLINE, 6..=10);
+    let error = control.status().results.last_error.unwrap();
+    for part in ["recording.min_free_bytes", "free some space", directory.to_str().unwrap()] {
+        assert!(error.contains(part), "{error}");
+    }
+    assert!(open(&directory).is_indexed() && open(&directory).notes().is_empty());
+    assert_eq!(sequences(&directory, "/centerline"), [1, 2, 3, 4, 5]);
+    assert_eq!(records(&directory, "laser_profiler_end")[0].entries["ended"], error);
+
+    assert!(matches!(control.start(), Err(RecordingError::LowSpace { .. })), "still too little");
+    assert!(control.status().results.last_error.is_some());
+    control.set_params(params(place.path()));
+    control.start().unwrap();
+    assert_eq!(control.status().results.last_error, None);
+    send(&mut recorder, CENTERLINE, 11..=12);
+    assert_eq!(control.stop().unwrap()[0].messages, 2);
+}
+
+#[test]
+fn a_directory_that_vanishes_ends_the_recording_and_a_later_one_works() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, control) = recorder(params(&place.path().join("disk")));
+    let directory = control.start().unwrap().remove(0);
+    fs::remove_dir_all(place.path().join("disk")).unwrap();
+    send(&mut recorder, CENTERLINE, 1..=5);
+    wait_until("it ends", || !control.status().results.is_recording);
+    let error = control.status().results.last_error.unwrap();
+    assert!(error.contains(directory.to_str().unwrap()), "{error}");
+    let again = control.start().unwrap();
+    send(&mut recorder, CENTERLINE, 6..=7);
+    recorder.finish().unwrap();
+    assert_eq!(sequences(&again[0], "/centerline"), [6, 7]);
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_told_at_the_start() {
+    let place = tempfile::tempdir().unwrap();
+    // Nobody makes directories in these, not even root.
+    for directory in ["/proc/recordings", "/dev/null/recordings"] {
+        let (mut recorder, control) = recorder(params(Path::new(directory)));
+        let error = control.start().unwrap_err().to_string();
+        assert!(error.contains(directory) && error.contains("recording.directory"), "{error}");
+        assert_eq!(control.status().results.last_error, Some(error));
+        send(&mut recorder, CENTERLINE, 1..=5);
+        control.set_params(params(place.path()));
+        assert!(control.start().is_ok(), "elsewhere it works");
+        recorder.finish().unwrap();
+    }
+}
+
+#[test]
+fn a_time_before_the_epoch_costs_its_message_only() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, control) = recorder(params(place.path()));
+    let directory = control.start().unwrap().remove(0);
+    send(&mut recorder, CENTERLINE, [1]);
+    recorder.write(&Outgoing { log_time_ns: -1, ..message(CENTERLINE, 2, 10) }).unwrap();
+    send(&mut recorder, CENTERLINE, [3]);
+    let stopped = control.stop().unwrap().remove(0);
+    assert_eq!((stopped.messages, stopped.dropped, stopped.last_error), (2, 1, None));
+    assert_eq!(sequences(&directory, "/centerline"), [1, 3]);
+}
+
+#[test]
+fn orders_from_everywhere_at_once_lose_nothing() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, control) = recorder(params(place.path()));
+    let stop = Stop::default();
+    std::thread::scope(|scope| {
+        for _ in 0..3 {
+            let (control, stop) = (control.clone(), stop.clone());
+            scope.spawn(move || {
+                while !stop.is_raised() {
+                    control.start().unwrap();
+                    control.status();
+                    control.stop().unwrap();
+                }
+            });
+        }
+        for sequence in 1..=2000 {
+            send(&mut recorder, CENTERLINE, [sequence]);
+        }
+        stop.raise();
+    });
+    recorder.finish().unwrap();
+    let bags = fs::read_dir(place.path()).unwrap().map(|entry| entry.unwrap().path());
+    let num_recorded: usize = bags
+        .map(|bag| {
+            let found = sequences(&bag, "/centerline");
+            assert!(found.windows(2).all(|pair| pair[1] == pair[0] + 1), "no hole: {found:?}");
+            found.len()
+        })
+        .sum();
+    assert!(num_recorded <= 2000, "nothing twice");
+    assert_eq!(control.status().results.dropped, 0);
+}

@@ -1,0 +1,90 @@
+//! `/parameter_events`: what the node has, and every change.
+
+use std::{borrow::Cow, sync::Arc};
+
+use crate::{
+    msg::{
+        builtin_interfaces::Time,
+        cdr,
+        qos::QosProfile,
+        rcl_interfaces::{Parameter, ParameterEvent},
+        schema::Message,
+    },
+    ros::{
+        parameters::Parameters,
+        qos_overrides::{QosOverrides, Side},
+        transport::{Publication, TopicEndpoint, Transport, TransportError},
+        value::Value,
+    },
+};
+
+use super::convert;
+
+pub(super) const TOPIC: &str = "/parameter_events";
+/// As rmw's profile for this topic.
+const QOS: QosProfile = QosProfile::reliable(1000);
+
+/// The node's time, nanoseconds since the epoch.
+pub(super) type Now = Box<dyn Fn() -> i64 + Send + Sync>;
+
+/// The publisher of one node's events.
+pub(super) struct Events {
+    publication: Box<dyn Publication>,
+    node: String,
+    now_ns: Now,
+    has_failed: bool,
+}
+
+impl Events {
+    /// A publisher on `topic`, which is the absolute name after remapping, with the overrides among these values.
+    pub(super) fn new(
+        transport: &dyn Transport,
+        topic: String,
+        (node, now_ns): (String, Now),
+        values: &Parameters,
+    ) -> Result<Self, TransportError> {
+        let qos = QosOverrides::of(values).apply(&topic, Side::Publisher, QOS);
+        let topic = TopicEndpoint { name: topic, kind: ParameterEvent::TYPE, qos };
+        let publication = transport.advertise(&topic)?;
+        Ok(Self { publication, node, now_ns, has_failed: false })
+    }
+
+    /// Tells what the node has.
+    pub(super) fn tell_all(&mut self, values: &Parameters) {
+        let all = values.iter().map(|declared| (declared.name(), declared.value()));
+        let new_parameters = messages(all);
+        self.tell(ParameterEvent { new_parameters, ..ParameterEvent::default() });
+    }
+
+    /// Tells what was set.
+    pub(super) fn tell_changed(&mut self, changed: &[(&str, Value)]) {
+        let changed_parameters = messages(changed.iter().map(|(name, value)| (*name, value)));
+        self.tell(ParameterEvent { changed_parameters, ..ParameterEvent::default() });
+    }
+
+    fn tell(&mut self, event: ParameterEvent<'_>) {
+        let now_ns = (self.now_ns)();
+        let node = Cow::Borrowed(self.node.as_str());
+        let event = ParameterEvent { stamp: Time::from_ns(now_ns), node, ..event };
+        let mut bytes = Vec::new();
+        let told = match cdr::encode(&event, &mut bytes) {
+            Ok(()) => self
+                .publication
+                .publish(&Arc::from(bytes), now_ns)
+                .map_err(|error| error.to_string()),
+            Err(error) => Err(error.to_string()),
+        };
+        match told {
+            Ok(()) => self.has_failed = false,
+            Err(error) if !self.has_failed => {
+                self.has_failed = true;
+                tracing::warn!("an event is lost: {error}; further ones are not told");
+            }
+            Err(_) => {}
+        }
+    }
+}
+
+fn messages<'a>(values: impl Iterator<Item = (&'a str, &'a Value)>) -> Vec<Parameter<'a>> {
+    values.map(|(name, value)| convert::parameter_message(name, value)).collect()
+}

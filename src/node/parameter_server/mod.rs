@@ -1,0 +1,225 @@
+//! The six parameter services and `/parameter_events`, above any middleware.
+
+mod convert;
+mod events;
+mod list;
+mod store;
+
+use std::{
+    borrow::Cow,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+};
+
+use serde::Deserialize;
+use thiserror::Error;
+
+use crate::{
+    msg::{
+        cdr::{self, CdrError},
+        rcl_interfaces as rcl,
+        schema::{Message, ServiceType},
+    },
+    ros::{
+        names::{NameError, NodeNames},
+        parameters::Declared,
+        transport::{Server, ServiceEndpoint, Transport, TransportError},
+        value::Value,
+    },
+};
+
+use events::Events;
+pub use store::{OnChange, ParameterStore};
+
+/// Most names or parameters of a request: some times what the node has.
+const MAX_ITEMS: usize = 2048;
+
+/// Answers a request with a response, both as CDR bytes.
+type Answer = fn(&Shared, &[u8]) -> Result<Vec<u8>, BadRequest>;
+
+const SERVICES: [(&str, &ServiceType, Answer); 6] = [
+    ("~/describe_parameters", &rcl::DESCRIBE_PARAMETERS, Shared::describe),
+    ("~/get_parameters", &rcl::GET_PARAMETERS, Shared::get),
+    ("~/get_parameter_types", &rcl::GET_PARAMETER_TYPES, Shared::get_types),
+    ("~/list_parameters", &rcl::LIST_PARAMETERS, Shared::list),
+    ("~/set_parameters", &rcl::SET_PARAMETERS, Shared::set),
+    ("~/set_parameters_atomically", &rcl::SET_PARAMETERS_ATOMICALLY, Shared::set_atomically),
+];
+
+/// Why a request gets no answer.
+#[derive(Debug, Error)]
+enum BadRequest {
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    #[error("{0} names are more than the {MAX_ITEMS} that a request may have")]
+    TooMany(usize),
+}
+
+/// Serves the parameters of a node until it is dropped.
+pub struct ParameterServer {
+    shared: Arc<Shared>,
+    _servers: Vec<Box<dyn Server>>,
+}
+
+impl ParameterServer {
+    /// Offers the services of the node and tells `/parameter_events` what it has. `now_ns` is the node's time, nanoseconds
+    /// since the epoch.
+    ///
+    /// # Errors
+    /// The middleware refuses a service or the topic, or a remap rule gives one a name that ROS does not allow.
+    pub fn start(
+        transport: &dyn Transport,
+        names: &NodeNames,
+        store: Arc<ParameterStore>,
+        now_ns: impl Fn() -> i64 + Send + Sync + 'static,
+    ) -> Result<Self, TransportError> {
+        let topic = resolve(names, events::TOPIC)?;
+        let teller = (names.fully_qualified(), Box::new(now_ns) as events::Now);
+        let mut events = store.read(|values| Events::new(transport, topic, teller, values))?;
+        store.read(|values| events.tell_all(values));
+        let (events, num_malformed) = (Mutex::new(events), AtomicU64::new(0));
+        let shared = Arc::new(Shared { store, events, num_malformed });
+        let mut servers = Vec::new();
+        for (name, kind, answer) in SERVICES {
+            let service = ServiceEndpoint { name: resolve(names, name)?, kind };
+            let shared = Arc::clone(&shared);
+            let on_request = move |request: &[u8]| shared.answer(answer, request);
+            servers.push(transport.serve(&service, Box::new(on_request))?);
+        }
+        Ok(Self { shared, _servers: servers })
+    }
+
+    /// Requests that got no answer, because they are malformed.
+    pub fn num_malformed(&self) -> u64 {
+        self.shared.num_malformed.load(Ordering::Relaxed)
+    }
+}
+
+fn resolve(names: &NodeNames, name: &str) -> Result<String, TransportError> {
+    let refuse = |error: NameError| TransportError::Endpoint {
+        name: name.to_owned(),
+        reason: error.to_string(),
+    };
+    names.resolve(name).map_err(refuse)
+}
+
+struct Shared {
+    store: Arc<ParameterStore>,
+    /// Held from a change to its event: events follow one another as the changes do.
+    events: Mutex<Events>,
+    num_malformed: AtomicU64,
+}
+
+impl Shared {
+    fn answer(&self, answer: Answer, request: &[u8]) -> Option<Vec<u8>> {
+        match answer(self, request) {
+            Ok(response) => Some(response),
+            Err(error) => {
+                let num_before = self.num_malformed.fetch_add(1, Ordering::Relaxed);
+                // One is enough to act on.
+                if num_before == 0 {
+                    tracing::warn!(
+                        "parameter request without an answer: {error}; further ones are only counted"
+                    );
+                }
+                None
+            }
+        }
+    }
+
+    fn describe(&self, request: &[u8]) -> Result<Vec<u8>, BadRequest> {
+        let request: rcl::DescribeParametersRequest<'_> = decode(request)?;
+        let names = bounded(request.names)?;
+        self.store.read(|values| {
+            let descriptor = |rcl::Text(name): &rcl::Text<'_>| match values.get(name) {
+                Some(declared) => convert::descriptor(declared),
+                None => rcl::ParameterDescriptor::default(),
+            };
+            let descriptors = names.iter().map(descriptor).collect();
+            encode(&rcl::DescribeParametersResponse { descriptors })
+        })
+    }
+
+    fn get(&self, request: &[u8]) -> Result<Vec<u8>, BadRequest> {
+        let request: rcl::GetParametersRequest<'_> = decode(request)?;
+        let names = bounded(request.names)?;
+        self.store.read(|all| {
+            let value = |rcl::Text(name): &rcl::Text<'_>| {
+                all.get(name).map(Declared::value).map(convert::value_message).unwrap_or_default()
+            };
+            encode(&rcl::GetParametersResponse { values: names.iter().map(value).collect() })
+        })
+    }
+
+    fn get_types(&self, request: &[u8]) -> Result<Vec<u8>, BadRequest> {
+        let request: rcl::GetParameterTypesRequest<'_> = decode(request)?;
+        let names = bounded(request.names)?;
+        self.store.read(|values| {
+            let kind = |rcl::Text(name): &rcl::Text<'_>| match values.get(name) {
+                Some(declared) => convert::type_of(declared.value()),
+                None => rcl::parameter_type::NOT_SET,
+            };
+            encode(&rcl::GetParameterTypesResponse { types: names.iter().map(kind).collect() })
+        })
+    }
+
+    fn list(&self, request: &[u8]) -> Result<Vec<u8>, BadRequest> {
+        let request: rcl::ListParametersRequest<'_> = decode(request)?;
+        let prefixes = bounded(request.prefixes)?;
+        self.store.read(|values| {
+            let mut names: Vec<_> = values.iter().map(Declared::name).collect();
+            names.sort_unstable();
+            let result = list::list(names.into_iter(), &prefixes, request.depth);
+            encode(&rcl::ListParametersResponse { result })
+        })
+    }
+
+    fn set(&self, request: &[u8]) -> Result<Vec<u8>, BadRequest> {
+        let request: rcl::SetParametersRequest<'_> = decode(request)?;
+        let parameters = bounded(request.parameters)?;
+        let results = parameters.iter().map(|one| self.change(std::slice::from_ref(one))).collect();
+        encode(&rcl::SetParametersResponse { results })
+    }
+
+    fn set_atomically(&self, request: &[u8]) -> Result<Vec<u8>, BadRequest> {
+        let request: rcl::SetParametersAtomicallyRequest<'_> = decode(request)?;
+        let result = self.change(&bounded(request.parameters)?);
+        encode(&rcl::SetParametersAtomicallyResponse { result })
+    }
+
+    /// Sets all or none, and tells what was set.
+    fn change(&self, parameters: &[rcl::Parameter<'_>]) -> rcl::SetParametersResult<'static> {
+        let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
+        let wish = |parameter: &'_ rcl::Parameter<'_>| convert::value(&parameter.value);
+        let values: Result<Vec<Value>, String> = parameters.iter().map(wish).collect();
+        let set = values.and_then(|values| {
+            let names = parameters.iter().map(|parameter| &*parameter.name);
+            let wishes: Vec<(&str, Value)> = names.zip(values).collect();
+            self.store.set_atomically(&wishes)?;
+            events.tell_changed(&wishes);
+            Ok(())
+        });
+        let successful = set.is_ok();
+        let reason = Cow::Owned(set.err().unwrap_or_default());
+        rcl::SetParametersResult { successful, reason }
+    }
+}
+
+fn decode<'de, T: Message + Deserialize<'de>>(bytes: &'de [u8]) -> Result<T, BadRequest> {
+    Ok(cdr::decode(bytes)?)
+}
+
+fn encode<T: Message>(message: &T) -> Result<Vec<u8>, BadRequest> {
+    let mut bytes = Vec::new();
+    cdr::encode(message, &mut bytes)?;
+    Ok(bytes)
+}
+
+fn bounded<T>(items: Vec<T>) -> Result<Vec<T>, BadRequest> {
+    if items.len() > MAX_ITEMS { Err(BadRequest::TooMany(items.len())) } else { Ok(items) }
+}
+
+#[cfg(test)]
+mod tests;

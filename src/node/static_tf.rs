@@ -1,0 +1,255 @@
+//! `/tf_static`: where each camera's laser plane is in the camera's frame, sent once and again when it changes.
+
+use nalgebra::Isometry3;
+use thiserror::Error;
+
+use crate::{
+    msg::{convert::tf, qos::QosProfile, tf2_msgs::TFMessage},
+    ros::{
+        names::NodeNames,
+        transport::{Publication, Transport, TransportError},
+    },
+};
+
+use super::endpoints::{self, SendError};
+
+/// A frame that cannot be placed.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum FrameError {
+    /// The images say nothing of their frame.
+    #[error("images have no frame_id: the laser plane {child:?} cannot be placed in it")]
+    Empty {
+        /// The laser plane's frame.
+        child: String,
+    },
+    /// A frame would be placed in itself.
+    #[error(
+        "images and laser plane both have frame {0:?}: give the calibration a frame_id of its own"
+    )]
+    Same(String),
+    /// A frame would have two places.
+    #[error(
+        "the laser planes of two cameras both have frame {0:?}: give each calibration a frame_id of its own"
+    )]
+    Taken(String),
+}
+
+/// Where a laser plane is.
+#[derive(Clone, Debug, PartialEq)]
+struct Place {
+    camera_frame: String,
+    laser_frame: String,
+    camera_from_laser: Isometry3<f64>,
+}
+
+/// The publisher of `/tf_static`, for all cameras of the node: a late subscriber gets the last message only, so that
+/// each holds every transform.
+pub struct StaticTf {
+    publication: Box<dyn Publication>,
+    /// By camera.
+    places: Vec<Option<Place>>,
+    refused: Vec<Option<FrameError>>,
+    num_refused: u64,
+}
+
+impl StaticTf {
+    /// A publisher for `num_cameras` cameras.
+    ///
+    /// # Errors
+    /// The middleware refuses it.
+    pub fn start(
+        transport: &dyn Transport,
+        names: &NodeNames,
+        num_cameras: usize,
+    ) -> Result<Self, TransportError> {
+        let qos = QosProfile::latched(1);
+        let publication =
+            endpoints::advertise::<TFMessage<'_>>(transport, names, "/tf_static", qos)?;
+        let (places, refused) = (vec![None; num_cameras], vec![None; num_cameras]);
+        Ok(Self { publication, places, refused, num_refused: 0 })
+    }
+
+    /// Places the laser plane of a camera, for every image: sends where something has changed. What cannot be placed is
+    /// counted, and told once. Frames are the camera's and the laser plane's.
+    ///
+    /// # Panics
+    /// There are not so many cameras.
+    ///
+    /// # Errors
+    /// The middleware refuses the message; the next image tries again.
+    pub fn place(
+        &mut self,
+        camera: usize,
+        (camera_frame, laser_frame): (&str, &str),
+        camera_from_laser: &Isometry3<f64>,
+        now_ns: i64,
+    ) -> Result<(), SendError> {
+        if self.stands(camera, camera_frame, laser_frame, camera_from_laser) {
+            return Ok(());
+        }
+        if let Err(error) = self.check(camera, camera_frame, laser_frame) {
+            self.refuse(camera, error);
+            return Ok(());
+        }
+        let place = Place {
+            camera_frame: camera_frame.to_owned(),
+            laser_frame: laser_frame.to_owned(),
+            camera_from_laser: *camera_from_laser,
+        };
+        let before = self.places[camera].replace(place);
+        let sent = self.send(now_ns);
+        if sent.is_err() {
+            self.places[camera] = before;
+        }
+        sent
+    }
+
+    /// Images whose laser plane could not be placed.
+    pub fn num_refused(&self) -> u64 {
+        self.num_refused
+    }
+
+    fn stands(&self, camera: usize, parent: &str, child: &str, pose: &Isometry3<f64>) -> bool {
+        self.places[camera].as_ref().is_some_and(|place| {
+            place.camera_frame == parent
+                && place.laser_frame == child
+                && place.camera_from_laser == *pose
+        })
+    }
+
+    fn check(&self, camera: usize, parent: &str, child: &str) -> Result<(), FrameError> {
+        // Old drivers write a slash before the name.
+        let parent = parent.trim_start_matches('/');
+        if parent.is_empty() {
+            return Err(FrameError::Empty { child: child.to_owned() });
+        }
+        if parent == child.trim_start_matches('/') {
+            return Err(FrameError::Same(child.to_owned()));
+        }
+        let mut others = self.places.iter().enumerate().filter(|(other, _)| *other != camera);
+        if others.any(|(_, place)| matches!(place, Some(place) if place.laser_frame == child)) {
+            return Err(FrameError::Taken(child.to_owned()));
+        }
+        Ok(())
+    }
+
+    fn refuse(&mut self, camera: usize, error: FrameError) {
+        self.num_refused += 1;
+        let told = &mut self.refused[camera];
+        if told.as_ref() != Some(&error) {
+            tracing::warn!("/tf_static: {error}");
+            *told = Some(error);
+        }
+    }
+
+    fn send(&mut self, now_ns: i64) -> Result<(), SendError> {
+        let places = self.places.iter().flatten();
+        let transforms = places
+            .map(|place| {
+                let (parent, child) = (&place.camera_frame, &place.laser_frame);
+                tf::transform(now_ns, parent, child, &place.camera_from_laser)
+            })
+            .collect();
+        endpoints::send(&mut *self.publication, &TFMessage { transforms }, now_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use nalgebra::Translation3;
+
+    use super::*;
+    use crate::{
+        msg::cdr,
+        ros::{
+            loopback::Loopback,
+            transport::{Arrival, Fault, Subscription},
+        },
+    };
+
+    struct Rig {
+        network: Loopback,
+        names: NodeNames,
+        tf: StaticTf,
+    }
+
+    impl Rig {
+        fn new(num_cameras: usize) -> Self {
+            let network = Loopback::default();
+            let names = NodeNames::new("laser_profiler", &[]).unwrap();
+            let tf = StaticTf::start(&network, &names, num_cameras).unwrap();
+            Self { network, names, tf }
+        }
+
+        /// Messages as a subscriber hears them: `parent>child z`, joined by commas.
+        fn listen(&self) -> (Arc<Mutex<Vec<String>>>, Box<dyn Subscription>) {
+            let heard = Arc::new(Mutex::new(Vec::new()));
+            let kept = Arc::clone(&heard);
+            let hear = Box::new(move |arrival: Result<Arrival, Fault>| {
+                let bytes = arrival.unwrap().data;
+                let message: TFMessage<'_> = cdr::decode(&bytes).unwrap();
+                let line: Vec<_> = message
+                    .transforms
+                    .iter()
+                    .map(|tf| {
+                        let z_m = tf.transform.translation.z;
+                        format!("{}>{} {z_m}", tf.header.frame_id, tf.child_frame_id)
+                    })
+                    .collect();
+                kept.lock().unwrap().push(line.join(", "));
+            });
+            let (topic, qos) = ((&self.names, "/tf_static"), QosProfile::latched(1));
+            let subscription =
+                endpoints::subscribe::<TFMessage<'_>>(&self.network, topic, qos, 1000, hear);
+            (heard, subscription.unwrap())
+        }
+
+        fn place(&mut self, camera: usize, frames: (&str, &str), z_m: f64) {
+            let pose = Isometry3::from(Translation3::new(0.0, 0.0, z_m));
+            self.tf.place(camera, frames, &pose, 5).unwrap();
+        }
+    }
+
+    fn take(heard: &Mutex<Vec<String>>) -> Vec<String> {
+        std::mem::take(&mut heard.lock().unwrap())
+    }
+
+    #[test]
+    fn it_is_sent_once_and_again_when_it_changes() {
+        let mut rig = Rig::new(1);
+        let (heard, _subscription) = rig.listen();
+        for _ in 0..3 {
+            rig.place(0, ("optical", "laser"), 0.3);
+        }
+        assert_eq!(take(&heard), ["optical>laser 0.3"]);
+        rig.place(0, ("optical", "laser"), 0.4);
+        rig.place(0, ("other", "laser"), 0.4);
+        assert_eq!(take(&heard), ["optical>laser 0.4", "other>laser 0.4"]);
+        assert_eq!(rig.tf.num_refused(), 0);
+    }
+
+    #[test]
+    fn a_late_subscriber_learns_of_every_camera() {
+        let mut rig = Rig::new(2);
+        rig.place(0, ("left", "left_laser"), 0.3);
+        rig.place(1, ("right", "right_laser"), 0.5);
+        let (heard, _subscription) = rig.listen();
+        assert_eq!(take(&heard), ["left>left_laser 0.3, right>right_laser 0.5"]);
+    }
+
+    #[test]
+    fn what_would_be_no_tree_is_counted_and_not_sent() {
+        let mut rig = Rig::new(2);
+        let (heard, _subscription) = rig.listen();
+        rig.place(0, ("", "laser"), 0.3);
+        rig.place(0, ("laser", "laser"), 0.3);
+        rig.place(0, ("/laser", "laser"), 0.3);
+        assert!(take(&heard).is_empty());
+        rig.place(0, ("left", "laser"), 0.3);
+        rig.place(1, ("right", "laser"), 0.3);
+        assert_eq!(take(&heard), ["left>laser 0.3"]);
+        assert_eq!(rig.tf.num_refused(), 4);
+    }
+}

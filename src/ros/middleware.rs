@@ -1,0 +1,94 @@
+//! Which middleware, and how it is joined.
+
+use std::sync::Arc;
+
+#[cfg(feature = "dds")]
+use super::dds::{DdsSettings, DdsTransport};
+#[cfg(feature = "zenoh")]
+use super::zenoh::{ZenohSettings, ZenohTransport};
+use super::{
+    node_params::ServiceMapping,
+    transport::{NodeIdentity, Transport, TransportError},
+};
+use crate::scanner::params::named_enum;
+
+named_enum! {
+    /// A middleware of ROS 2.
+    Middleware {
+        /// DDS: Fast DDS, Cyclone DDS and others.
+        Dds = "dds",
+        /// Zenoh, as rmw_zenoh speaks it.
+        Zenoh = "zenoh",
+    }
+}
+
+/// What decides how a middleware is joined, besides the environment.
+#[derive(Clone, Copy, Debug)]
+pub struct JoinOptions {
+    /// How services are spoken on DDS.
+    pub service_mapping: ServiceMapping,
+    /// Whether the node is its own Zenoh router.
+    pub is_router: bool,
+}
+
+impl Middleware {
+    /// That of the environment's `RMW_IMPLEMENTATION`: Zenoh where it says so, else DDS.
+    pub fn of_environment(variable: &dyn Fn(&str) -> Option<String>) -> Self {
+        match variable("RMW_IMPLEMENTATION").as_deref() {
+            Some("rmw_zenoh_cpp") => Self::Zenoh,
+            _ => Self::Dds,
+        }
+    }
+
+    /// Joins it as `node`, with the settings of the environment.
+    ///
+    /// # Errors
+    /// A setting that cannot be followed, nobody to join, or a program that was built without this middleware.
+    pub fn join(
+        self,
+        node: &NodeIdentity,
+        options: JoinOptions,
+        variable: &dyn Fn(&str) -> Option<String>,
+    ) -> Result<Arc<dyn Transport>, TransportError> {
+        match self {
+            #[cfg(feature = "dds")]
+            Self::Dds => {
+                let settings = DdsSettings::from_environment(variable, options.service_mapping)?;
+                Ok(Arc::new(DdsTransport::open(&settings, node)?))
+            }
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh => {
+                let settings = ZenohSettings::from_environment(variable, options.is_router)?;
+                Ok(Arc::new(ZenohTransport::open(&settings, node)?))
+            }
+            #[cfg(not(all(feature = "dds", feature = "zenoh")))]
+            absent => {
+                let (_, _, _) = (node, options, variable);
+                Err(TransportError::Setting {
+                    setting: format!("--transport {}", absent.name()),
+                    reason: format!(
+                        "this program was built without it: build it with the Cargo feature {:?}",
+                        absent.name()
+                    ),
+                })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_environment_names_the_middleware() {
+        let of = |value: Option<&str>| {
+            Middleware::of_environment(&|name| {
+                value.filter(|_| name == "RMW_IMPLEMENTATION").map(str::to_owned)
+            })
+        };
+        assert_eq!(of(Some("rmw_zenoh_cpp")), Middleware::Zenoh);
+        assert_eq!(of(Some("rmw_cyclonedds_cpp")), Middleware::Dds);
+        assert_eq!(of(None), Middleware::Dds);
+    }
+}
