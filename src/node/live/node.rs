@@ -120,7 +120,7 @@ impl Shared {
 
     /// Takes new parameters: from the next frame on, where they can change at run time.
     pub(super) fn set(&self, values: &Parameters, params: &NodeParams) -> Result<(), String> {
-        self.context.use_sim_time(params.use_sim_time)?;
+        self.context.choose_time(params).map_err(|error| error.to_string())?;
         let mut guard = self.lock();
         let state = &mut *guard;
         if let Some(session) = &state.session {

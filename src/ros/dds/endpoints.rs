@@ -191,7 +191,7 @@ mod tests {
         assert!(!endpoints.wait_for_participant_of(own, peer, Duration::from_millis(1)));
         std::thread::scope(|scope| {
             let waiting = scope
-                .spawn(|| endpoints.wait_for_participant_of(own, peer, Duration::from_secs(60)));
+                .spawn(|| endpoints.wait_for_participant_of(own, peer, Duration::from_mins(1)));
             endpoints.apply(&matched(own, guid(2, 1, 3)));
             assert!(waiting.join().unwrap());
         });

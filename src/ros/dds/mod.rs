@@ -22,12 +22,15 @@ mod service;
 
 use std::sync::Arc;
 
-pub use settings::{DdsSettings, DiscoveryRange, ServiceMapping};
+pub use settings::{DdsSettings, DiscoveryRange};
 
 use self::{participant::Participant, reader::Reader, service::Service, writer::Writer};
-use super::transport::{
-    GraphTopic, NodeIdentity, OnArrival, OnRequest, Publication, Server, ServiceEndpoint,
-    Subscription, TopicEndpoint, Transport, TransportError,
+use super::{
+    node_params::ServiceMapping,
+    transport::{
+        GraphTopic, NodeIdentity, OnArrival, OnRequest, Publication, Server, ServiceEndpoint,
+        Subscription, TopicEndpoint, Transport, TransportError,
+    },
 };
 
 /// RustDDS sends fragments of 256 bytes without pacing: what is larger overruns the stock socket buffers of a

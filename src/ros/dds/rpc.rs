@@ -2,7 +2,8 @@
 
 use rustdds::{GUID, SequenceNumber, rpc::SampleIdentity};
 
-use super::{raw::HEADER_BYTES, settings::ServiceMapping};
+use super::raw::HEADER_BYTES;
+use crate::ros::node_params::ServiceMapping;
 
 /// Cyclone's mapping puts a client and a number in front of request and reply, eight bytes each.
 const CYCLONE_BYTES: usize = 16;

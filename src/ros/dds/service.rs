@@ -12,11 +12,13 @@ use super::{
     raw::RawDecoder,
     reader::Sample,
     rpc::{self, Envelope},
-    settings::ServiceMapping,
 };
 use crate::{
     msg::qos::QosProfile,
-    ros::transport::{OnRequest, Server, ServiceEndpoint, TransportError},
+    ros::{
+        node_params::ServiceMapping,
+        transport::{OnRequest, Server, ServiceEndpoint, TransportError},
+    },
 };
 
 /// rmw's profile of services.

@@ -1,49 +1,21 @@
 //! The environment variables that say which domain is joined, and who is met there.
 
-use crate::ros::transport::TransportError;
+use crate::ros::{node_params::ServiceMapping, transport::TransportError};
 
 /// Ports of higher domains lie above 65535.
 const MAX_DOMAIN_ID: u16 = 232;
 
 /// Who is discovered without being named.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DiscoveryRange {
     /// Everybody that multicast reaches.
-    #[default]
     Subnet,
     /// This machine only.
     Localhost,
 }
 
-/// How requests and replies of services lie on topics: the implementations of DDS in ROS differ.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum ServiceMapping {
-    /// Each request is answered in the mapping it came in.
-    #[default]
-    Auto,
-    /// As Fast DDS and Connext do: the identity of the request stands beside the message.
-    Enhanced,
-    /// As Cyclone DDS does: it stands in front of the message.
-    Cyclone,
-}
-
-impl ServiceMapping {
-    /// Every name, in the order of the variants.
-    pub const NAMES: &[&str] = &["auto", "enhanced", "cyclone"];
-
-    /// The mapping of that name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        match name {
-            "auto" => Some(Self::Auto),
-            "enhanced" => Some(Self::Enhanced),
-            "cyclone" => Some(Self::Cyclone),
-            _ => None,
-        }
-    }
-}
-
 /// What a node needs to know to join.
-#[derive(Clone, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DdsSettings {
     /// `ROS_DOMAIN_ID`, 0 to 232.
     pub domain_id: u16,
@@ -53,6 +25,14 @@ pub struct DdsSettings {
     pub static_peers: Vec<String>,
     /// How services are served.
     pub service_mapping: ServiceMapping,
+}
+
+impl Default for DdsSettings {
+    /// Domain 0 on the subnet.
+    fn default() -> Self {
+        let (range, service_mapping) = (DiscoveryRange::Subnet, ServiceMapping::Auto);
+        Self { domain_id: 0, range, static_peers: Vec::new(), service_mapping }
+    }
 }
 
 impl DdsSettings {
@@ -192,13 +172,5 @@ mod tests {
             let message = read(variables).unwrap_err();
             assert!(words.iter().all(|word| message.contains(word)), "{message}");
         }
-    }
-
-    #[test]
-    fn every_mapping_has_a_name() {
-        let mappings = ServiceMapping::NAMES.iter().map(|name| ServiceMapping::from_name(name));
-        let expected = [ServiceMapping::Auto, ServiceMapping::Enhanced, ServiceMapping::Cyclone];
-        assert!(mappings.eq(expected.map(Some)));
-        assert_eq!(ServiceMapping::from_name("basic"), None);
     }
 }

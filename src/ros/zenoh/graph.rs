@@ -87,8 +87,7 @@ impl Graph {
     /// Publishers or subscribers whose messages are under a key.
     pub(super) fn num_on(&self, side: Side, data_key: &str) -> usize {
         let known = lock(&self.known);
-        let matches =
-            |seen: &&Seen| seen.side == side && seen.data_key(self.domain_id) == data_key;
+        let matches = |seen: &&Seen| seen.side == side && seen.data_key(self.domain_id) == data_key;
         known.by_token.values().filter(matches).count()
     }
 
@@ -162,11 +161,11 @@ mod tests {
     fn a_token_says_who_and_what() {
         let seen = Seen::parse(TOKEN).unwrap();
         assert_eq!(seen.side, Side::Publisher);
-        assert_eq!((seen.node.as_str(), seen.topic.as_str()), ("/cell/camera", "/camera/image_raw"));
         assert_eq!(
-            seen.data_key(7),
-            "7/camera/image_raw/sensor_msgs::msg::dds_::Image_/RIHS01_d3"
+            (seen.node.as_str(), seen.topic.as_str()),
+            ("/cell/camera", "/camera/image_raw")
         );
+        assert_eq!(seen.data_key(7), "7/camera/image_raw/sensor_msgs::msg::dds_::Image_/RIHS01_d3");
         let rootless = TOKEN.replace("%cell", "%");
         assert_eq!(Seen::parse(&rootless).unwrap().node, "/camera");
     }

@@ -92,20 +92,29 @@ fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
     let variable = config_variable(settings.is_router);
     let mut config = match &settings.config_file {
         Some(path) => Config::from_file(path).map_err(|error| {
-            setting(variable, format!("{} is no Zenoh configuration: {}", path.display(), words(&error)))
+            setting(
+                variable,
+                format!("{} is no Zenoh configuration: {}", path.display(), words(&error)),
+            )
         })?,
         None => ros_config(settings.is_router)?,
     };
     for pair in &settings.overrides {
         config.insert_json5(&pair.key, &pair.value).map_err(|error| {
             let (key, value, words) = (&pair.key, &pair.value, words(&error));
-            setting(pair.variable, format!("Zenoh's configuration does not take {key}={value}: {words}"))
+            setting(
+                pair.variable,
+                format!("Zenoh's configuration does not take {key}={value}: {words}"),
+            )
         })?;
     }
     let is_router = config.get_json("mode").is_ok_and(|mode| mode == "\"router\"");
     if is_router != settings.is_router {
         let reason = if is_router { "add --router" } else { "leave --router out" };
-        return Err(setting("mode", format!("the configuration contradicts the command line: {reason}")));
+        return Err(setting(
+            "mode",
+            format!("the configuration contradicts the command line: {reason}"),
+        ));
     }
     Ok(config)
 }
@@ -186,7 +195,8 @@ mod tests {
 
     #[test]
     fn overrides_stand_above() {
-        let settings = settings(false, &[("mode", "'client'"), ("connect/endpoints", "['tcp/a:1']")]);
+        let settings =
+            settings(false, &[("mode", "'client'"), ("connect/endpoints", "['tcp/a:1']")]);
         let config = config(&settings).unwrap();
         assert_eq!(config.get_json("mode").unwrap(), "\"client\"");
         assert_eq!(config.get_json("connect/endpoints").unwrap(), "[\"tcp/a:1\"]");
@@ -210,7 +220,8 @@ mod tests {
         let mut settings = settings(false, &[]);
         settings.config_file = Some(path.clone());
         assert!(refusal(&settings).starts_with("ZENOH_SESSION_CONFIG_URI: "));
-        fs::write(&path, "{ mode: 'client', /* rmw's is 10 min */ queries_default_timeout: 5 }").unwrap();
+        fs::write(&path, "{ mode: 'client', /* rmw's is 10 min */ queries_default_timeout: 5 }")
+            .unwrap();
         let config = config(&settings).unwrap();
         assert_eq!(config.get_json("mode").unwrap(), "\"client\"");
         assert_eq!(config.get_json("queries_default_timeout").unwrap(), "5");

@@ -9,4 +9,5 @@ mod services;
 mod graph;
 mod discovery;
 mod volume;
+mod load;
 mod bad_input;

@@ -30,6 +30,9 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
 /// Room for what arrives while a test looks away.
 const MAX_WAITING: usize = 4096;
 
+/// What an image has besides its pixels, header of CDR included.
+pub(crate) const AROUND_PIXELS: u32 = 52;
+
 pub(crate) static TRIGGER: ServiceType =
     ServiceType { name: "std_srvs/srv/Trigger", text: "", hash: "" };
 
@@ -94,7 +97,7 @@ pub(crate) fn wait_for_subscribers(publication: &dyn Publication, wanted: usize)
     eventually("subscribers come", || publication.num_matched() == wanted);
 }
 
-/// An image message of about that many bytes.
+/// An image message, `AROUND_PIXELS` longer than its pixels.
 pub(crate) fn image(num_pixels: u32, stamp_ns: i64) -> Arc<[u8]> {
     let stamp = Time {
         sec: i32::try_from(stamp_ns / 1_000_000_000).unwrap(),

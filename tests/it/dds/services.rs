@@ -3,7 +3,8 @@
 use std::sync::mpsc;
 
 use laser_profiler::ros::{
-    dds::{DdsSettings, ServiceMapping},
+    dds::DdsSettings,
+    node_params::ServiceMapping,
     transport::{OnRequest, Transport},
 };
 

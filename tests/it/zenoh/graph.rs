@@ -25,12 +25,10 @@ fn topics_of_all_nodes_are_known() {
     let _inbox = Inbox::open(&node, &images(), usize::MAX);
     let late = network.header_peer("listen", &[]);
     late.event("ready");
-    let expected =
-        [on_topic(Image::TYPE.name, 0, 1), on_topic(Header::TYPE.name, 1, 2)];
+    let expected = [on_topic(Image::TYPE.name, 0, 1), on_topic(Header::TYPE.name, 1, 2)];
     wait_until("everybody", || node.topics() == expected);
     drop((early, late));
-    let expected =
-        [on_topic(Image::TYPE.name, 0, 1), on_topic(Header::TYPE.name, 1, 0)];
+    let expected = [on_topic(Image::TYPE.name, 0, 1), on_topic(Header::TYPE.name, 1, 0)];
     wait_until("nobody but ourselves", || node.topics() == expected);
 }
 
@@ -76,7 +74,9 @@ fn others_see_us() {
     assert_eq!(rest(0), "");
     let header = format!("/%cell%topic/std_msgs::msg::dds_::Header_/{header_hash}/:1:,3:,:,:,,");
     assert_eq!(rest(1), header);
-    let image = format!("/%cell%topic/sensor_msgs::msg::dds_::Image_/{image_hash}/2::,5:,:,:,,/backends:cpu:");
+    let image = format!(
+        "/%cell%topic/sensor_msgs::msg::dds_::Image_/{image_hash}/2::,5:,:,:,,/backends:cpu:"
+    );
     assert_eq!(rest(2), image);
     let publisher = tokens.iter().find(|(token, _)| token.contains("/0/1/MP/")).unwrap();
     assert_eq!(*publisher.1, gid, "XXH3-128 of the token");

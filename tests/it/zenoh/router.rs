@@ -96,7 +96,18 @@ fn the_node_itself_is_a_router() {
     let listener = network.header_peer("listen", &[]);
     let _camera = network.peer(
         "send",
-        &["--mode", "client", "--width", "64", "--height", "48", "--count", "5", "--subscribers", "2"],
+        &[
+            "--mode",
+            "client",
+            "--width",
+            "64",
+            "--height",
+            "48",
+            "--count",
+            "5",
+            "--subscribers",
+            "2",
+        ],
     );
     for sequence in 1..=5 {
         assert_eq!(inbox.next().unwrap().sequence, Some(sequence));

@@ -3,12 +3,7 @@
 use std::{sync::Arc, time::Duration};
 
 use laser_profiler::{
-    msg::{
-        cdr,
-        qos::QosProfile,
-        schema::Message,
-        sensor_msgs::Image,
-    },
+    msg::{cdr, qos::QosProfile, schema::Message, sensor_msgs::Image},
     ros::transport::Transport,
 };
 
@@ -47,7 +42,8 @@ fn shared_memory_is_used_where_both_ends_have_it() {
     let mut publication = node.advertise(&topic(Image::TYPE, QosProfile::reliable(5))).unwrap();
     wait_until("both receivers", || publication.num_matched() == 2);
     let pixels = vec![3; (WIDTH * HEIGHT) as usize];
-    let image = Image { width: WIDTH, height: HEIGHT, step: WIDTH, data: &pixels, ..Image::default() };
+    let image =
+        Image { width: WIDTH, height: HEIGHT, step: WIDTH, data: &pixels, ..Image::default() };
     let mut bytes = Vec::new();
     cdr::encode(&image, &mut bytes).unwrap();
     let bytes: Arc<[u8]> = bytes.into();
@@ -57,7 +53,11 @@ fn shared_memory_is_used_where_both_ends_have_it() {
     }
     for (peer, is_shared) in [(with, true), (without, false)] {
         let received = peer.event("received");
-        assert_eq!((&received["received"], &received["lost"]), (&10.into(), &0.into()), "{received}");
+        assert_eq!(
+            (&received["received"], &received["lost"]),
+            (&10.into(), &0.into()),
+            "{received}"
+        );
         // What finds no room in the pool goes through the socket.
         assert_eq!(received["in_shared_memory"] != 0, is_shared, "{received}");
         assert_eq!(received["bytes"], 10 * bytes.len());
