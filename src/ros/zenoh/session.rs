@@ -52,7 +52,6 @@ const ROUTER: Values = &[
     ("mode", "'router'"),
     ("connect/endpoints", "[]"),
     ("listen/endpoints", "['tcp/[::]:7447']"),
-    ("routing/router/peers_failover_brokering", "false"),
     ("transport/link/tx/queue/congestion_control/block/wait_before_close", "5000000"),
 ];
 
