@@ -112,7 +112,7 @@ def call(arguments, node):
     node.declare_endpoint("SC", arguments.topic, kind)
     key = data_key(node.domain, arguments.topic, kind)
     querier = node.session.declare_querier(key, target=zenoh.QueryTarget.ALL, timeout=20.0)
-    wait_for(querier.matching_status, f"service {arguments.topic}")
+    wait_for(lambda: querier.matching_status.matching, f"service {arguments.topic}")
     say(event="ready")
     for line in sys.stdin:
         for sequence in range(1, int(line) + 1):
