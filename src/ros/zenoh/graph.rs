@@ -87,8 +87,7 @@ impl Graph {
     /// Publishers or subscribers whose messages are under a key.
     pub(super) fn num_on(&self, side: Side, data_key: &str) -> usize {
         let known = lock(&self.known);
-        let matches =
-            |seen: &&Seen| seen.side == side && seen.data_key(self.domain_id) == data_key;
+        let matches = |seen: &&Seen| seen.side == side && seen.data_key(self.domain_id) == data_key;
         known.by_token.values().filter(matches).count()
     }
 
@@ -136,19 +135,23 @@ fn note(known: &mut Known, domain_id: u32, sample: &Sample) {
     }
 }
 
-/// Of a publisher on a topic of ours with another type or another version of it: nothing of it arrives here.
 fn warn_of_stranger(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) {
-    let Some(expected) = expected.get(&seen.topic).filter(|_| seen.side == Side::Publisher) else {
-        return;
-    };
-    let offered = seen.data_key(domain_id);
-    if offered != *expected {
-        warn!(
-            "{} publishes {} as another type, or another version of it: nothing of that arrives here. \
-             It sends {offered}, expected is {expected}; do both ends have the same message package?",
-            seen.node, seen.topic
-        );
+    if let Some(text) = strange(expected, domain_id, seen) {
+        warn!("{text}");
     }
+}
+
+/// What is wrong with a publisher on a topic of ours that has another type or another version of it.
+fn strange(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) -> Option<String> {
+    let Seen { node, topic, .. } = seen;
+    let expected = expected.get(topic).filter(|_| seen.side == Side::Publisher)?;
+    let offered = seen.data_key(domain_id);
+    (offered != *expected).then(|| {
+        format!(
+            "{node} publishes {topic} as another type, or another version of it, and nothing of that arrives here: it \
+             sends {offered}, expected is {expected}. Install the same message package at both ends"
+        )
+    })
 }
 
 #[cfg(test)]
@@ -162,11 +165,11 @@ mod tests {
     fn a_token_says_who_and_what() {
         let seen = Seen::parse(TOKEN).unwrap();
         assert_eq!(seen.side, Side::Publisher);
-        assert_eq!((seen.node.as_str(), seen.topic.as_str()), ("/cell/camera", "/camera/image_raw"));
         assert_eq!(
-            seen.data_key(7),
-            "7/camera/image_raw/sensor_msgs::msg::dds_::Image_/RIHS01_d3"
+            (seen.node.as_str(), seen.topic.as_str()),
+            ("/cell/camera", "/camera/image_raw")
         );
+        assert_eq!(seen.data_key(7), "7/camera/image_raw/sensor_msgs::msg::dds_::Image_/RIHS01_d3");
         let rootless = TOKEN.replace("%cell", "%");
         assert_eq!(Seen::parse(&rootless).unwrap().node, "/camera");
     }
@@ -183,5 +186,19 @@ mod tests {
             // Whole only from the hash on.
             assert_eq!(Seen::parse(&TOKEN[..end]).is_some(), end > TOKEN.find("/RIHS").unwrap());
         }
+    }
+
+    #[test]
+    fn publishers_of_another_version_are_strange() {
+        let seen = Seen::parse(TOKEN).unwrap();
+        let expected = BTreeMap::from([(seen.topic.clone(), seen.data_key(7))]);
+        let said = |token: &str| strange(&expected, 7, &Seen::parse(token).unwrap());
+        assert_eq!(said(TOKEN), None);
+        let other = TOKEN.replace("RIHS01_d3", "TypeHashNotSupported");
+        let text = said(&other).unwrap();
+        assert!(text.starts_with("/cell/camera publishes /camera/image_raw as another"), "{text}");
+        assert!(text.contains("Image_/TypeHashNotSupported, expected is 7/camera"), "{text}");
+        assert_eq!(said(&other.replace("/MP/", "/MS/")), None);
+        assert_eq!(said(&other.replace("image_raw", "other")), None);
     }
 }

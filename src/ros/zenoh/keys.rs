@@ -184,8 +184,7 @@ mod tests {
         assert_eq!(text(all), "::2,:,:,:,,");
         let unset = QosTime { sec: 0, nsec: 0 };
         assert_eq!(text(QosProfile { deadline: unset, ..QosProfile::reliable(1) }), "::,1:,:,:,,");
-        let timed =
-            QosProfile { deadline: QosTime { sec: 1, nsec: 2 }, ..QosProfile::reliable(1) };
+        let timed = QosProfile { deadline: QosTime { sec: 1, nsec: 2 }, ..QosProfile::reliable(1) };
         assert_eq!(text(timed), "::,1:1,2:,:,,");
     }
 

@@ -16,9 +16,7 @@ use zenoh::{
     liveliness::LivelinessToken,
     qos::{CongestionControl, Reliability},
 };
-use zenoh_ext::{
-    AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig,
-};
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
 use super::{
     Node,

@@ -59,6 +59,10 @@ const ROUTER: Values = &[
 /// Between two looks for a router.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 
+/// What to do without a router.
+const START_ROUTER: &str = "start one (`--router` here, or `ros2 run rmw_zenoh_cpp rmw_zenohd`), or say where it is: \
+                            ZENOH_CONFIG_OVERRIDE='connect/endpoints=[\"tcp/192.168.1.1:7447\"]'";
+
 /// Opens a session; waits for a router as the settings say.
 ///
 /// # Errors
@@ -75,7 +79,10 @@ pub(super) fn open(settings: &ZenohSettings) -> Result<Session, TransportError> 
                  out; or choose another port: ZENOH_CONFIG_OVERRIDE='listen/endpoints=[\"tcp/[::]:7448\"]'"
             )
         } else {
-            format!("no Zenoh session can be opened that listens on {ports} and connects to {peers}: {words}")
+            format!(
+                "no Zenoh session that connects to {peers} and listens on {ports} can be opened: {words}. Without a \
+                 router, {START_ROUTER}"
+            )
         })
     })?;
     if !settings.is_router {
@@ -92,20 +99,29 @@ fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
     let variable = config_variable(settings.is_router);
     let mut config = match &settings.config_file {
         Some(path) => Config::from_file(path).map_err(|error| {
-            setting(variable, format!("{} is no Zenoh configuration: {}", path.display(), words(&error)))
+            setting(
+                variable,
+                format!("{} is no Zenoh configuration: {}", path.display(), words(&error)),
+            )
         })?,
         None => ros_config(settings.is_router)?,
     };
     for pair in &settings.overrides {
         config.insert_json5(&pair.key, &pair.value).map_err(|error| {
             let (key, value, words) = (&pair.key, &pair.value, words(&error));
-            setting(pair.variable, format!("Zenoh's configuration does not take {key}={value}: {words}"))
+            setting(
+                pair.variable,
+                format!("Zenoh's configuration does not take {key}={value}: {words}"),
+            )
         })?;
     }
     let is_router = config.get_json("mode").is_ok_and(|mode| mode == "\"router\"");
     if is_router != settings.is_router {
         let reason = if is_router { "add --router" } else { "leave --router out" };
-        return Err(setting("mode", format!("the configuration contradicts the command line: {reason}")));
+        return Err(setting(
+            "mode",
+            format!("the configuration contradicts the command line: {reason}"),
+        ));
     }
     Ok(config)
 }
@@ -135,9 +151,7 @@ fn look_for_router(session: &Session, check: RouterCheck, peers: &str) {
         }
         if attempt == 1 {
             warn!(
-                "no Zenoh router at {peers}: start one with --router or `ros2 run rmw_zenoh_cpp rmw_zenohd`, or say \
-                 where it is: ZENOH_CONFIG_OVERRIDE='connect/endpoints=[\"tcp/192.168.1.1:7447\"]'. Until it is \
-                 there, nothing arrives and nobody sees this node"
+                "no Zenoh router at {peers}: {START_ROUTER}. Until it is there, nothing arrives and nobody sees this node"
             );
         }
         if attempt < attempts {
@@ -186,7 +200,8 @@ mod tests {
 
     #[test]
     fn overrides_stand_above() {
-        let settings = settings(false, &[("mode", "'client'"), ("connect/endpoints", "['tcp/a:1']")]);
+        let settings =
+            settings(false, &[("mode", "'client'"), ("connect/endpoints", "['tcp/a:1']")]);
         let config = config(&settings).unwrap();
         assert_eq!(config.get_json("mode").unwrap(), "\"client\"");
         assert_eq!(config.get_json("connect/endpoints").unwrap(), "[\"tcp/a:1\"]");
@@ -210,7 +225,8 @@ mod tests {
         let mut settings = settings(false, &[]);
         settings.config_file = Some(path.clone());
         assert!(refusal(&settings).starts_with("ZENOH_SESSION_CONFIG_URI: "));
-        fs::write(&path, "{ mode: 'client', /* rmw's is 10 min */ queries_default_timeout: 5 }").unwrap();
+        fs::write(&path, "{ mode: 'client', /* rmw's is 10 min */ queries_default_timeout: 5 }")
+            .unwrap();
         let config = config(&settings).unwrap();
         assert_eq!(config.get_json("mode").unwrap(), "\"client\"");
         assert_eq!(config.get_json("queries_default_timeout").unwrap(), "5");
@@ -225,6 +241,16 @@ mod tests {
         assert!(message.contains("leave --router out"), "{message}");
         let message = refusal(&settings(false, &[("mode", "'router'")]));
         assert!(message.contains("add --router"), "{message}");
+    }
+
+    #[test]
+    fn a_client_without_router_is_told_what_to_do() {
+        let mode = ("mode", "'client'");
+        // Port 9 discards, where there is anything at all.
+        let settings = settings(false, &[mode, ("connect/endpoints", "['tcp/127.0.0.1:9']")]);
+        let message = open(&settings).err().unwrap().to_string();
+        assert!(message.contains("connects to [\"tcp/127.0.0.1:9\"]"), "{message}");
+        assert!(message.contains("start one (`--router` here"), "{message}");
     }
 
     #[test]

@@ -75,7 +75,8 @@ impl ZenohSettings {
             is_router,
             config_file: variable(config_variable).map(PathBuf::from),
             overrides,
-            router_check: attempts.map_or(Ok(RouterCheck::Attempts(1)), |text| attempts_of(&text))?,
+            router_check: attempts
+                .map_or(Ok(RouterCheck::Attempts(1)), |text| attempts_of(&text))?,
         })
     }
 }
@@ -118,7 +119,9 @@ fn parse_overrides(text: &str) -> Result<Vec<Override>, TransportError> {
         }),
         _ => Err(wrong(
             OVERRIDE,
-            format!("{pair:?} is not key=value, as in connect/endpoints=[\"tcp/192.168.1.1:7447\"]"),
+            format!(
+                "{pair:?} is not key=value, as in connect/endpoints=[\"tcp/192.168.1.1:7447\"]"
+            ),
         )),
     };
     pairs.map(parse).collect()
@@ -172,8 +175,11 @@ mod tests {
     fn overrides_keep_their_order_and_their_semicolons() {
         let text = r#"mode="client"; connect/endpoints=["tcp/a:1#iface=x;prio=1"];;"#;
         let overrides = settings(&[(OVERRIDE, text), ("ZENOH_SHM_ALLOC_SIZE", "100")]).unwrap();
-        let pairs: Vec<_> =
-            overrides.overrides.iter().map(|pair| (pair.key.as_str(), pair.value.as_str())).collect();
+        let pairs: Vec<_> = overrides
+            .overrides
+            .iter()
+            .map(|pair| (pair.key.as_str(), pair.value.as_str()))
+            .collect();
         let expected = [
             ("transport/shared_memory/transport_optimization/pool_size", "100"),
             ("mode", "\"client\""),

@@ -13,9 +13,7 @@ use zenoh::{
     Session, Wait, key_expr::KeyExpr, liveliness::LivelinessToken, pubsub::Subscriber,
     sample::Sample,
 };
-use zenoh_ext::{
-    AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig,
-};
+use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
 use super::{
     Node,

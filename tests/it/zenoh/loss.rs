@@ -12,7 +12,11 @@ const BEFORE: &str = "/camera/before";
 /// Numbers that are missing between the first and the last of each sender.
 fn num_missing(sequences: &BTreeMap<[u8; 16], Vec<i64>>) -> i64 {
     let missing = |of_one: &Vec<i64>| {
-        of_one.windows(2).map(|pair| pair[1] - pair[0] - 1).inspect(|gap| assert!(*gap >= 0)).sum::<i64>()
+        of_one
+            .windows(2)
+            .map(|pair| pair[1] - pair[0] - 1)
+            .inspect(|gap| assert!(*gap >= 0))
+            .sum::<i64>()
     };
     sequences.values().map(missing).sum()
 }

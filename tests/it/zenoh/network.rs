@@ -84,8 +84,8 @@ impl Network {
         let is_load = ["send", "receive"].contains(&command);
         let script = if is_load { "zenoh_images.py" } else { "zenoh_peer.py" };
         let connect = format!("tcp/127.0.0.1:{}", self.port);
-        let common =
-            [command, "--connect", &connect, "--domain", &self.domain, "--topic", TOPIC].into_iter();
+        let common = [command, "--connect", &connect, "--domain", &self.domain, "--topic", TOPIC]
+            .into_iter();
         let arguments: Vec<_> = common.chain(arguments.iter().copied()).collect();
         Peer::start(self.python, script, &arguments)
     }
