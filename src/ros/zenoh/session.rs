@@ -58,6 +58,10 @@ const ROUTER: Values = &[
 /// Between two looks for a router.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 
+/// What to do without a router.
+const START_ROUTER: &str = "start one (`--router` here, or `ros2 run rmw_zenoh_cpp rmw_zenohd`), or say where it is: \
+                            ZENOH_CONFIG_OVERRIDE='connect/endpoints=[\"tcp/192.168.1.1:7447\"]'";
+
 /// Opens a session; waits for a router as the settings say.
 ///
 /// # Errors
@@ -74,7 +78,10 @@ pub(super) fn open(settings: &ZenohSettings) -> Result<Session, TransportError> 
                  out; or choose another port: ZENOH_CONFIG_OVERRIDE='listen/endpoints=[\"tcp/[::]:7448\"]'"
             )
         } else {
-            format!("no Zenoh session can be opened that listens on {ports} and connects to {peers}: {words}")
+            format!(
+                "no Zenoh session that connects to {peers} and listens on {ports} can be opened: {words}. Without a \
+                 router, {START_ROUTER}"
+            )
         })
     })?;
     if !settings.is_router {
@@ -143,9 +150,7 @@ fn look_for_router(session: &Session, check: RouterCheck, peers: &str) {
         }
         if attempt == 1 {
             warn!(
-                "no Zenoh router at {peers}: start one with --router or `ros2 run rmw_zenoh_cpp rmw_zenohd`, or say \
-                 where it is: ZENOH_CONFIG_OVERRIDE='connect/endpoints=[\"tcp/192.168.1.1:7447\"]'. Until it is \
-                 there, nothing arrives and nobody sees this node"
+                "no Zenoh router at {peers}: {START_ROUTER}. Until it is there, nothing arrives and nobody sees this node"
             );
         }
         if attempt < attempts {
@@ -235,6 +240,16 @@ mod tests {
         assert!(message.contains("leave --router out"), "{message}");
         let message = refusal(&settings(false, &[("mode", "'router'")]));
         assert!(message.contains("add --router"), "{message}");
+    }
+
+    #[test]
+    fn a_client_without_router_is_told_what_to_do() {
+        let mode = ("mode", "'client'");
+        // Port 9 discards, where there is anything at all.
+        let settings = settings(false, &[mode, ("connect/endpoints", "['tcp/127.0.0.1:9']")]);
+        let message = open(&settings).err().unwrap().to_string();
+        assert!(message.contains("connects to [\"tcp/127.0.0.1:9\"]"), "{message}");
+        assert!(message.contains("start one (`--router` here"), "{message}");
     }
 
     #[test]
