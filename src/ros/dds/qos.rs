@@ -33,7 +33,7 @@ pub(super) fn policies(profile: &QosProfile, side: Side) -> QosPolicies {
         Side::Writer if durability == Durability::Volatile => depth.max(MAX_UNACKNOWLEDGED),
         Side::Writer => depth.max(MAX_LATCHED),
     };
-    let builder = QosPolicyBuilder::new()
+    let mut builder = QosPolicyBuilder::new()
         .history(match profile.history {
             qos::History::KeepAll => History::KeepAll,
             _ => History::KeepLast { depth },
@@ -41,17 +41,19 @@ pub(super) fn policies(profile: &QosProfile, side: Side) -> QosPolicies {
         .reliability(reliability(profile.reliability, side))
         .durability(durability)
         .ownership(Ownership::Shared)
-        .deadline(Deadline(duration(profile.deadline)))
         .liveliness(liveliness(profile))
         .resource_limits(ResourceLimits {
             max_samples,
             max_instances: 1,
             max_samples_per_instance: max_samples,
         });
-    match side {
-        Side::Writer => builder.lifespan(Lifespan { duration: duration(profile.lifespan) }).build(),
-        Side::Reader => builder.build(),
+    if let Some(period) = finite(profile.deadline) {
+        builder = builder.deadline(Deadline(period));
     }
+    if let (Side::Writer, Some(duration)) = (side, finite(profile.lifespan)) {
+        builder = builder.lifespan(Lifespan { duration });
+    }
+    builder.build()
 }
 
 /// rmw's defaults of DDS: writers are reliable, readers take what there is.
@@ -78,7 +80,7 @@ fn durability(wanted: qos::Durability, side: Side) -> Durability {
 }
 
 fn liveliness(profile: &QosProfile) -> Liveliness {
-    let lease_duration = duration(profile.liveliness_lease_duration);
+    let lease_duration = finite(profile.liveliness_lease_duration).unwrap_or(Duration::INFINITE);
     match profile.liveliness {
         qos::Liveliness::ManualByNode => Liveliness::ManualByParticipant { lease_duration },
         qos::Liveliness::ManualByTopic => Liveliness::ManualByTopic { lease_duration },
@@ -86,11 +88,11 @@ fn liveliness(profile: &QosProfile) -> Liveliness {
     }
 }
 
-/// Zero is rmw's "not said". What does not fit DDS's 31 bits of seconds is for ever.
-fn duration(time: QosTime) -> Duration {
+/// `None` is for ever: zero is rmw's "not said", and what does not fit DDS's 31 bits of seconds is as good.
+fn finite(time: QosTime) -> Option<Duration> {
     let nanoseconds = i128::from(time.sec) * 1_000_000_000 + i128::from(time.nsec);
     let fits = i64::try_from(nanoseconds).ok().filter(|_| time.sec < i32::MAX as u64);
-    fits.filter(|nanoseconds| *nanoseconds > 0).map_or(Duration::INFINITE, Duration::from_nanos)
+    fits.filter(|nanoseconds| *nanoseconds > 0).map(Duration::from_nanos)
 }
 
 #[cfg(test)]
@@ -104,8 +106,7 @@ mod tests {
         assert!(policies.is_volatile());
         assert_eq!(policies.history(), Some(History::KeepLast { depth: 5 }));
         assert_eq!(policies.resource_limits().map(|limits| limits.max_samples), Some(6));
-        assert_eq!(policies.deadline(), Some(Deadline(Duration::INFINITE)));
-        assert_eq!(policies.lifespan(), None);
+        assert_eq!((policies.deadline(), policies.lifespan()), (None, None));
     }
 
     #[test]

@@ -16,7 +16,11 @@ use std::{
 };
 
 use laser_profiler::{
-    msg::{cdr::decode, qos::QosProfile, sensor_msgs::Image},
+    msg::{
+        cdr::decode,
+        qos::{QosProfile, Reliability},
+        sensor_msgs::Image,
+    },
     ros::transport::Transport,
 };
 use serde_json::{Value as Json, json};
@@ -71,16 +75,22 @@ fn figures(sent: i64, mut latencies_ns: Vec<i64>, wall: Duration, processor_s: f
 }
 
 /// Takes a camera's images and counts those that are whole. Latency: from the stamp to the hands of the node.
-fn receive(vendor: Vendor, [width, height, rate, seconds]: [u32; 4]) -> Option<Json> {
+fn receive(
+    vendor: Vendor,
+    qos: QosProfile,
+    [width, height, rate, seconds]: [u32; 4],
+) -> Option<Json> {
     let domain = Domain::claim();
     let node = open(&domain, "reader");
-    let topic = image_topic("/camera/image_raw", QosProfile::best_effort(5));
+    let topic = image_topic("/camera/image_raw", qos);
     let inbox = Inbox::open(&node, &topic, LIMIT_BYTES);
     let [width_, height_, rate_, count] =
         [width, height, rate, rate * seconds].map(|number| number.to_string());
     let arguments = ["publish", "--topic", "rt/camera/image_raw", "--width", &width_];
     let more = ["--height", &height_, "--rate", &rate_, "--count", &count, "--linger", "0"];
-    let peer = Peer::start(vendor, &domain, &[&arguments[..], &more].concat())?;
+    let reliably: &[&str] =
+        if qos.reliability == Reliability::Reliable { &["--reliable"] } else { &[] };
+    let peer = Peer::start(vendor, &domain, &[&arguments[..], &more, reliably].concat())?;
     peer.wait_for("matched");
     let (started, before_s) = (Instant::now(), processor_s());
     let mut latencies_ns = Vec::new();
@@ -137,9 +147,10 @@ fn run() {
     let vendor = VENDORS.into_iter().find(|known| format!("{known:?}") == vendor).unwrap();
     let numbers: Vec<u32> = words.map(|word| word.parse().unwrap()).collect();
     let figures = match verb {
-        "receive" => receive(vendor, numbers.try_into().unwrap()),
+        "receive" => receive(vendor, QosProfile::best_effort(5), numbers.try_into().unwrap()),
+        "receive_reliably" => receive(vendor, QosProfile::reliable(5), numbers.try_into().unwrap()),
         "send" => send(vendor, numbers.try_into().unwrap()),
-        _ => panic!("receive or send"),
+        _ => panic!("receive, receive_reliably or send"),
     };
     if let Some(figures) = figures {
         eprintln!("{load}: {figures}");
