@@ -63,14 +63,8 @@ def listen(arguments, node):
     def take(sample):
         beside = sample.attachment and sample.attachment.to_bytes()
         sequence, source_time_ns, gid = read_attachment(beside)
-        say(
-            event="message",
-            payload=sample.payload.to_bytes().hex() if len(sample.payload.to_bytes()) < 1000 else None,
-            bytes=len(sample.payload.to_bytes()),
-            sequence=sequence,
-            source_time_ns=source_time_ns,
-            gid=gid.hex(),
-        )
+        payload = list(sample.payload.to_bytes())
+        say(event="message", payload=payload, sequence=sequence, source_time_ns=source_time_ns, gid=gid.hex())
 
     subscriber = node.subscriber(arguments.topic, (arguments.type, arguments.hash), take, arguments.latched)
     say(event="ready")

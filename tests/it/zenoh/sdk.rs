@@ -1,4 +1,4 @@
-//! `zenoh-ros2-sdk`, which others wrote from rmw_zenoh's rules.
+//! `zenoh-ros2-sdk`, which others wrote from `rmw_zenoh`'s rules.
 
 use laser_profiler::{
     msg::{cdr, qos::QosProfile, schema::Message, sensor_msgs::Image},
