@@ -131,8 +131,14 @@ def graph(arguments, node):
         return [token for token in found if arguments.node in token.split("/")]
 
     for line in sys.stdin:
-        wait_for(lambda: len(tokens()) == int(line), f"{int(line)} tokens of {arguments.node}")
-        say(event="tokens", tokens={token: gid(token) for token in tokens()})
+        found = []
+
+        def is_complete():
+            found[:] = tokens()
+            return len(found) == int(line)
+
+        wait_for(is_complete, f"{int(line)} tokens of {arguments.node}")
+        say(event="tokens", tokens={token: gid(token) for token in found})
 
 
 def gid(token):
