@@ -63,14 +63,8 @@ def listen(arguments, node):
     def take(sample):
         beside = sample.attachment and sample.attachment.to_bytes()
         sequence, source_time_ns, gid = read_attachment(beside)
-        say(
-            event="message",
-            payload=sample.payload.to_bytes().hex() if len(sample.payload.to_bytes()) < 1000 else None,
-            bytes=len(sample.payload.to_bytes()),
-            sequence=sequence,
-            source_time_ns=source_time_ns,
-            gid=gid.hex(),
-        )
+        payload = list(sample.payload.to_bytes())
+        say(event="message", payload=payload, sequence=sequence, source_time_ns=source_time_ns, gid=gid.hex())
 
     subscriber = node.subscriber(arguments.topic, (arguments.type, arguments.hash), take, arguments.latched)
     say(event="ready")
@@ -137,8 +131,14 @@ def graph(arguments, node):
         return [token for token in found if arguments.node in token.split("/")]
 
     for line in sys.stdin:
-        wait_for(lambda: len(tokens()) == int(line), f"{int(line)} tokens of {arguments.node}")
-        say(event="tokens", tokens={token: gid(token) for token in tokens()})
+        found = []
+
+        def is_complete():
+            found[:] = tokens()
+            return len(found) == int(line)
+
+        wait_for(is_complete, f"{int(line)} tokens of {arguments.node}")
+        say(event="tokens", tokens={token: gid(token) for token in found})
 
 
 def gid(token):

@@ -42,7 +42,9 @@ fn tokens_of_later_versions_do_no_harm() {
         "@ros2_lv/{domain}/ZID/0/2/MP/%/%/peer/%cell%topic/std_msgs::msg::dds_::Header_/RIHS02_1/::,1:::x/more"
     );
     let tokens = [&unknown, &longer].map(|token| network.peer("token", &["--to", token]));
-    tokens.iter().for_each(|peer| drop(peer.event("ready")));
+    for peer in &tokens {
+        peer.event("ready");
+    }
     wait_until("the publisher", || node.topics() == [on_topic(Header::TYPE.name, 1, 0)]);
 }
 

@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use laser_profiler::{
     msg::{cdr, qos::QosProfile, schema::Message, sensor_msgs::Image},
-    ros::transport::Transport,
+    ros::{transport::Transport, zenoh::Role},
 };
 
 use super::{
@@ -41,7 +41,7 @@ fn every_large_image_arrives() {
 fn shared_memory_is_used_where_both_ends_have_it() {
     let Some((network, _router)) = Network::start() else { return };
     let shared = "transport/shared_memory/enabled=true";
-    let node = open(&network.settings(false, shared));
+    let node = open(&network.settings(Role::Node, shared));
     let with = receiver(&network, &["--config", shared]);
     let without = receiver(&network, &[]);
     let mut publication = node.advertise(&topic(Image::TYPE, QosProfile::reliable(5))).unwrap();
