@@ -135,9 +135,11 @@ impl Subscription for Reader {
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        if let Some(topic) = lock(&self.network.0).topics.get_mut(&self.topic) {
-            topic.subscribers.remove(&self.id);
-        }
+        let mut network = lock(&self.network.0);
+        let removed = network.topics.get_mut(&self.topic).map(|t| t.subscribers.remove(&self.id));
+        // What hangs on it may end something else here.
+        drop(network);
+        drop(removed);
     }
 }
 
@@ -150,7 +152,9 @@ impl Server for Offered {}
 
 impl Drop for Offered {
     fn drop(&mut self) {
-        lock(&self.network.0).services.remove(&self.name);
+        let removed = lock(&self.network.0).services.remove(&self.name);
+        // Not under the lock: what hangs on it may end something else here.
+        drop(removed);
     }
 }
 
