@@ -10,6 +10,9 @@ use super::{
     Attachment, Compression, MetadataRecord, RecordError, Recorder, Times, Topic, TopicId,
 };
 
+/// What the file needs for a message beside its bytes: the record's header and the entry in the index.
+const MESSAGE_OVERHEAD_BYTES: u64 = 31 + 16;
+
 /// When a file of the bag is closed and the next begun. 0 is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SplitLimits {
@@ -189,9 +192,7 @@ impl SplitRecorder {
     /// # Errors
     /// A failing disk.
     pub fn flush(&mut self) -> Result<(), RecordError> {
-        let open = self.open()?;
-        open.pending_bytes = 0;
-        open.recorder.flush()
+        self.open()?.flush()
     }
 
     /// The file that is open, for a thread that waits until the disk has what was flushed.
@@ -270,10 +271,9 @@ impl SplitRecorder {
             };
             open.write(topic, Times { log_ns, ..*times }, data)?;
         }
-        open.recorder.flush()?;
+        open.flush()?;
         // What is repeated is no reason to begin another file, in which it would be repeated again.
-        open.head_bytes = open.recorder.written_bytes();
-        open.pending_bytes = 0;
+        open.head_bytes = open.written_bytes;
         Ok(())
     }
 }
@@ -289,7 +289,8 @@ impl OpenFile {
     fn is_full(&self, limits: SplitLimits, log_ns: i64, data_bytes: u64) -> bool {
         let Some(first_log_ns) = self.first_log_ns else { return false };
         let length = self.recorder.written_bytes() - self.head_bytes + self.pending_bytes;
-        let is_long = limits.bytes > 0 && length + data_bytes > limits.bytes;
+        let is_long =
+            limits.bytes > 0 && length + data_bytes + MESSAGE_OVERHEAD_BYTES > limits.bytes;
         // A clock that is set back begins a file, too.
         let age_ns = log_ns.abs_diff(first_log_ns);
         is_long || (limits.duration_ns > 0 && age_ns >= limits.duration_ns)
@@ -298,13 +299,22 @@ impl OpenFile {
     fn write(&mut self, topic: usize, times: Times, data: &[u8]) -> Result<(), RecordError> {
         self.recorder.write(self.ids[topic], times, data)?;
         self.first_log_ns.get_or_insert(times.log_ns);
-        self.pending_bytes += data.len() as u64;
+        let message_bytes = data.len() as u64 + MESSAGE_OVERHEAD_BYTES;
         let written_bytes = self.recorder.written_bytes();
-        if written_bytes != self.written_bytes {
-            // A chunk was closed.
+        if written_bytes == self.written_bytes {
+            self.pending_bytes += message_bytes;
+        } else {
+            // A chunk was closed; whether with this message is the format's affair.
             self.written_bytes = written_bytes;
-            self.pending_bytes = 0;
+            self.pending_bytes = message_bytes;
         }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<(), RecordError> {
+        self.recorder.flush()?;
+        self.written_bytes = self.recorder.written_bytes();
+        self.pending_bytes = 0;
         Ok(())
     }
 }

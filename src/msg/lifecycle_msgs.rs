@@ -78,7 +78,7 @@ pub struct TransitionDescription<'a> {
     pub goal_state: State<'a>,
 }
 
-/// The state has changed.
+/// The state has changed. As in ROS 2 Jazzy: Lyrical has a `stamp` instead of the timestamp, and thus another hash.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TransitionEvent<'a> {
     /// When, nanoseconds since the epoch.

@@ -140,10 +140,13 @@ fn calibration_id(info: &CameraInfo<'_>) -> u64 {
     let mut hash = Sha256::new();
     hash.update(info.distortion_model.as_bytes());
     hash.update([0]);
-    sizes.iter().for_each(|size| hash.update(size.to_le_bytes()));
+    for size in sizes {
+        hash.update(size.to_le_bytes());
+    }
     hash.update((info.d.len() as u64).to_le_bytes());
-    let values = info.d.iter().chain(&info.k).chain(&info.r).chain(&info.p);
-    values.for_each(|value| hash.update(value.to_le_bytes()));
+    for value in info.d.iter().chain(&info.k).chain(&info.r).chain(&info.p) {
+        hash.update(value.to_le_bytes());
+    }
     let digest = hash.finalize();
     digest[..8].iter().fold(0, |id, byte| id << 8 | u64::from(*byte))
 }

@@ -22,6 +22,15 @@ use super::endpoints;
 const LIMIT_BYTES: usize = 64;
 const UNHEARD_NS: i64 = i64::MIN;
 
+/// Who says what time it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TimeSource {
+    /// This machine's clock.
+    System,
+    /// `/clock`, as `use_sim_time` wants it.
+    Sim,
+}
+
 /// The node's clock. Clones share it.
 #[derive(Clone, Default)]
 pub struct RosClock(Arc<Shared>);
@@ -87,18 +96,19 @@ impl RosClock {
     ///
     /// # Errors
     /// `/clock` cannot be subscribed; the source stays what it was.
-    pub fn use_sim_time(
+    pub fn set_source(
         &self,
         transport: &dyn Transport,
         names: &NodeNames,
-        wanted: bool,
+        source: TimeSource,
     ) -> Result<(), TransportError> {
         let mut subscription = self.0.subscription.lock().unwrap_or_else(PoisonError::into_inner);
-        if wanted == subscription.is_some() {
-            return Ok(());
-        }
-        let next = if wanted { Some(self.subscribe(transport, names)?) } else { None };
-        self.0.uses_sim_time.store(wanted, Ordering::Release);
+        let next = match (source, &*subscription) {
+            (TimeSource::System, None) | (TimeSource::Sim, Some(_)) => return Ok(()),
+            (TimeSource::System, Some(_)) => None,
+            (TimeSource::Sim, None) => Some(self.subscribe(transport, names)?),
+        };
+        self.0.uses_sim_time.store(next.is_some(), Ordering::Release);
         self.0.sim.num_breaks.fetch_add(1, Ordering::AcqRel);
         *subscription = next;
         Ok(())
@@ -176,8 +186,8 @@ mod tests {
             Self { network, names, clock: RosClock::default(), publisher }
         }
 
-        fn switch(&self, wanted: bool) {
-            self.clock.use_sim_time(&self.network, &self.names, wanted).unwrap();
+        fn switch(&self, source: TimeSource) {
+            self.clock.set_source(&self.network, &self.names, source).unwrap();
         }
 
         fn tell(&mut self, ns: i64) {
@@ -199,7 +209,7 @@ mod tests {
     #[test]
     fn with_sim_time_the_last_message_counts() {
         let mut rig = Rig::new();
-        rig.switch(true);
+        rig.switch(TimeSource::Sim);
         assert!(!rig.clock.is_known());
         assert_eq!(rig.clock.now_ns(), 0);
         rig.tell(7_000_000_000);
@@ -211,27 +221,27 @@ mod tests {
     #[test]
     fn a_step_back_and_a_switch_are_breaks_and_nothing_else_is() {
         let mut rig = Rig::new();
-        rig.switch(true);
+        rig.switch(TimeSource::Sim);
         assert_eq!(rig.clock.num_breaks(), 1);
-        rig.switch(true);
+        rig.switch(TimeSource::Sim);
         for ns in [10, 20, 20, 30] {
             rig.tell(ns);
         }
         assert_eq!(rig.clock.num_breaks(), 1);
         rig.tell(29);
         assert_eq!((rig.clock.num_breaks(), rig.clock.now_ns()), (2, 29));
-        rig.switch(false);
+        rig.switch(TimeSource::System);
         assert_eq!(rig.clock.num_breaks(), 3);
         // Unsubscribed: what comes now is not heard, and what came before is forgotten.
         rig.tell(40);
-        rig.switch(true);
+        rig.switch(TimeSource::Sim);
         assert!(!rig.clock.is_known());
     }
 
     #[test]
     fn what_is_no_clock_is_counted_and_changes_nothing() {
         let mut rig = Rig::new();
-        rig.switch(true);
+        rig.switch(TimeSource::Sim);
         rig.tell(50);
         for bytes in [&[][..], &[0, 1, 0, 0, 1], &[9; 40]] {
             rig.publisher.publish(&Arc::from(bytes), 0).unwrap();

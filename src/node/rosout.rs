@@ -65,9 +65,9 @@ impl RosoutSlot {
     }
 
     fn push(&self, event: &Event<'_>) {
-        let queue = self.0.queue.read().unwrap_or_else(PoisonError::into_inner);
-        let Some(queue) = &*queue else { return };
-        // After `set(None)` nobody is there to read.
+        let connected = self.0.queue.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some(queue) = connected else { return };
+        // Where nobody reads any more, the line is for standard error alone.
         if let Err(TrySendError::Full(_)) = queue.try_send(Line::of(event)) {
             self.0.num_dropped.fetch_add(1, Ordering::Relaxed);
         }
@@ -126,8 +126,8 @@ impl Rosout {
         let qos = QosProfile { lifespan: LIFESPAN, ..QosProfile::latched(DEPTH as u64) };
         let publication = endpoints::advertise::<Log<'_>>(transport, names, "/rosout", qos)?;
         let (sender, receiver) = sync_channel(DEPTH);
-        let (name, counted) = (names.logger(), slot.clone());
-        let run = move || publish_all(&receiver, publication, &name, &counted);
+        let (name, counted, num_told) = (names.logger(), slot.clone(), slot.num_dropped());
+        let run = move || publish_all(&receiver, publication, &name, &counted, num_told);
         let thread = Some(thread::Builder::new().name("rosout".to_owned()).spawn(run)?);
         slot.set(Some(sender));
         Ok(Self { slot, thread })
@@ -149,9 +149,9 @@ fn publish_all(
     mut publication: Box<dyn Publication>,
     name: &str,
     slot: &RosoutSlot,
+    mut num_told: u64,
 ) {
     IS_PUBLISHING.set(true);
-    let mut num_told = slot.num_dropped();
     let mut publish = |line: &Line| {
         let log = line.message(name);
         // There is no place to tell of it: standard error has the line itself.

@@ -136,8 +136,9 @@ impl Subscription for Reader {
 impl Drop for Reader {
     fn drop(&mut self) {
         let mut network = lock(&self.network.0);
-        let removed = network.topics.get_mut(&self.topic).map(|t| t.subscribers.remove(&self.id));
-        // What hangs on it may end something else here.
+        let topic = network.topics.get_mut(&self.topic);
+        let removed = topic.and_then(|topic| topic.subscribers.remove(&self.id));
+        // It may own a publisher, which wants the lock.
         drop(network);
         drop(removed);
     }
@@ -153,7 +154,7 @@ impl Server for Offered {}
 impl Drop for Offered {
     fn drop(&mut self) {
         let removed = lock(&self.network.0).services.remove(&self.name);
-        // Not under the lock: what hangs on it may end something else here.
+        // It may own a publisher, which wants the lock.
         drop(removed);
     }
 }

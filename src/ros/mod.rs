@@ -12,5 +12,9 @@ pub mod camera_params;
 pub mod node_params;
 pub mod transport;
 pub mod middleware;
+#[cfg(feature = "zenoh")]
+pub mod zenoh;
+#[cfg(feature = "dds")]
+pub mod dds;
 #[cfg(test)]
 pub(crate) mod loopback;

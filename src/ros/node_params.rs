@@ -33,13 +33,13 @@ named_enum! {
 }
 
 named_enum! {
-    /// How requests and responses of services are told apart on DDS.
+    /// How a request says who wants the answer: the implementations of DDS in ROS differ.
     ServiceMapping {
-        /// As the environment's RMW does.
+        /// Each request is answered in the mapping it came in.
         Auto = "auto",
-        /// As Fast DDS does.
+        /// As Fast DDS and Connext do: beside the message.
         Enhanced = "enhanced",
-        /// As Cyclone DDS does.
+        /// As Cyclone DDS does: in front of the message.
         Cyclone = "cyclone",
     }
 }

@@ -9,6 +9,15 @@ use std::{
     sync::OnceLock,
 };
 
+use laser_profiler::{
+    bag::{BagReader, Filter, ReadOptions},
+    node::{
+        live_recording::{LiveRecorder, RecordedTopics, RecordingParams},
+        recording::Description,
+        sink::{Outgoing, Sink},
+    },
+};
+
 use crate::{
     program::{Ended, end, replay, skip},
     recordings::{bundled, real},
@@ -121,6 +130,59 @@ fn the_bundled_recordings_themselves() {
         passes(&check(python, "check_bag.py", &bundled(name), &expected));
         passes(&check(python, "check_types.py", &bundled(name), NOTHING));
     }
+}
+
+/// What a live node records: in several files, with the latched topics repeated in each.
+#[test]
+fn live_recordings_in_several_files() {
+    let Some(python) = python() else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let results = directory.path().join("results");
+    let parameters = ["--params-file", "bags/film_defects.params.yaml"];
+    replay(&bundled("film_defects"), &results, 3, &parameters);
+    let params = RecordingParams {
+        directory: directory.path().join("live"),
+        split_bytes: 400_000,
+        min_free_bytes: 0,
+        ..RecordingParams::default()
+    };
+    let live = record_again(&results, params);
+    let files: Vec<_> = fs::read_dir(&live)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "mcap"))
+        .collect();
+    assert!(files.len() >= 3, "{files:?}");
+    let expected = [("/laser_profiler/centerline", 147), ("/laser_profiler/profile", 147)];
+    passes(&check(python, "check_bag.py", &live, &expected));
+    passes(&check(python, "check_types.py", &live, NOTHING));
+    for file in &files {
+        passes(&check(python, "check_bag.py", file, NOTHING));
+    }
+}
+
+/// Sends the messages of a bag through a live recorder; returns its bag.
+fn record_again(bag: &Path, params: RecordingParams) -> PathBuf {
+    let bag = BagReader::open(bag, &ReadOptions::default()).unwrap();
+    let results = bag.topics().iter().map(|topic| (**topic).clone()).enumerate().collect();
+    let topics = RecordedTopics { results, images: Vec::new() };
+    let (mut recorder, control) = LiveRecorder::new("", topics, params, Description::default());
+    let directory = control.start().unwrap().remove(0);
+    for message in bag.messages(&Filter::all()).map(Result::unwrap) {
+        let topic = bag.topics().iter().position(|topic| *topic == message.topic).unwrap();
+        let outgoing = Outgoing {
+            topic,
+            log_time_ns: message.log_time_ns,
+            publish_time_ns: message.publish_time_ns,
+            sequence: message.sequence,
+            data: message.data.into(),
+        };
+        recorder.write(&outgoing).unwrap();
+    }
+    let stopped = control.stop().unwrap().remove(0);
+    assert_eq!((stopped.dropped, stopped.last_error), (0, None));
+    recorder.finish().unwrap();
+    directory
 }
 
 /// A check that cannot fail would tell nothing.

@@ -6,6 +6,8 @@
 )]
 
 mod program;
+#[cfg(any(feature = "dds", feature = "zenoh"))]
+mod live;
 mod recordings;
 
 mod accuracy;
@@ -18,7 +20,12 @@ mod bad_bags;
 mod bad_images;
 mod bad_output;
 mod interop;
+mod interfaces;
 mod tidy;
 mod launch_configs;
 mod launch_files;
 mod packaging;
+#[cfg(feature = "zenoh")]
+mod zenoh;
+#[cfg(feature = "dds")]
+mod dds;

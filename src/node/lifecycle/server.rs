@@ -185,8 +185,9 @@ fn described(transition: Transition) -> msgs::TransitionDescription<'static> {
 
 /// The lifecycle's services. Dropping it takes them out of the graph; [`Lifecycle`] still works.
 pub struct LifecycleServer {
-    lifecycle: Lifecycle,
+    // Dropped before the handle: a service that ends is never the last to hold the publisher.
     _servers: Vec<Box<dyn Server>>,
+    lifecycle: Lifecycle,
 }
 
 impl LifecycleServer {
@@ -245,8 +246,8 @@ impl LifecycleServer {
         ];
         let offer =
             |(name, kind, on_request)| endpoints::serve(transport, names, name, kind, on_request);
-        let _servers = services.into_iter().map(offer).collect::<Result<_, _>>()?;
-        Ok(Self { lifecycle, _servers })
+        let servers = services.into_iter().map(offer).collect::<Result<_, _>>()?;
+        Ok(Self { _servers: servers, lifecycle })
     }
 
     /// The handle for the program itself.

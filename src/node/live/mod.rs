@@ -106,11 +106,11 @@ impl LiveNode {
     ) -> Result<Self, LiveError> {
         let params = NodeParams::new(&values)?;
         let clock = RosClock::default();
-        clock.use_sim_time(&*transport, &names, params.use_sim_time)?;
         let rosout = Rosout::start(&*transport, &names, rosout)?;
         let autostart = params.autostart;
         let cameras = values.cameras().to_vec();
         let context = Context::new(Arc::clone(&transport), names.clone(), clock.clone());
+        context.choose_time(&params)?;
         let shared = Arc::new(Shared::new(context, values.clone())?);
         let node = Arc::downgrade(&shared);
 

@@ -128,7 +128,7 @@ impl Shared {
         if state.session.is_some() {
             fixed_while_configured(&state.params, &params)?;
         }
-        self.context.use_sim_time(params.use_sim_time)?;
+        self.context.choose_time(&params).map_err(|error| error.to_string())?;
         if let Some(session) = &state.session {
             session.set(&params, &values);
         }

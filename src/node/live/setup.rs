@@ -18,7 +18,7 @@ use crate::{
     },
     node::{
         calibration_file,
-        clock::{RosClock, system_ns},
+        clock::{RosClock, TimeSource, system_ns},
         input,
         live_recording::RecordingControl,
         queue::WhenFull,
@@ -40,7 +40,7 @@ use crate::{
         node_params::{ImageTransport, NodeParams},
         parameters::{ParameterError, Parameters},
         qos_overrides::Side,
-        transport::{TopicEndpoint, Transport},
+        transport::{TopicEndpoint, Transport, TransportError},
         value::Value,
     },
     scanner::{calibration::Calibration, pipeline::Pipeline},
@@ -64,9 +64,9 @@ impl Context {
     }
 
     /// Chooses the source of time.
-    pub(super) fn use_sim_time(&self, wanted: bool) -> Result<(), String> {
-        let chosen = self.clock.use_sim_time(&*self.transport, &self.names, wanted);
-        chosen.map_err(|error| error.to_string())
+    pub(super) fn choose_time(&self, params: &NodeParams) -> Result<(), TransportError> {
+        let source = if params.use_sim_time { TimeSource::Sim } else { TimeSource::System };
+        self.clock.set_source(&*self.transport, &self.names, source)
     }
 
     /// Starts a camera.

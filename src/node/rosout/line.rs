@@ -24,7 +24,7 @@ pub(super) struct Line {
     text: Text,
     file: &'static str,
     module: &'static str,
-    line: u32,
+    row: u32,
 }
 
 impl Line {
@@ -39,7 +39,7 @@ impl Line {
             text,
             file: metadata.file().unwrap_or_default(),
             module: metadata.module_path().unwrap_or_default(),
-            line: metadata.line().unwrap_or_default(),
+            row: metadata.line().unwrap_or_default(),
         }
     }
 
@@ -52,7 +52,7 @@ impl Line {
             text,
             file: file!(),
             module: module_path!(),
-            line: line!(),
+            row: line!(),
         }
     }
 
@@ -65,7 +65,7 @@ impl Line {
             file: self.file.into(),
             // The closest that is known.
             function: self.module.into(),
-            line: self.line,
+            line: self.row,
         }
     }
 }

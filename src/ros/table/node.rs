@@ -26,8 +26,8 @@ pub const NODE: &[Parameter] = &[
     flag("use_sim_time", OFF,
         "Whether the time is that of /clock, as a simulator or a player sends it, instead of the machine's."),
     choice("dds.service_mapping", "auto", ServiceMapping::NAMES,
-        "How services are spoken on DDS. enhanced: as Fast DDS does; cyclone: as Cyclone DDS does. auto: as RMW_IMPLEMENTATION \
-         says, else enhanced. Both ends must agree.")
+        "How services are spoken on DDS. auto: each request is answered as it was asked, Fast DDS and Cyclone DDS side by side; \
+         enhanced: all as by Fast DDS; cyclone: all as by Cyclone DDS.")
         .read_only(),
     flag("recording.enabled", OFF,
         "Whether results are recorded as long as the node is active; ~/record switches it too."),

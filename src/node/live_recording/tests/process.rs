@@ -73,7 +73,7 @@ fn after_kill_9_everything_older_than_a_second_is_there() {
     let num_old = sent.iter().filter(|(at, _)| is_old(at)).count();
     let bag = only_bag(place.path());
     assert!(!bag.join("metadata.yaml").exists(), "it was not closed");
-    let found = sequences(&bag, "/centerline");
+    let found = readable(&bag);
     assert!(num_old > 50, "{num_old} messages are too few to tell");
     assert!(found.len() >= num_old, "{} of {num_old} found", found.len());
     assert_eq!(found, Vec::from_iter(1..=found.len() as u32));
@@ -93,7 +93,7 @@ fn a_full_disk_ends_the_recording_with_one_message_and_nothing_else() {
     let text = String::from_utf8_lossy(&ended.stdout);
     assert!(ended.status.success(), "{text}");
     let bag = only_bag(place.path());
-    let found = sequences_of_damaged(&bag);
+    let found = readable(&bag);
     assert!(found.len() > 10, "{found:?}");
     assert_eq!(found, Vec::from_iter(1..=found.len() as u32), "what was flushed before is there");
 }
@@ -120,11 +120,6 @@ fn record_until_full(directory: &Path) {
     // The node goes on.
     send(&mut recorder, CENTERLINE, sequence..sequence + 100);
     recorder.finish().unwrap();
-}
-
-/// The messages that can be read of a file that ends in its middle.
-fn sequences_of_damaged(path: &Path) -> Vec<u32> {
-    open(path).messages(&Filter::all()).flatten().map(|message| message.sequence).collect()
 }
 
 /// A small file system that is nearly full: the minimum of free space keeps the bag whole.

@@ -1,0 +1,207 @@
+//! The node's own endpoints, and who they are matched with.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::{Condvar, Mutex, MutexGuard, PoisonError},
+    time::Duration,
+};
+
+use rustdds::{DomainParticipantStatusEvent as Event, GUID, QosPolicies, policy::Deadline};
+
+use super::qos::Side;
+
+/// A reader or writer of this node.
+#[derive(Clone, Debug)]
+pub(super) struct Endpoint {
+    pub(super) side: Side,
+    /// Names as they stand on DDS.
+    pub(super) topic: String,
+    pub(super) type_name: String,
+}
+
+#[derive(Default)]
+struct Table {
+    own: BTreeMap<GUID, Endpoint>,
+    /// Matched endpoints of others, by own endpoint. A match may be told before the endpoint is entered.
+    matched: BTreeMap<GUID, BTreeSet<GUID>>,
+    /// Endpoints that were complained of already: discovery repeats itself.
+    refused: BTreeSet<(GUID, GUID)>,
+}
+
+/// All of them.
+#[derive(Default)]
+pub(super) struct Endpoints {
+    table: Mutex<Table>,
+    changed: Condvar,
+}
+
+impl Endpoints {
+    fn lock(&self) -> MutexGuard<'_, Table> {
+        self.table.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn insert(&self, guid: GUID, endpoint: Endpoint) {
+        self.lock().own.insert(guid, endpoint);
+    }
+
+    pub(super) fn remove(&self, guid: GUID) {
+        let mut table = self.lock();
+        table.own.remove(&guid);
+        table.matched.remove(&guid);
+        table.refused.retain(|(own, _)| *own != guid);
+    }
+
+    /// A copy of them, in order.
+    pub(super) fn all(&self) -> Vec<(GUID, Endpoint)> {
+        self.lock().own.iter().map(|(guid, endpoint)| (*guid, endpoint.clone())).collect()
+    }
+
+    /// Endpoints of others that an own one reaches, or that reach it.
+    pub(super) fn num_matched(&self, own: GUID) -> usize {
+        self.lock().matched.get(&own).map_or(0, BTreeSet::len)
+    }
+
+    /// Waits until an own endpoint is matched with any endpoint of `peer`'s participant; tells whether it is.
+    pub(super) fn wait_for_participant_of(&self, own: GUID, peer: GUID, at_most: Duration) -> bool {
+        let is_missing = |table: &mut Table| {
+            let matched = table.matched.get(&own).into_iter().flatten();
+            !matched.into_iter().any(|guid| guid.prefix == peer.prefix)
+        };
+        let waited = self.changed.wait_timeout_while(self.lock(), at_most, is_missing);
+        !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
+    }
+
+    /// Takes over what discovery found.
+    pub(super) fn apply(&self, event: &Event) {
+        let mut table = self.lock();
+        match event {
+            Event::RemoteReaderMatched { local_writer: own, remote_reader: other }
+            | Event::RemoteWriterMatched { local_reader: own, remote_writer: other } => {
+                // The participant's own discovery has endpoints too.
+                if own.entity_id.kind().is_user_defined() {
+                    table.matched.entry(*own).or_default().insert(*other);
+                    table.refused.remove(&(*own, *other));
+                }
+            }
+            Event::ReaderLost { guid, .. } | Event::WriterLost { guid, .. } => {
+                table.forget(|other| other == guid);
+            }
+            Event::ParticipantLost { id, .. } => table.forget(|other| other.prefix == *id),
+            Event::RemoteReaderQosIncompatible {
+                local_writer,
+                remote_reader,
+                requested_qos,
+                offered_qos,
+            } => {
+                let what = "a subscriber gets nothing";
+                let end = (*local_writer, *remote_reader);
+                table.refuse(end, what, requested_qos, offered_qos);
+            }
+            Event::RemoteWriterQosIncompatible {
+                local_reader,
+                remote_writer,
+                requested_qos,
+                offered_qos,
+            } => {
+                let what = "a publisher is not heard";
+                let end = (*local_reader, *remote_writer);
+                table.refuse(end, what, requested_qos, offered_qos);
+            }
+            _ => return,
+        }
+        drop(table);
+        self.changed.notify_all();
+    }
+}
+
+impl Table {
+    fn forget(&mut self, is_gone: impl Fn(&GUID) -> bool) {
+        for others in self.matched.values_mut() {
+            others.retain(|other| !is_gone(other));
+        }
+        self.refused.retain(|(_, other)| !is_gone(other));
+    }
+
+    fn refuse(
+        &mut self,
+        end: (GUID, GUID),
+        what: &str,
+        requested: &QosPolicies,
+        offered: &QosPolicies,
+    ) {
+        if !self.refused.insert(end) {
+            return;
+        }
+        let Some(Endpoint { topic, .. }) = self.own.get(&end.0) else { return };
+        let (requested, offered) = (brief(requested), brief(offered));
+        tracing::warn!("{topic}: {what}: it is {offered}, but wanted is {requested}");
+    }
+}
+
+/// The policies that keep endpoints of ROS apart.
+fn brief(policies: &QosPolicies) -> String {
+    let reliability = if policies.is_reliable() { "reliable" } else { "best effort" };
+    let durability = if policies.is_volatile() { "volatile" } else { "transient local" };
+    match policies.deadline() {
+        Some(Deadline(period)) if period < rustdds::Duration::INFINITE => {
+            format!("{reliability}, {durability}, deadline {:?}", period.to_std())
+        }
+        _ => format!("{reliability}, {durability}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rustdds::LostReason;
+
+    use super::*;
+
+    /// An endpoint without a key: 3 is a writer's kind, 4 a reader's.
+    fn guid(participant: u8, entity: u8, kind: u8) -> GUID {
+        let mut bytes = [participant; 16];
+        bytes[12..].copy_from_slice(&[0, 0, entity, kind]);
+        GUID::from_bytes(bytes)
+    }
+
+    fn matched(local_reader: GUID, remote_writer: GUID) -> Event {
+        Event::RemoteWriterMatched { local_reader, remote_writer }
+    }
+
+    #[test]
+    fn matches_come_and_go() {
+        let endpoints = Endpoints::default();
+        let own = guid(1, 1, 4);
+        for writer in [guid(2, 1, 3), guid(2, 2, 3), guid(3, 1, 3), guid(2, 1, 3)] {
+            endpoints.apply(&matched(own, writer));
+        }
+        assert_eq!(endpoints.num_matched(own), 3);
+        let reason = LostReason::Disposed;
+        endpoints.apply(&Event::WriterLost { guid: guid(2, 1, 3), reason: reason.clone() });
+        assert_eq!(endpoints.num_matched(own), 2);
+        endpoints.apply(&Event::ParticipantLost { id: guid(2, 0, 3).prefix, reason });
+        assert_eq!(endpoints.num_matched(own), 1);
+        endpoints.remove(own);
+        assert_eq!(endpoints.num_matched(own), 0);
+    }
+
+    #[test]
+    fn waiting_ends_when_the_peer_is_there() {
+        let endpoints = Endpoints::default();
+        let (own, peer) = (guid(1, 1, 4), guid(2, 9, 3));
+        assert!(!endpoints.wait_for_participant_of(own, peer, Duration::from_millis(1)));
+        std::thread::scope(|scope| {
+            let waiting = scope
+                .spawn(|| endpoints.wait_for_participant_of(own, peer, Duration::from_mins(1)));
+            endpoints.apply(&matched(own, guid(2, 1, 3)));
+            assert!(waiting.join().unwrap());
+        });
+    }
+
+    #[test]
+    fn discovery_s_own_endpoints_do_not_count() {
+        let endpoints = Endpoints::default();
+        let builtin = guid(1, 1, 0xc7);
+        endpoints.apply(&matched(builtin, guid(2, 1, 0xc2)));
+        assert_eq!(endpoints.num_matched(builtin), 0);
+    }
+}

@@ -1,0 +1,110 @@
+//! A subscriber.
+
+use std::{collections::BTreeMap, sync::Arc};
+
+use rustdds::{GUID, dds::ReadError, no_key::DeserializedCacheChange};
+
+use super::{
+    listener::Listener,
+    names,
+    participant::Participant,
+    qos::{Side, policies},
+    raw::{RawDecoder, Received, time_ns},
+};
+use crate::ros::transport::{
+    Arrival, Fault, OnArrival, Subscription, TopicEndpoint, TransportError,
+};
+
+/// A message with what RTPS says of it.
+pub(super) type Sample = Result<DeserializedCacheChange<Received>, ReadError>;
+
+pub(super) struct Reader {
+    guid: GUID,
+    listener: Option<Listener>,
+    participant: Arc<Participant>,
+}
+
+impl Reader {
+    pub(super) fn open(
+        participant: &Arc<Participant>,
+        topic: &TopicEndpoint,
+        limit_bytes: usize,
+        mut on_arrival: OnArrival,
+    ) -> Result<Self, TransportError> {
+        let dds_name = names::topic(&topic.name, &participant.node)?;
+        let type_name = names::type_name(topic.kind.name, "");
+        let reader =
+            participant.reader(&dds_name, &type_name, &policies(&topic.qos, Side::Reader))?;
+        let guid = reader.guid();
+        let mut subscriber = Self { guid, listener: None, participant: Arc::clone(participant) };
+        let mut origins = Origins::new(Arc::clone(participant), type_name);
+        let listener = Listener::start(&topic.name, move |stop| {
+            let samples = reader.as_async_stream_with(RawDecoder { limit_bytes });
+            stop.follow(samples, |sample| {
+                on_arrival(arrival(sample, &mut origins));
+                reader.drain_read_notifications();
+            });
+        });
+        subscriber.listener = Some(listener?);
+        Ok(subscriber)
+    }
+}
+
+impl Subscription for Reader {
+    fn num_matched(&self) -> usize {
+        self.participant.endpoints.num_matched(self.guid)
+    }
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        // The thread owns RustDDS's reader: with the one goes the other.
+        self.listener = None;
+        self.participant.leave(self.guid);
+    }
+}
+
+fn arrival(sample: Sample, origins: &mut Origins) -> Result<Arrival, Fault> {
+    let sample = sample.map_err(|error| Fault::Foreign(error.to_string()))?;
+    origins.check(sample.writer_guid)?;
+    Ok(Arrival {
+        publisher: sample.writer_guid.to_bytes(),
+        sequence: Some(i64::from(sample.sequence_number)),
+        source_time_ns: sample.source_timestamp().map_or(0, time_ns),
+        receive_time_ns: time_ns(sample.receive_instant),
+        data: sample.sample?,
+    })
+}
+
+/// Publishers that are remembered; past that, all are looked up anew.
+const MAX_ORIGINS: usize = 64;
+
+/// Which publishers send the type that is expected: RustDDS matches them by the topic's name alone.
+struct Origins {
+    participant: Arc<Participant>,
+    expected: String,
+    foreign: BTreeMap<GUID, Option<String>>,
+}
+
+impl Origins {
+    fn new(participant: Arc<Participant>, expected: String) -> Self {
+        Self { participant, expected, foreign: BTreeMap::new() }
+    }
+
+    fn check(&mut self, writer: GUID) -> Result<(), Fault> {
+        if !self.foreign.contains_key(&writer) {
+            let Some(sent) = self.participant.type_sent_by(writer) else { return Ok(()) };
+            if self.foreign.len() >= MAX_ORIGINS {
+                self.foreign.clear();
+            }
+            self.foreign.insert(writer, Some(sent).filter(|sent| *sent != self.expected));
+        }
+        match self.foreign.get(&writer) {
+            Some(Some(sent)) => Err(Fault::Foreign(format!(
+                "a publisher sends {sent}, but the topic is read as {}",
+                self.expected
+            ))),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! The environment variables that say which domain is joined, and who is met there.
+
+use crate::ros::{node_params::ServiceMapping, transport::TransportError};
+
+/// Ports of higher domains lie above 65535.
+const MAX_DOMAIN_ID: u16 = 232;
+
+/// Who is discovered without being named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DiscoveryRange {
+    /// Everybody that multicast reaches.
+    Subnet,
+    /// This machine only.
+    Localhost,
+}
+
+/// What a node needs to know to join.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DdsSettings {
+    /// `ROS_DOMAIN_ID`, 0 to 232.
+    pub domain_id: u16,
+    /// `ROS_AUTOMATIC_DISCOVERY_RANGE`, or `ROS_LOCALHOST_ONLY`.
+    pub range: DiscoveryRange,
+    /// `ROS_STATIC_PEERS`: addresses and host names that are told of this node wherever they are.
+    pub static_peers: Vec<String>,
+    /// How services are served.
+    pub service_mapping: ServiceMapping,
+}
+
+impl Default for DdsSettings {
+    /// Domain 0 on the subnet.
+    fn default() -> Self {
+        let (range, service_mapping) = (DiscoveryRange::Subnet, ServiceMapping::Auto);
+        Self { domain_id: 0, range, static_peers: Vec::new(), service_mapping }
+    }
+}
+
+impl DdsSettings {
+    /// Reads `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_STATIC_PEERS` through
+    /// `variable`. As in rmw, `ROS_LOCALHOST_ONLY=1` overrides the other two; an empty variable counts as none.
+    ///
+    /// # Errors
+    /// A value that cannot be followed, and what would be right.
+    pub fn from_environment(
+        variable: &dyn Fn(&str) -> Option<String>,
+        service_mapping: ServiceMapping,
+    ) -> Result<Self, TransportError> {
+        let variable = |name: &str| variable(name).filter(|value| !value.is_empty());
+        let domain_id = domain_id(variable("ROS_DOMAIN_ID"))?;
+        let mut range = range(variable("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref())?;
+        let mut static_peers = peers(variable("ROS_STATIC_PEERS"));
+        if localhost_only(variable("ROS_LOCALHOST_ONLY").as_deref())? {
+            if !static_peers.is_empty() {
+                tracing::warn!("ROS_LOCALHOST_ONLY=1 overrides ROS_STATIC_PEERS");
+            }
+            range = DiscoveryRange::Localhost;
+            static_peers.clear();
+        }
+        if range == DiscoveryRange::Localhost && !static_peers.is_empty() {
+            let reason = "on DDS, with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST this node gives no address that \
+                          peers could answer to: set the range to SUBNET, or unset ROS_STATIC_PEERS";
+            return Err(setting("ROS_STATIC_PEERS", reason));
+        }
+        Ok(Self { domain_id, range, static_peers, service_mapping })
+    }
+}
+
+pub(super) fn setting(name: &str, reason: impl Into<String>) -> TransportError {
+    TransportError::Setting { setting: name.to_owned(), reason: reason.into() }
+}
+
+fn domain_id(value: Option<String>) -> Result<u16, TransportError> {
+    let Some(value) = value else { return Ok(0) };
+    let parsed = value.parse().ok().filter(|id| *id <= MAX_DOMAIN_ID);
+    let reason = || format!("{value:?} is no domain: give a number from 0 to {MAX_DOMAIN_ID}");
+    parsed.ok_or_else(|| setting("ROS_DOMAIN_ID", reason()))
+}
+
+fn localhost_only(value: Option<&str>) -> Result<bool, TransportError> {
+    match value {
+        None | Some("0") => Ok(false),
+        Some("1") => Ok(true),
+        Some(other) => Err(setting("ROS_LOCALHOST_ONLY", format!("{other:?}: give 0 or 1"))),
+    }
+}
+
+fn range(value: Option<&str>) -> Result<DiscoveryRange, TransportError> {
+    let name = "ROS_AUTOMATIC_DISCOVERY_RANGE";
+    match value {
+        None | Some("SUBNET" | "SYSTEM_DEFAULT") => Ok(DiscoveryRange::Subnet),
+        Some("LOCALHOST") => Ok(DiscoveryRange::Localhost),
+        Some("OFF") => {
+            let reason = "OFF is not possible on DDS here: give LOCALHOST and a ROS_DOMAIN_ID that nobody else uses";
+            Err(setting(name, reason))
+        }
+        Some(other) => {
+            Err(setting(name, format!("{other:?}: give SUBNET, LOCALHOST or SYSTEM_DEFAULT")))
+        }
+    }
+}
+
+fn peers(value: Option<String>) -> Vec<String> {
+    let value = value.unwrap_or_default();
+    value.split(';').map(str::trim).filter(|peer| !peer.is_empty()).map(str::to_owned).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(variables: &[(&str, &str)]) -> Result<DdsSettings, String> {
+        let variable = |name: &str| {
+            variables.iter().find(|(key, _)| *key == name).map(|(_, value)| (*value).to_owned())
+        };
+        DdsSettings::from_environment(&variable, ServiceMapping::Auto)
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn without_variables_it_is_domain_0_on_the_subnet() {
+        assert_eq!(read(&[]), Ok(DdsSettings::default()));
+        assert_eq!(read(&[("ROS_DOMAIN_ID", ""), ("ROS_STATIC_PEERS", "")]), read(&[]));
+    }
+
+    #[test]
+    fn every_variable_is_followed() {
+        let variables = [
+            ("ROS_DOMAIN_ID", "232"),
+            ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET"),
+            ("ROS_STATIC_PEERS", "192.168.1.7; camera.local;"),
+        ];
+        let settings = read(&variables).unwrap();
+        assert_eq!(settings.domain_id, 232);
+        assert_eq!(settings.range, DiscoveryRange::Subnet);
+        assert_eq!(settings.static_peers, ["192.168.1.7", "camera.local"]);
+        let settings = read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")]).unwrap();
+        assert_eq!(settings.range, DiscoveryRange::Localhost);
+    }
+
+    #[test]
+    fn localhost_only_overrides() {
+        let variables = [
+            ("ROS_LOCALHOST_ONLY", "1"),
+            ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET"),
+            ("ROS_STATIC_PEERS", "10.0.0.1"),
+        ];
+        let settings = read(&variables).unwrap();
+        assert_eq!(settings.range, DiscoveryRange::Localhost);
+        assert!(settings.static_peers.is_empty());
+    }
+
+    #[test]
+    fn what_cannot_be_followed_is_refused_by_name() {
+        for (variables, words) in [
+            (&[("ROS_DOMAIN_ID", "233")][..], ["ROS_DOMAIN_ID", "\"233\"", "0 to 232"]),
+            (&[("ROS_DOMAIN_ID", "-1")], ["ROS_DOMAIN_ID", "\"-1\"", "0 to 232"]),
+            (&[("ROS_DOMAIN_ID", "seven")], ["ROS_DOMAIN_ID", "\"seven\"", "0 to 232"]),
+            (&[("ROS_LOCALHOST_ONLY", "yes")], ["ROS_LOCALHOST_ONLY", "\"yes\"", "0 or 1"]),
+            (
+                &[("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")],
+                ["ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF is not possible", "LOCALHOST"],
+            ),
+            (
+                &[("ROS_AUTOMATIC_DISCOVERY_RANGE", "lan")],
+                ["ROS_AUTOMATIC_DISCOVERY_RANGE", "\"lan\"", "SUBNET"],
+            ),
+            (
+                &[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"), ("ROS_STATIC_PEERS", "10.0.0.1")],
+                ["ROS_STATIC_PEERS", "SUBNET", "unset"],
+            ),
+        ] {
+            let message = read(variables).unwrap_err();
+            assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Services: Zenoh's threads put requests into one bounded queue, and one thread of ours answers them in order.
+
+use std::{
+    io,
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        mpsc::{Receiver, SyncSender, TrySendError, sync_channel},
+    },
+    thread,
+};
+
+use hiroz_protocol::EndpointKind;
+use tracing::warn;
+use zenoh::{
+    Wait,
+    key_expr::KeyExpr,
+    liveliness::LivelinessToken,
+    query::{Query, Queryable},
+};
+
+use super::{
+    Node, attachment::Attachment, declare_token, endpoint_error, keys::Endpoint, session::words,
+    subscription::now_ns,
+};
+use crate::{
+    msg::qos::QosProfile,
+    ros::transport::{OnRequest, Server, ServiceEndpoint, TransportError},
+};
+
+/// Requests that wait at most; together with the next, the memory that they take.
+const MAX_WAITING: usize = 256;
+/// Longest request. Sets of parameters are far below.
+const MAX_REQUEST_BYTES: usize = 1 << 20;
+/// rmw's quality of service of services.
+const QOS: QosProfile = QosProfile::reliable(10);
+
+struct Request {
+    query: Query,
+    service: Arc<Service>,
+}
+
+struct Service {
+    name: String,
+    key: KeyExpr<'static>,
+    /// `None` once the service is dropped.
+    on_request: Mutex<Option<OnRequest>>,
+}
+
+/// The way to the thread that answers; the thread ends when the last is dropped.
+#[derive(Clone)]
+pub(super) struct Requests(SyncSender<Request>);
+
+impl Requests {
+    pub(super) fn start() -> io::Result<Self> {
+        let (sender, receiver) = sync_channel(MAX_WAITING);
+        thread::Builder::new().name("zenoh services".to_owned()).spawn(move || serve(&receiver))?;
+        Ok(Self(sender))
+    }
+
+    /// Returns at once: a request that finds the queue full is refused.
+    fn put(&self, query: Query, service: &Arc<Service>) {
+        let request = Request { query, service: Arc::clone(service) };
+        if let Err(TrySendError::Full(request) | TrySendError::Disconnected(request)) =
+            self.0.try_send(request)
+        {
+            refuse(&request.query, &request.service.name, "too many requests wait already");
+        }
+    }
+}
+
+fn serve(requests: &Receiver<Request>) {
+    while let Ok(Request { query, service }) = requests.recv() {
+        service.answer(&query);
+    }
+}
+
+impl Service {
+    fn lock(&self) -> MutexGuard<'_, Option<OnRequest>> {
+        self.on_request.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn answer(&self, query: &Query) {
+        let attachment = match Attachment::parse(query.attachment()) {
+            Ok(attachment) => attachment,
+            Err(fault) => return refuse(query, &self.name, &fault.to_string()),
+        };
+        let Some(payload) = query.payload().filter(|payload| payload.len() <= MAX_REQUEST_BYTES)
+        else {
+            return refuse(query, &self.name, "the request is empty or longer than 1 MiB");
+        };
+        let response = match self.lock().as_mut() {
+            Some(on_request) => on_request(&payload.to_bytes()),
+            None => return,
+        };
+        let Some(response) = response else {
+            return refuse(query, &self.name, "the request is malformed");
+        };
+        // The client knows its answer by its own number and identity.
+        let echo = Attachment { source_time_ns: now_ns(), ..attachment };
+        let reply = query.reply(self.key.clone(), response).attachment(echo.to_bytes());
+        if let Err(error) = reply.wait() {
+            warn!("{}: the answer did not leave: {}", self.name, words(&error));
+        }
+    }
+}
+
+/// Tells the client why there is no answer; clients of rmw log it.
+fn refuse(query: &Query, service: &str, reason: &str) {
+    warn!("{service}: a request is not answered: {reason}");
+    if let Err(error) = query.reply_err(reason).wait() {
+        warn!("{service}: the refusal did not leave: {}", words(&error));
+    }
+}
+
+/// A service that answers. Fields are dropped in order: it leaves the graph first.
+pub(super) struct ZenohServer {
+    _token: LivelinessToken,
+    _queryable: Queryable<()>,
+    service: Arc<Service>,
+    _node: Arc<Node>,
+}
+
+impl ZenohServer {
+    pub(super) fn declare(
+        node: &Arc<Node>,
+        endpoint: &ServiceEndpoint,
+        on_request: OnRequest,
+    ) -> Result<Self, TransportError> {
+        let ServiceEndpoint { name, kind } = endpoint;
+        let keys = node.next_keys(&Endpoint {
+            kind: EndpointKind::Service,
+            name,
+            type_name: kind.name,
+            hash: kind.hash,
+            qos: &QOS,
+        })?;
+        let refused = |error: zenoh::Error| endpoint_error(name, &error);
+        let service = Arc::new(Service {
+            name: name.clone(),
+            key: keys.data.clone(),
+            on_request: Mutex::new(Some(on_request)),
+        });
+        let (asked, requests) = (Arc::clone(&service), node.requests.clone());
+        let queryable = node.session.declare_queryable(keys.data).complete(true);
+        let queryable = queryable.callback(move |query| requests.put(query, &asked)).wait();
+        let queryable = queryable.map_err(refused)?;
+        let token = declare_token(&node.session, keys.token).map_err(refused)?;
+        Ok(Self { _token: token, _queryable: queryable, service, _node: Arc::clone(node) })
+    }
+}
+
+impl Server for ZenohServer {}
+
+impl Drop for ZenohServer {
+    fn drop(&mut self) {
+        // Waits for a request that is being answered; those that wait get no answer.
+        *self.service.lock() = None;
+    }
+}

@@ -1,0 +1,219 @@
+//! What the environment says of the Zenoh session, in the variables of `rmw_zenoh_cpp`.
+
+use std::{fmt::Display, path::PathBuf, str::FromStr};
+
+use crate::ros::transport::TransportError;
+
+/// How a session is opened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ZenohSettings {
+    /// `ROS_DOMAIN_ID`.
+    pub domain_id: u32,
+    /// What the session is to its network.
+    pub role: Role,
+    /// Zenoh's configuration in place of ROS's own, JSON5 or YAML: `ZENOH_SESSION_CONFIG_URI`, for a router
+    /// `ZENOH_ROUTER_CONFIG_URI`.
+    pub config_file: Option<PathBuf>,
+    /// Values that stand above the configuration, in order.
+    pub overrides: Vec<Override>,
+    /// `ZENOH_ROUTER_CHECK_ATTEMPTS`.
+    pub router_check: RouterCheck,
+}
+
+/// What a session is to its network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// It joins a router.
+    Node,
+    /// It is the router: `--router`.
+    Router,
+}
+
+/// One value of Zenoh's configuration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Override {
+    /// Variable that sets it, for messages.
+    pub variable: &'static str,
+    /// Its path, as in `connect/endpoints`.
+    pub key: String,
+    /// JSON5.
+    pub value: String,
+}
+
+/// Whether opening a session waits for its router.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RouterCheck {
+    /// Not even looked for.
+    Skip,
+    /// Looked for so many times, a second apart; then the session goes on without.
+    Attempts(u64),
+    /// Until it is there.
+    Forever,
+}
+
+const OVERRIDE: &str = "ZENOH_CONFIG_OVERRIDE";
+
+impl ZenohSettings {
+    /// Reads the environment by `variable`. An empty variable is none.
+    ///
+    /// # Errors
+    /// A variable that cannot be understood, by its name.
+    pub fn from_environment(
+        variable: &dyn Fn(&str) -> Option<String>,
+        role: Role,
+    ) -> Result<Self, TransportError> {
+        let variable = |name: &str| variable(name).filter(|value| !value.trim().is_empty());
+        let config_variable = config_variable(role);
+        let mut overrides = Vec::new();
+        let pool = "transport/shared_memory/transport_optimization/";
+        for (name, key) in [
+            ("ZENOH_SHM_ALLOC_SIZE", "pool_size"),
+            ("ZENOH_SHM_MESSAGE_SIZE_THRESHOLD", "message_size_threshold"),
+        ] {
+            if let Some(bytes) = variable(name) {
+                let value = number::<u64>(name, &bytes, "a number of bytes")?.to_string();
+                overrides.push(Override { variable: name, key: format!("{pool}{key}"), value });
+            }
+        }
+        overrides.extend(parse_overrides(&variable(OVERRIDE).unwrap_or_default())?);
+        let domain = variable("ROS_DOMAIN_ID");
+        let domain = domain.map(|text| number("ROS_DOMAIN_ID", &text, "a number such as 0 or 42"));
+        let attempts = variable("ZENOH_ROUTER_CHECK_ATTEMPTS");
+        Ok(Self {
+            domain_id: domain.transpose()?.unwrap_or(0),
+            role,
+            config_file: variable(config_variable).map(PathBuf::from),
+            overrides,
+            router_check: attempts
+                .map_or(Ok(RouterCheck::Attempts(1)), |text| attempts_of(&text))?,
+        })
+    }
+}
+
+/// The variable that names the configuration file.
+pub(super) const fn config_variable(role: Role) -> &'static str {
+    match role {
+        Role::Node => "ZENOH_SESSION_CONFIG_URI",
+        Role::Router => "ZENOH_ROUTER_CONFIG_URI",
+    }
+}
+
+fn attempts_of(text: &str) -> Result<RouterCheck, TransportError> {
+    let right = "how often to look for a router: 0 without end, below 0 not at all";
+    Ok(match number::<i64>("ZENOH_ROUTER_CHECK_ATTEMPTS", text, right)? {
+        0 => RouterCheck::Forever,
+        ..0 => RouterCheck::Skip,
+        attempts => RouterCheck::Attempts(attempts.unsigned_abs()),
+    })
+}
+
+fn number<T: FromStr>(setting: &str, text: &str, right: &str) -> Result<T, TransportError> {
+    let number = text.trim().parse().ok();
+    number.ok_or_else(|| wrong(setting, format!("{text:?} is not {right}")))
+}
+
+fn wrong(setting: &str, reason: impl Display) -> TransportError {
+    TransportError::Setting { setting: setting.to_owned(), reason: reason.to_string() }
+}
+
+/// `key=value;key=value`. A semicolon inside quotation marks belongs to its value.
+fn parse_overrides(text: &str) -> Result<Vec<Override>, TransportError> {
+    let mut is_quoted = false;
+    let pairs = text.split(|letter| {
+        is_quoted ^= letter == '"';
+        letter == ';' && !is_quoted
+    });
+    let pairs = pairs.map(str::trim).filter(|pair| !pair.is_empty());
+    let parse = |pair: &str| match pair.split_once('=') {
+        Some((key, value)) if !key.trim().is_empty() && !value.trim().is_empty() => Ok(Override {
+            variable: OVERRIDE,
+            key: key.trim().to_owned(),
+            value: value.trim().to_owned(),
+        }),
+        _ => Err(wrong(
+            OVERRIDE,
+            format!(
+                "{pair:?} is not key=value, as in connect/endpoints=[\"tcp/192.168.1.1:7447\"]"
+            ),
+        )),
+    };
+    pairs.map(parse).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(variables: &[(&str, &str)]) -> Result<ZenohSettings, String> {
+        let variable = |name: &str| {
+            let found = variables.iter().find(|(key, _)| *key == name);
+            found.map(|(_, value)| (*value).to_owned())
+        };
+        ZenohSettings::from_environment(&variable, Role::Node).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn an_empty_environment_is_ros_itself() {
+        let plain = ZenohSettings {
+            domain_id: 0,
+            role: Role::Node,
+            config_file: None,
+            overrides: Vec::new(),
+            router_check: RouterCheck::Attempts(1),
+        };
+        assert_eq!(settings(&[]).unwrap(), plain);
+        assert_eq!(settings(&[("ROS_DOMAIN_ID", ""), (OVERRIDE, " ")]).unwrap(), plain);
+    }
+
+    #[test]
+    fn each_role_has_its_file() {
+        let variable = |name: &str| Some(name.to_owned()).filter(|name| name.ends_with("_URI"));
+        for (role, name) in
+            [(Role::Node, "ZENOH_SESSION_CONFIG_URI"), (Role::Router, "ZENOH_ROUTER_CONFIG_URI")]
+        {
+            let settings = ZenohSettings::from_environment(&variable, role).unwrap();
+            assert_eq!(settings.config_file, Some(PathBuf::from(name)));
+        }
+    }
+
+    #[test]
+    fn routers_are_awaited_as_rmw_does() {
+        let check = |text| settings(&[("ZENOH_ROUTER_CHECK_ATTEMPTS", text)]).unwrap().router_check;
+        assert_eq!(check("0"), RouterCheck::Forever);
+        assert_eq!(check("-1"), RouterCheck::Skip);
+        assert_eq!(check("5"), RouterCheck::Attempts(5));
+    }
+
+    #[test]
+    fn overrides_keep_their_order_and_their_semicolons() {
+        let text = r#"mode="client"; connect/endpoints=["tcp/a:1#iface=x;prio=1"];;"#;
+        let overrides = settings(&[(OVERRIDE, text), ("ZENOH_SHM_ALLOC_SIZE", "100")]).unwrap();
+        let pairs: Vec<_> = overrides
+            .overrides
+            .iter()
+            .map(|pair| (pair.key.as_str(), pair.value.as_str()))
+            .collect();
+        let expected = [
+            ("transport/shared_memory/transport_optimization/pool_size", "100"),
+            ("mode", "\"client\""),
+            ("connect/endpoints", r#"["tcp/a:1#iface=x;prio=1"]"#),
+        ];
+        assert_eq!(pairs, expected);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        for (name, value) in [
+            ("ROS_DOMAIN_ID", "-1"),
+            ("ROS_DOMAIN_ID", "a"),
+            ("ZENOH_ROUTER_CHECK_ATTEMPTS", "often"),
+            ("ZENOH_SHM_ALLOC_SIZE", "48M"),
+            (OVERRIDE, "mode"),
+            (OVERRIDE, "=1"),
+            (OVERRIDE, "mode="),
+        ] {
+            let message = settings(&[(name, value)]).unwrap_err();
+            assert!(message.starts_with(&format!("{name}: ")), "{message}");
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Joining a domain, finding others there, and leaving.
+
+use std::{fs, net::UdpSocket, process::Command};
+
+use laser_profiler::{
+    msg::qos::QosProfile,
+    ros::{
+        dds::{DdsSettings, DdsTransport, DiscoveryRange},
+        transport::{NodeIdentity, Transport, TransportError},
+    },
+};
+
+use super::{
+    domain::Domain,
+    node::{Inbox, eventually, image_topic, open, open_with, settings, wait_for_subscribers},
+    peer::{Peer, Vendor},
+};
+
+const ARGUMENTS: [&str; 7] =
+    ["subscribe", "--topic", "rt/x", "--reliable", "--count", "1000000", "--seconds"];
+
+#[test]
+fn a_node_that_is_dropped_is_gone_at_once() {
+    let domain = Domain::claim();
+    let (node, other) = (open(&domain, "node"), open(&domain, "other"));
+    let topic = image_topic("/x", QosProfile::reliable(5));
+    let publication = node.advertise(&topic).unwrap();
+    let inbox = Inbox::open(&other, &topic, 1000);
+    wait_for_subscribers(&*publication, 1);
+    // What a node made keeps it alive: the domain is left with the last of it.
+    drop(other);
+    assert_eq!(publication.num_matched(), 1);
+    drop(inbox);
+    wait_for_subscribers(&*publication, 0);
+}
+
+/// In a process of its own, where nobody else starts or ends threads.
+#[test]
+fn no_thread_and_no_socket_stays_behind() {
+    let ended = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "dds::discovery::comes_and_goes", "--include-ignored", "--nocapture"])
+        .env("DDS_COMES_AND_GOES", "1")
+        .output()
+        .unwrap();
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stdout));
+}
+
+fn count(directory: &str) -> usize {
+    fs::read_dir(directory).unwrap().count()
+}
+
+#[test]
+fn comes_and_goes() {
+    if std::env::var_os("DDS_COMES_AND_GOES").is_none() {
+        return;
+    }
+    let before = (count("/proc/self/task"), count("/proc/self/fd"));
+    for _ in 0..3 {
+        let domain = Domain::claim();
+        let node = open(&domain, "node");
+        let topic = image_topic("/x", QosProfile::reliable(5));
+        let _publication = node.advertise(&topic).unwrap();
+        let _inbox = Inbox::open(&node, &topic, 1000);
+        assert!(count("/proc/self/task") > before.0);
+    }
+    assert_eq!((count("/proc/self/task"), count("/proc/self/fd")), before);
+}
+
+#[test]
+fn an_occupied_domain_is_refused_with_advice() {
+    let domain = Domain::claim();
+    let ports = (0..120).map(|participant| 7410 + 250 * domain.id + 2 * participant);
+    let _taken: Vec<_> = ports.map(|port| UdpSocket::bind(("0.0.0.0", port)).unwrap()).collect();
+    let identity = NodeIdentity { name: "node".to_owned(), namespace: "/".to_owned() };
+    let error = DdsTransport::open(&settings(&domain), &identity).err().unwrap();
+    assert!(matches!(error, TransportError::Unreachable(_)), "{error}");
+    let message = error.to_string();
+    let words = [format!("DDS domain {}", domain.id), "ROS_DOMAIN_ID".to_owned()];
+    assert!(words.iter().all(|word| message.contains(word)), "{message}");
+}
+
+#[test]
+fn on_localhost_nodes_of_one_machine_meet() {
+    let domain = Domain::claim();
+    let here = DdsSettings { range: DiscoveryRange::Localhost, ..settings(&domain) };
+    let (node, other) = (open_with(&here, "node"), open_with(&here, "other"));
+    let topic = image_topic("/x", QosProfile::reliable(5));
+    let publication = node.advertise(&topic).unwrap();
+    let _inbox = Inbox::open(&other, &topic, 1000);
+    wait_for_subscribers(&*publication, 1);
+}
+
+/// A Cyclone participant that hears no multicast, asks nobody, and lies above the ports that RustDDS tries itself.
+fn hidden_peer(domain: &Domain) -> Option<Peer> {
+    let configuration = "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast></General><Discovery>\
+                         <ParticipantIndex>25</ParticipantIndex></Discovery></Domain></CycloneDDS>";
+    let mut arguments = ARGUMENTS.to_vec();
+    arguments.push("60");
+    Peer::start_with(Vendor::Cyclone, domain, &arguments, &[("CYCLONEDDS_URI", configuration)])
+}
+
+#[test]
+fn a_static_peer_is_found_where_multicast_does_not_reach() {
+    let domain = Domain::claim();
+    let Some(_peer) = hidden_peer(&domain) else { return };
+    let topic = image_topic("/x", QosProfile::reliable(5));
+    let apart = open(&domain, "apart");
+    let not_told = apart.advertise(&topic).unwrap();
+    let told = DdsSettings { static_peers: vec!["127.0.0.1".to_owned()], ..settings(&domain) };
+    let node = open_with(&told, "node");
+    let publication = node.advertise(&topic).unwrap();
+    wait_for_subscribers(&*publication, 1);
+    assert_eq!(not_told.num_matched(), 0, "who does not name the peer does not find it");
+    drop((publication, node));
+    // The peer is told of the farewell too: a second node is found as if it were the first.
+    let again = open_with(&told, "again");
+    let publication = again.advertise(&topic).unwrap();
+    eventually("it is found again", || publication.num_matched() == 1);
+}
+
+#[test]
+fn a_peer_without_an_address_is_refused() {
+    let domain = Domain::claim();
+    let peer = "no.such.host.invalid".to_owned();
+    let wrong = DdsSettings { static_peers: vec![peer], ..settings(&domain) };
+    let identity = NodeIdentity { name: "node".to_owned(), namespace: "/".to_owned() };
+    let error = DdsTransport::open(&wrong, &identity).err().unwrap().to_string();
+    assert!(error.contains("ROS_STATIC_PEERS") && error.contains("no.such.host"), "{error}");
+}

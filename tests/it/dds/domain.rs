@@ -1,0 +1,33 @@
+//! A DDS domain for one test alone.
+
+use std::{
+    net::{Ipv4Addr, TcpListener},
+    process,
+    sync::atomic::{AtomicU32, Ordering},
+};
+
+/// Ports of higher domains lie among those that the kernel gives away.
+const NUM_DOMAINS: u32 = 100;
+/// Where claims are made: TCP, so that they are not in the way of DDS.
+const CLAIMS_FROM: u32 = 21_700;
+
+static NEXT: AtomicU32 = AtomicU32::new(0);
+
+/// A domain that no other test has, in this process or another, while this lives.
+pub(crate) struct Domain {
+    pub(crate) id: u16,
+    _claim: TcpListener,
+}
+
+impl Domain {
+    pub(crate) fn claim() -> Self {
+        let first = process::id() + NEXT.fetch_add(1, Ordering::Relaxed);
+        let mut ids = (0..NUM_DOMAINS).map(|offset| 1 + (first + offset) % NUM_DOMAINS);
+        let claimed = ids.find_map(|id| {
+            let port = u16::try_from(CLAIMS_FROM + id).unwrap();
+            let claim = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).ok()?;
+            Some(Self { id: u16::try_from(id).unwrap(), _claim: claim })
+        });
+        claimed.expect("one domain of a hundred is free")
+    }
+}
