@@ -17,6 +17,7 @@ mod services;
 
 use std::{
     sync::{Arc, Weak},
+    thread,
     time::Duration,
 };
 
@@ -26,7 +27,7 @@ use crate::{
         lifecycle::{
             Managed,
             machine::State,
-            server::{Lifecycle, LifecycleServer},
+            server::{ChangeError, Lifecycle, LifecycleServer},
         },
         parameter_server::{OnChange, ParameterServer, ParameterStore},
         replay::NODE_NAME,
@@ -142,10 +143,19 @@ impl LiveNode {
                 break;
             }
         }
-        if let Err(error) = self.lifecycle.shutdown() {
-            tracing::error!("{error}");
-        }
+        self.shut_down();
         self.shared.take_summaries()
+    }
+
+    /// Ends behind a change of state that is running: a disk may take its time.
+    fn shut_down(&self) {
+        loop {
+            match self.lifecycle.shutdown() {
+                Ok(_) => return,
+                Err(ChangeError::Busy(_)) => thread::sleep(WATCH_PERIOD),
+                Err(error) => return tracing::error!("{error}"),
+            }
+        }
     }
 }
 

@@ -107,7 +107,8 @@ impl Context {
             topics::recorded(&outputs),
             image_topic,
         );
-        let outlets = vec![self.publications(&outputs)?, recorder];
+        // What has been published has been recorded.
+        let outlets = vec![recorder, self.publications(&outputs)?];
         let survey = survey(Arc::clone(&images), recording.clone());
         let clocks = (self.clock.clone(), survey);
         let name = camera.name.clone();
