@@ -1,6 +1,12 @@
 //! SIGINT and SIGTERM: the first one ends the run in good order, the second one at once.
 
-use std::{future::poll_fn, io, process, task::Poll, thread};
+use std::{
+    future::poll_fn,
+    io, process,
+    task::Poll,
+    thread,
+    time::{Duration, Instant},
+};
 
 use tokio::{
     runtime::Builder,
@@ -11,6 +17,9 @@ use crate::node::stop::Stop;
 
 /// What a shell reports of a process that SIGINT ended.
 const EXIT_INTERRUPTED: i32 = 130;
+
+/// Signals so close together are one wish: launch files and `timeout` signal a process and its group.
+const SAME_WISH: Duration = Duration::from_secs(1);
 
 /// Raises `stop` at the first signal, from a thread of its own.
 ///
@@ -33,8 +42,11 @@ pub(super) fn raise_on_signal(stop: Stop) -> io::Result<()> {
         };
         next();
         tracing::warn!("interrupted: finishing the files; once more to stop at once");
+        let first = Instant::now();
         stop.raise();
-        next();
+        while first.elapsed() < SAME_WISH {
+            next();
+        }
         process::exit(EXIT_INTERRUPTED);
     };
     thread::Builder::new().name("signals".to_owned()).spawn(wait).map(drop)

@@ -113,7 +113,13 @@ pub(super) fn start(levels: &Levels) -> RosoutSlot {
 
 #[cfg(test)]
 mod tests {
-    use tracing::Level;
+    use std::sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    };
+
+    use tracing::{Event, Level, Subscriber, subscriber::with_default};
+    use tracing_subscriber::layer::{Context, Layer};
 
     use super::*;
     use crate::ros::arguments;
@@ -177,5 +183,28 @@ mod tests {
                 )
             );
         }
+    }
+
+    struct Counted(Arc<AtomicUsize>);
+
+    impl<S: Subscriber> Layer<S> for Counted {
+        fn on_event(&self, _event: &Event<'_>, _context: Context<'_, S>) {
+            self.0.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    #[test]
+    fn what_dependencies_tell_the_log_crate_is_filtered_by_where_it_comes_from() {
+        // Connects the `log` crate, in this or in another test.
+        start(&levels("").unwrap());
+        let count = Arc::new(AtomicUsize::new(0));
+        let counted = Counted(Arc::clone(&count));
+        with_default(registry().with(levels("").unwrap().targets()).with(counted), || {
+            log::info!(target: "rustdds::discovery", "too much");
+            log::error!(target: "rustdds::structure::sequence_number", "noise");
+            assert_eq!(count.load(Ordering::Relaxed), 0);
+            log::warn!(target: "rustdds::network", "no such interface");
+            assert_eq!(count.load(Ordering::Relaxed), 1);
+        });
     }
 }

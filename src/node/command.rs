@@ -13,6 +13,8 @@ pub enum Command {
     StopScan(Reply),
     /// Throws the open scan away and begins a new one with the next frame.
     Reset(Reply),
+    /// Measures what waits, then ends the open scan and the session.
+    Rest(Reply),
 }
 
 /// Which scan.
@@ -43,8 +45,6 @@ pub type Reply = SyncSender<Answer>;
 pub struct Settings {
     /// The measurement.
     pub params: Params,
-    /// Largest decoded image accepted, bytes.
-    pub max_frame_bytes: u64,
     /// Hash of the camera's parameters.
     pub parameters_sha256: String,
     /// Whether input images are sent on with the results, to be recorded.

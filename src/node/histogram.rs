@@ -28,6 +28,12 @@ impl Histogram {
         self.total += 1;
     }
 
+    /// Counts what `other` has counted, too.
+    pub fn add(&mut self, other: &Self) {
+        self.counts.iter_mut().zip(&other.counts).for_each(|(sum, count)| *sum += count);
+        self.total += other.total;
+    }
+
     /// Whether nothing was counted.
     pub const fn is_empty(&self) -> bool {
         self.total == 0

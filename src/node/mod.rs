@@ -11,6 +11,7 @@ pub mod stop;
 pub mod command;
 pub mod source;
 pub mod sink;
+pub mod fan_out;
 pub mod topics;
 pub mod calibration_file;
 pub mod input;

@@ -16,8 +16,9 @@ use crate::{
 };
 
 use super::{
+    fan_out::FanOut,
     queue::Closed,
-    sink::{FanOut, Outgoing, Purpose},
+    sink::{Outgoing, Purpose},
     topics::Output,
 };
 

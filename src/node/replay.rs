@@ -229,11 +229,11 @@ impl Replay {
         let sha256 = self.values.camera_sha256(&self.camera.name);
         let calibration = self.calibration.as_ref().map(|(calibration, _)| calibration);
         let frame_id = calibration.map_or("", Calibration::frame_id);
-        // No transport is between the results and their bag.
-        let scanner = self.camera.scanner_within(None, frame_id);
+        let scanner = self.camera.scanner_for(frame_id);
         let results = Results::new(&scanner, calibration, &sha256);
         let reporter = Reporter {
             node: self.names.fully_qualified(),
+            camera: self.camera.name.clone(),
             session_id: session_id(&self.image_topic.name, &sha256),
             topic: self.image_topic.name.clone(),
             queue_capacity: INPUT_BOUND.items as u32,

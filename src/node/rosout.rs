@@ -126,8 +126,8 @@ impl Rosout {
         let qos = QosProfile { lifespan: LIFESPAN, ..QosProfile::latched(DEPTH as u64) };
         let publication = endpoints::advertise::<Log<'_>>(transport, names, "/rosout", qos)?;
         let (sender, receiver) = sync_channel(DEPTH);
-        let (name, counted) = (names.logger(), slot.clone());
-        let run = move || publish_all(&receiver, publication, &name, &counted);
+        let (name, counted, num_told) = (names.logger(), slot.clone(), slot.num_dropped());
+        let run = move || publish_all(&receiver, publication, &name, &counted, num_told);
         let thread = Some(thread::Builder::new().name("rosout".to_owned()).spawn(run)?);
         slot.set(Some(sender));
         Ok(Self { slot, thread })
@@ -149,9 +149,9 @@ fn publish_all(
     mut publication: Box<dyn Publication>,
     name: &str,
     slot: &RosoutSlot,
+    mut num_told: u64,
 ) {
     IS_PUBLISHING.set(true);
-    let mut num_told = slot.num_dropped();
     let mut publish = |line: &Line| {
         let log = line.message(name);
         // There is no place to tell of it: standard error has the line itself.

@@ -7,9 +7,10 @@ use thiserror::Error;
 use crate::msg::cdr::CdrError;
 
 use super::{
+    fan_out::FanOut,
     publisher::{Halt, Publisher},
     queue::{Bound, Popped, Queue, WhenFull},
-    sink::{FanOut, Outlet, SinkError},
+    sink::{Outlet, SinkError},
     source::{Input, Source},
     statistics::{Counts, StageTimes, Summary},
     stop::Stop,

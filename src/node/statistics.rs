@@ -44,6 +44,22 @@ impl Counts {
         self.lost_transport
     }
 
+    /// Counts what `other` has counted, too.
+    pub const fn add(&mut self, other: &Self) {
+        self.received += other.received;
+        self.processed += other.processed;
+        self.dropped_overload += other.dropped_overload;
+        self.malformed += other.malformed;
+        self.duplicate += other.duplicate;
+        self.out_of_order += other.out_of_order;
+        self.lost_transport += other.lost_transport;
+        self.points += other.points;
+        self.slices += other.slices;
+        self.recorder_dropped += other.recorder_dropped;
+        self.unpublished += other.unpublished;
+        self.recorder_bytes += other.recorder_bytes;
+    }
+
     /// Whether every frame that exists was measured, and every result kept.
     pub const fn is_complete(&self) -> bool {
         self.rejected() == 0
@@ -68,6 +84,14 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
+    /// Counts what `other` has counted, too.
+    pub fn add(&mut self, other: &Self) {
+        self.decode.add(&other.decode);
+        self.extract.add(&other.extract);
+        self.triangulate.add(&other.triangulate);
+        self.encode.add(&other.encode);
+    }
+
     /// Name and times of each stage, in order.
     pub fn named(&self) -> [(&'static str, &Histogram); 4] {
         [
@@ -95,6 +119,15 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Adds a run that followed.
+    pub fn add(&mut self, other: &Self) {
+        self.counts.add(&other.counts);
+        self.stages.add(&other.stages);
+        self.elapsed += other.elapsed;
+        self.num_damaged += other.num_damaged;
+        self.was_interrupted |= other.was_interrupted;
+    }
+
     /// Whether all of the input was read and measured.
     pub const fn is_complete(&self) -> bool {
         self.counts.is_complete() && self.num_damaged == 0 && !self.was_interrupted

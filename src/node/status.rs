@@ -21,6 +21,8 @@ const PERIOD_NS: i64 = 1_000_000_000;
 pub struct Reporter {
     /// Fully qualified name of the node.
     pub node: String,
+    /// The camera's name among several; empty: the only one.
+    pub camera: String,
     /// Input topic, fully resolved.
     pub topic: String,
     /// Frames that can wait for the worker.
@@ -188,6 +190,15 @@ impl Reporter {
         }
     }
 
+    /// What tells the camera apart from other cameras and nodes.
+    fn status_name(&self) -> String {
+        let node = self.node.trim_start_matches('/');
+        match self.camera.as_str() {
+            "" => format!("{node}: stream"),
+            camera => format!("{node}: {camera} stream"),
+        }
+    }
+
     /// The state in words, for people and aggregators.
     pub fn diagnostics(&self, now_ns: i64, state: &State) -> DiagnosticArray<'_> {
         let (level, message) = state.summary();
@@ -211,7 +222,7 @@ impl Reporter {
         let notes = state.notes.iter().map(|note| (note.key, note.text.clone()));
         let status = DiagnosticStatus {
             level,
-            name: Cow::Owned(format!("{}: stream", self.node.trim_start_matches('/'))),
+            name: Cow::Owned(self.status_name()),
             message: Cow::Owned(message),
             hardware_id: Cow::Borrowed(""),
             values: values.into_iter().chain(rejection).chain(notes).map(value).collect(),

@@ -177,6 +177,7 @@ fn worker(setup: &Setup) -> Worker {
     let results = Results::new(&params.scanner, calibration.as_ref(), &values.camera_sha256(""));
     let reporter = Reporter {
         node: "/laser_profiler".into(),
+        camera: String::new(),
         topic: "/image_raw".into(),
         queue_capacity: 4,
         session_id: session_id("/image_raw", &values.camera_sha256("")),

@@ -29,9 +29,9 @@ pub struct CameraParams {
     pub max_frame_bytes: u64,
     /// The calibration; `None`: centrelines only.
     pub calibration_file: Option<PathBuf>,
-    /// Largest message of the point cloud, bytes; 0: what the transport carries.
+    /// Largest message of the point cloud, bytes; 0: any. Live, what the transport carries stands here in its place.
     pub points_max_bytes: u64,
-    /// The measurement, without a limit to a slice's points: see [`scanner_within`](Self::scanner_within).
+    /// The measurement, without a limit to a slice's points: see [`scanner_for`](Self::scanner_for).
     pub scanner: Params,
 }
 
@@ -50,15 +50,12 @@ impl CameraParams {
         Ok(params)
     }
 
-    /// The measurement with slices whose message fits into `points_max_bytes`, or into what the transport carries where
-    /// that is 0. `frame_id` is the cloud's; `None` of bytes: any.
-    pub fn scanner_within(&self, transport_bytes: Option<usize>, frame_id: &str) -> Params {
-        let max_bytes = match self.points_max_bytes {
-            0 => transport_bytes,
-            chosen => Some(usize::try_from(chosen).unwrap_or(usize::MAX)),
+    /// The measurement with slices whose message, in the frame `frame_id`, fits into `points_max_bytes`.
+    pub fn scanner_for(&self, frame_id: &str) -> Params {
+        let slice_max_points = match self.points_max_bytes {
+            0 => MAX_SLICE_POINTS,
+            bytes => cloud::points_within(usize::try_from(bytes).unwrap_or(usize::MAX), frame_id),
         };
-        let slice_max_points = max_bytes
-            .map_or(MAX_SLICE_POINTS, |max_bytes| cloud::points_within(max_bytes, frame_id));
         Params { slice_max_points, ..self.scanner }
     }
 

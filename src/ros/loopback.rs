@@ -7,10 +7,10 @@ use std::{
 };
 
 use super::transport::{
-    Arrival, GraphTopic, OnArrival, OnRequest, Publication, Server, ServiceEndpoint, Subscription,
-    TopicEndpoint, Transport, TransportError,
+    Arrival, Fault, GraphTopic, OnArrival, OnRequest, Publication, Server, ServiceEndpoint,
+    Subscription, TopicEndpoint, Transport, TransportError,
 };
-use crate::msg::qos::Durability;
+use crate::msg::qos::{Durability, QosProfile};
 
 type Shared<T> = Arc<Mutex<T>>;
 
@@ -20,6 +20,7 @@ struct Topic {
     subscribers: BTreeMap<u64, Shared<OnArrival>>,
     num_publishers: usize,
     latched: Option<Arrival>,
+    qos: Vec<QosProfile>,
 }
 
 #[derive(Default)]
@@ -27,6 +28,7 @@ struct Network {
     topics: BTreeMap<String, Topic>,
     services: BTreeMap<String, Shared<OnRequest>>,
     num_made: u64,
+    max_reliable_bytes: Option<usize>,
 }
 
 /// The network; clones share it.
@@ -38,6 +40,30 @@ impl Loopback {
     pub(crate) fn call(&self, service: &str, request: &[u8]) -> Option<Vec<u8>> {
         let on_request = Arc::clone(lock(&self.0).services.get(service)?);
         lock(&on_request)(request)
+    }
+
+    /// One that carries messages up to that length only.
+    pub(crate) fn carrying(max_bytes: usize) -> Self {
+        let network = Self::default();
+        lock(&network.0).max_reliable_bytes = Some(max_bytes);
+        network
+    }
+
+    /// Has something arrive at the subscribers of a topic, as from a publisher elsewhere.
+    pub(crate) fn deliver(&self, topic: &str, arrival: &Result<Arrival, Fault>) {
+        let network = lock(&self.0);
+        let topic = network.topics.get(topic);
+        let subscribers: Vec<_> =
+            topic.iter().flat_map(|topic| topic.subscribers.values().cloned()).collect();
+        drop(network);
+        for subscriber in subscribers {
+            lock(&subscriber)(arrival.clone());
+        }
+    }
+
+    /// Quality of service of everything that was made on a topic.
+    pub(crate) fn qos(&self, topic: &str) -> Vec<QosProfile> {
+        lock(&self.0).topics.get(topic).map(|topic| topic.qos.clone()).unwrap_or_default()
     }
 
     /// The names of all services.
@@ -139,7 +165,7 @@ impl Transport for Loopback {
     }
 
     fn max_reliable_bytes(&self) -> Option<usize> {
-        None
+        lock(&self.0).max_reliable_bytes
     }
 
     fn advertise(&self, topic: &TopicEndpoint) -> Result<Box<dyn Publication>, TransportError> {
@@ -148,6 +174,7 @@ impl Transport for Loopback {
         let id = network.num_made;
         let entry = network.topics.entry(topic.name.clone()).or_default();
         entry.num_publishers += 1;
+        entry.qos.push(topic.qos);
         topic.kind.name.clone_into(&mut entry.type_name);
         Ok(Box::new(Writer { network: self.clone(), topic: topic.clone(), id, sequence: 0 }))
     }
@@ -163,6 +190,7 @@ impl Transport for Loopback {
         let id = network.num_made;
         let entry = network.topics.entry(topic.name.clone()).or_default();
         topic.kind.name.clone_into(&mut entry.type_name);
+        entry.qos.push(topic.qos);
         let wants_latched = topic.qos.durability == Durability::TransientLocal;
         let latched = entry.latched.clone().filter(|_| wants_latched);
         let on_arrival = Arc::new(Mutex::new(on_arrival));
@@ -179,8 +207,12 @@ impl Transport for Loopback {
         service: &ServiceEndpoint,
         on_request: OnRequest,
     ) -> Result<Box<dyn Server>, TransportError> {
-        let on_request = Arc::new(Mutex::new(on_request));
-        lock(&self.0).services.insert(service.name.clone(), on_request);
+        let mut network = lock(&self.0);
+        if network.services.contains_key(&service.name) {
+            let (name, reason) = (service.name.clone(), "is offered already".to_owned());
+            return Err(TransportError::Endpoint { name, reason });
+        }
+        network.services.insert(service.name.clone(), Arc::new(Mutex::new(on_request)));
         Ok(Box::new(Offered { network: self.clone(), name: service.name.clone() }))
     }
 

@@ -75,7 +75,9 @@ impl Pipeline {
                 let lines = Lines::new(self.params.stripe_direction, &searched);
                 // Step 9: metres.
                 calibration.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
-                let placed = Placed { profile: &self.profile, stamp_ns, position_m, index };
+                let image_px = (image.width(), image.height());
+                let placed =
+                    Placed { profile: &self.profile, image_px, stamp_ns, position_m, index };
                 // Step 10: stacked along the motion.
                 if self.is_scanning { self.scan.push(&placed) } else { Completed::default() }
             }
@@ -103,6 +105,16 @@ impl Pipeline {
     pub fn discard(&mut self) {
         self.motion.restart();
         self.scan.discard();
+    }
+
+    /// Whether frames give profiles.
+    pub const fn is_calibrated(&self) -> bool {
+        self.calibration.is_some()
+    }
+
+    /// Gives the scan that begins next this identity, instead of one made from its first frame.
+    pub const fn set_next_scan_id(&mut self, scan_id: Option<[u8; 16]>) {
+        self.scan.set_next_id(scan_id);
     }
 
     /// Whether profiles are stacked. When not, [`finish`](Self::finish) the scan first: frames give profiles only.

@@ -95,6 +95,8 @@ pub struct Slice {
 pub struct Placed<'a> {
     /// The profile.
     pub profile: &'a Profile,
+    /// Columns and rows of the image that it was measured in.
+    pub image_px: (u32, u32),
     /// Acquisition time of its frame, nanoseconds.
     pub stamp_ns: i64,
     /// Position along the scan, metres.
@@ -103,7 +105,7 @@ pub struct Placed<'a> {
     pub index: FrameIndex,
 }
 
-/// Stacks profiles. A scan is a sequence of profiles of one length; it ends with its last slice and its height map.
+/// Stacks profiles. A scan is a sequence of profiles of one length from images of one size; it ends with its last slice and its height map.
 /// Positions come with the profiles: they go on from a scan that reached its limit to the next.
 ///
 /// A full slice is handed out when the next profile arrives or the scan ends: only then is it known whether it is the
@@ -113,6 +115,10 @@ pub struct Scan {
     limits: ScanLimits,
     /// Makes scan ids of different calibrations differ.
     seed: String,
+    /// Identity of the scan that begins next, where somebody has chosen one.
+    next_id: Option<[u8; 16]>,
+    /// Columns and rows of the images of the open scan.
+    image_px: (u32, u32),
     open: Slice,
     closed: Slice,
     growing: HeightMap,
@@ -146,6 +152,8 @@ impl Scan {
         Self {
             limits,
             seed,
+            next_id: None,
+            image_px: (0, 0),
             open: Slice::default(),
             closed: Slice::default(),
             growing: HeightMap::default(),
@@ -153,11 +161,14 @@ impl Scan {
         }
     }
 
-    /// Adds a profile. A profile of another length ends the scan: geometries are never mixed.
+    /// Adds a profile. A profile of another length, or from an image of another size, ends the scan: geometries are never
+    /// mixed.
     pub fn push(&mut self, placed: &Placed<'_>) -> Completed<'_> {
         let width = placed.profile.x_m.len() as u32;
         let ends = self.growing.height > 0
-            && (self.growing.width != width || self.growing.height >= self.scan_limit(width));
+            && (self.growing.width != width
+                || self.image_px != placed.image_px
+                || self.growing.height >= self.scan_limit(width));
         let full = self.open.height > 0 && self.open.height >= self.slice_limit(width);
         if ends {
             self.end();
@@ -193,6 +204,12 @@ impl Scan {
         self.open.height = 0;
         self.growing.z_m.clear();
         self.growing.height = 0;
+        self.next_id = None;
+    }
+
+    /// Chooses the identity of the scan that begins next; `None`: made from its first frame.
+    pub const fn set_next_id(&mut self, id: Option<[u8; 16]>) {
+        self.next_id = id;
     }
 
     /// Identity of the open scan; `None` before its first profile.
@@ -219,16 +236,17 @@ impl Scan {
     fn begin(&mut self, width: u32, placed: &Placed<'_>) {
         self.growing.width = width;
         self.growing.stamp_ns = placed.stamp_ns;
+        self.image_px = placed.image_px;
         // Ahead, so that no frame waits for memory. Where the system does not promise so much, the buffers grow.
         let (scan, slice) = (self.scan_limit(width) as usize, self.slice_limit(width) as usize);
         self.growing.z_m.try_reserve_exact(scan * width as usize).unwrap_or_default();
         self.open.points.try_reserve_exact(slice * width as usize).unwrap_or_default();
-        self.open.account =
-            SliceAccount { scan_id: self.scan_id(width, placed), ..SliceAccount::default() };
+        let scan_id = self.next_id.take().unwrap_or_else(|| self.scan_id(width, placed));
+        self.open.account = SliceAccount { scan_id, ..SliceAccount::default() };
     }
 
     fn add(&mut self, placed: &Placed<'_>) {
-        let Placed { profile, stamp_ns, position_m, index } = *placed;
+        let Placed { profile, stamp_ns, position_m, index, .. } = *placed;
         let slice = &mut self.open;
         let account = &mut slice.account;
         if slice.height == 0 {

@@ -166,7 +166,7 @@ fn record_again(bag: &Path, params: RecordingParams) -> PathBuf {
     let bag = BagReader::open(bag, &ReadOptions::default()).unwrap();
     let results = bag.topics().iter().map(|topic| (**topic).clone()).enumerate().collect();
     let topics = RecordedTopics { results, images: Vec::new() };
-    let (mut recorder, control) = LiveRecorder::new(topics, params, Description::default());
+    let (mut recorder, control) = LiveRecorder::new("", topics, params, Description::default());
     let directory = control.start().unwrap().remove(0);
     for message in bag.messages(&Filter::all()).map(Result::unwrap) {
         let topic = bag.topics().iter().position(|topic| *topic == message.topic).unwrap();

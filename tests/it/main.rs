@@ -6,6 +6,8 @@
 )]
 
 mod program;
+#[cfg(any(feature = "dds", feature = "zenoh"))]
+mod live;
 mod recordings;
 
 mod accuracy;

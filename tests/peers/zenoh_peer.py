@@ -63,14 +63,8 @@ def listen(arguments, node):
     def take(sample):
         beside = sample.attachment and sample.attachment.to_bytes()
         sequence, source_time_ns, gid = read_attachment(beside)
-        say(
-            event="message",
-            payload=sample.payload.to_bytes().hex() if len(sample.payload.to_bytes()) < 1000 else None,
-            bytes=len(sample.payload.to_bytes()),
-            sequence=sequence,
-            source_time_ns=source_time_ns,
-            gid=gid.hex(),
-        )
+        payload = list(sample.payload.to_bytes())
+        say(event="message", payload=payload, sequence=sequence, source_time_ns=source_time_ns, gid=gid.hex())
 
     subscriber = node.subscriber(arguments.topic, (arguments.type, arguments.hash), take, arguments.latched)
     say(event="ready")
@@ -112,7 +106,7 @@ def call(arguments, node):
     node.declare_endpoint("SC", arguments.topic, kind)
     key = data_key(node.domain, arguments.topic, kind)
     querier = node.session.declare_querier(key, target=zenoh.QueryTarget.ALL, timeout=20.0)
-    wait_for(querier.matching_status, f"service {arguments.topic}")
+    wait_for(lambda: querier.matching_status.matching, f"service {arguments.topic}")
     say(event="ready")
     for line in sys.stdin:
         for sequence in range(1, int(line) + 1):
@@ -129,11 +123,22 @@ def call(arguments, node):
 
 
 def graph(arguments, node):
-    """Every token of the domain with the identity that belongs to it, whenever a line arrives."""
-    for _ in sys.stdin:
+    """Waits until --node has as many tokens as each line says, and says which, with the identity that belongs to each."""
+
+    def tokens():
         replies = node.session.liveliness().get(f"@ros2_lv/{node.domain}/**", timeout=2.0)
-        tokens = sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
-        say(event="tokens", tokens={token: gid(token) for token in tokens})
+        found = sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+        return [token for token in found if arguments.node in token.split("/")]
+
+    for line in sys.stdin:
+        found = []
+
+        def is_complete():
+            found[:] = tokens()
+            return len(found) == int(line)
+
+        wait_for(is_complete, f"{int(line)} tokens of {arguments.node}")
+        say(event="tokens", tokens={token: gid(token) for token in found})
 
 
 def gid(token):
@@ -160,6 +165,7 @@ def main():
     parser.add_argument("--to", help="topic of what is handed on, or a token")
     parser.add_argument("--type", default="std_msgs/msg/String")
     parser.add_argument("--hash", default="RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18")
+    parser.add_argument("--node", help="whose tokens are looked at")
     parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--bytes", type=int, default=4)
     parser.add_argument("--suffix", default="", help="behind the topic's key")

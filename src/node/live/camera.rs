@@ -12,6 +12,7 @@ use crate::{
     bag::Topic,
     node::{
         camera_info::ImageHeader,
+        clock::RosClock,
         command::{Answer, Command, Mailbox, Reply, Settings},
         live_recording::RecordingControl,
         queue::{Queue, WhenFull},
@@ -22,14 +23,14 @@ use crate::{
         statistics::Summary,
         worker::{
             Worker,
-            live::{Live, NowNs, Survey},
+            live::{Live, Survey},
         },
     },
     ros::transport::{Subscription, TopicEndpoint, Transport, TransportError},
 };
 
 /// How long a service waits for a camera to do what it is asked for.
-const PATIENCE: Duration = Duration::from_secs(1);
+pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Distortion models have a handful of coefficients.
 const INFO_LIMIT_BYTES: usize = 64 << 10;
@@ -99,6 +100,16 @@ pub(super) struct Camera {
     settings: Arc<Mailbox<Settings>>,
 }
 
+/// A command on its way.
+pub(super) struct Ordered(mpsc::Receiver<Answer>);
+
+impl Ordered {
+    /// Waits for what came of it; `None`: the worker is busy, or has ended.
+    pub(super) fn answer(self, deadline: Instant) -> Option<Answer> {
+        self.0.recv_timeout(deadline.saturating_duration_since(Instant::now())).ok()
+    }
+}
+
 /// The thread of a camera's worker.
 pub(super) type Measuring = JoinHandle<Result<Summary, RunError>>;
 
@@ -108,7 +119,7 @@ impl Camera {
         Identity { name, frame_id, recording, description }: Identity,
         images: Arc<Images>,
         worker: Worker,
-        (now_ns, survey): (NowNs, Survey),
+        (clock, survey): (RosClock, Survey),
         outlets: Vec<Outlet>,
         num_topics: usize,
     ) -> io::Result<(Self, Measuring)> {
@@ -116,7 +127,7 @@ impl Camera {
         let settings = Arc::new(Mailbox::default());
         let observer = images.observer.clone();
         let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
-        let live = Live::new(Arc::clone(&settings), now_ns, survey, observe);
+        let live = Live::new(Arc::clone(&settings), clock, survey, observe);
         let worker = worker.with_live(live);
         let taken = Arc::clone(&input);
         let thread = thread::Builder::new()
@@ -136,30 +147,23 @@ impl Camera {
         Ok(())
     }
 
-    /// Ends the subscription, and the scan behind the images that came before.
+    /// Ends the subscription.
     pub(super) fn stop_listening(&self) {
-        if self.images.lock().take().is_some() {
-            // A closed queue: the worker has ended, and its scan with it.
-            drop(self.input.push(Input::NewRecording, 0));
-        }
-    }
-
-    /// What comes next does not go on from what came before.
-    pub(super) fn begin_session(&self) {
-        // A closed queue: the worker has ended.
-        drop(self.input.push_urgent(Input::NewRecording));
+        drop(self.images.lock().take());
     }
 
     /// Measures by these from the next frame on.
     pub(super) fn set(&self, settings: Settings) {
+        self.images.observer.set_direction(settings.params.stripe_direction);
         self.settings.put(settings);
     }
 
-    /// Has the worker carry out a command; `None`: it has not answered within a second.
-    pub(super) fn order(&self, command: impl FnOnce(Reply) -> Command) -> Option<Answer> {
+    /// Has the worker carry out a command.
+    pub(super) fn order(&self, command: impl FnOnce(Reply) -> Command) -> Ordered {
         let (reply, answer) = mpsc::sync_channel(1);
-        self.input.push_urgent(Input::Command(command(reply))).ok()?;
-        answer.recv_timeout(PATIENCE).ok()
+        // Where the worker has ended, nobody keeps the reply, and the answer says so.
+        drop(self.input.push_urgent(Input::Command(command(reply))));
+        Ordered(answer)
     }
 
     /// Takes no more; what came is still measured.

@@ -47,7 +47,7 @@ use node::Shared;
 use session::CameraSummary;
 use setup::Context;
 
-/// How often the node looks whether a camera has ended, or `/clock` was set back.
+/// How often the node looks whether it was shut down, or a camera has ended.
 const WATCH_PERIOD: Duration = Duration::from_millis(100);
 
 /// What to run.
@@ -64,7 +64,6 @@ pub struct LiveRequest {
 /// A node that is on the network.
 pub struct LiveNode {
     shared: Arc<Shared>,
-    clock: RosClock,
     lifecycle: Lifecycle,
     // Before the transport, so that nothing is asked of a node that is half gone.
     _servers: Servers,
@@ -111,7 +110,7 @@ impl LiveNode {
         let cameras = values.cameras().to_vec();
         let context = Context::new(Arc::clone(&transport), names.clone(), clock.clone());
         context.choose_time(&params)?;
-        let shared = Arc::new(Shared::new(context, values.clone(), params));
+        let shared = Arc::new(Shared::new(context, values.clone())?);
         let node = Arc::downgrade(&shared);
 
         let store = Arc::new(ParameterStore::new(values, on_change(node.clone()))?);
@@ -122,8 +121,9 @@ impl LiveNode {
         let lifecycle = lifecycle_server.lifecycle();
         let services = services::offer(&*transport, &names, &node, &cameras)?;
         tracing::info!("{} is on {}", names.fully_qualified(), transport.name());
-        if autostart {
-            lifecycle.autostart()?;
+        if autostart && let Err(error) = lifecycle.autostart() {
+            shared.cleanup();
+            return Err(error.into());
         }
         let servers = Servers {
             _services: services,
@@ -131,24 +131,15 @@ impl LiveNode {
             _lifecycle: lifecycle_server,
             _rosout: rosout,
         };
-        Ok(Self { shared, clock, lifecycle, _servers: servers })
+        Ok(Self { shared, lifecycle, _servers: servers })
     }
 
     /// Measures until `stop` is raised, the node is shut down from outside, or a camera fails. Everything is written when
-    /// it returns.
-    ///
-    /// # Errors
-    /// None today: what a camera failed of stands in its summary.
+    /// it returns; what a camera failed of stands in its summary.
     pub fn run(self, stop: &Stop) -> Vec<CameraSummary> {
-        let mut num_breaks = self.clock.num_breaks();
         while !stop.wait(WATCH_PERIOD) {
             if self.lifecycle.state() == State::Finalized || self.shared.has_failed() {
                 break;
-            }
-            if self.clock.num_breaks() != num_breaks {
-                num_breaks = self.clock.num_breaks();
-                tracing::warn!("time did not go on: a new session begins");
-                self.shared.begin_session();
             }
         }
         if let Err(error) = self.lifecycle.shutdown() {
@@ -159,8 +150,11 @@ impl LiveNode {
 }
 
 fn on_change(node: Weak<Shared>) -> OnChange {
-    Box::new(move |params, values| match node.upgrade() {
-        Some(node) => node.set(values, params),
+    Box::new(move |_, values| match node.upgrade() {
+        Some(node) => node.set(values),
         None => Err("the node is shutting down".to_owned()),
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,9 +1,12 @@
 //! The state that services, parameters and the lifecycle share, and what they do with it.
 
-use std::sync::{Mutex, MutexGuard, PoisonError, Weak};
+use std::{
+    sync::{Mutex, MutexGuard, PoisonError, Weak},
+    time::Instant,
+};
 
 use super::{
-    camera::Camera,
+    camera::{Camera, PATIENCE},
     error::LiveError,
     services::refusal,
     session::{CameraSummary, Session},
@@ -15,7 +18,10 @@ use crate::{
         lifecycle::{Failure, Managed},
         live_recording::RecordingControl,
     },
-    ros::{node_params::NodeParams, parameters::Parameters},
+    ros::{
+        node_params::NodeParams,
+        parameters::{ParameterError, Parameters},
+    },
 };
 
 /// A node on the middleware.
@@ -31,15 +37,18 @@ struct State {
     /// Between configure and cleanup.
     session: Option<Session>,
     is_active: bool,
-    /// Of cameras that ended.
+    /// Of each camera, what ended.
     summaries: Vec<CameraSummary>,
 }
 
 impl Shared {
-    pub(super) fn new(context: Context, values: Parameters, params: NodeParams) -> Self {
-        let state =
-            State { values, params, session: None, is_active: false, summaries: Vec::new() };
-        Self { context, state: Mutex::new(state) }
+    /// # Errors
+    /// Values that contradict one another.
+    pub(super) fn new(context: Context, values: Parameters) -> Result<Self, ParameterError> {
+        let (values, params) = context.effective(values)?;
+        let summaries = values.cameras().iter().map(|name| CameraSummary::new(name)).collect();
+        let state = State { values, params, session: None, is_active: false, summaries };
+        Ok(Self { context, state: Mutex::new(state) })
     }
 
     /// Every change under the lock is complete in itself, so the state of a panicked holder is sound.
@@ -53,19 +62,16 @@ impl Shared {
         Ok(())
     }
 
+    /// Begins to record, where that is wanted, before the first frame.
     pub(super) fn activate(&self) -> Result<(), LiveError> {
-        let records = {
-            let state = &mut *self.lock();
-            if let Some(session) = &state.session {
-                session.activate()?;
-                state.is_active = true;
-            }
-            state.params.recording.enabled
-        };
-        if records {
+        if self.lock().params.recording.enabled {
             self.record(true);
         }
-        Ok(())
+        let state = &mut *self.lock();
+        let Some(session) = &state.session else { return Ok(()) };
+        let active = session.activate();
+        state.is_active = active.is_ok();
+        active
     }
 
     /// Starts or stops what `recording.enabled` speaks of. A disk that refuses keeps nothing else from working: it is
@@ -87,16 +93,15 @@ impl Shared {
         meant.map(|of| of.recording.clone()).collect()
     }
 
+    /// Ends the scans, and then the recordings, which have all of them.
     pub(super) fn deactivate(&self) {
-        let state = &mut *self.lock();
-        state.is_active = false;
-        if let Some(session) = &state.session {
-            session.deactivate();
+        {
+            let state = &mut *self.lock();
+            state.is_active = false;
+            if let Some(session) = &state.session {
+                session.deactivate();
+            }
         }
-    }
-
-    /// Ends what was recorded because the node was active.
-    pub(super) fn end_recordings(&self) {
         self.record(false);
     }
 
@@ -108,30 +113,30 @@ impl Shared {
         };
         // Not under the lock: what waits for its turn is still measured and written.
         let summaries = session.map(Session::end).unwrap_or_default();
-        self.lock().summaries.extend(summaries);
-    }
-
-    /// Begins a new session: stamps may start anew, positions before and after do not belong together.
-    pub(super) fn begin_session(&self) {
-        if let Some(session) = &self.lock().session {
-            session.cameras().iter().for_each(Camera::begin_session);
+        let state = &mut *self.lock();
+        for (sum, ended) in state.summaries.iter_mut().zip(summaries) {
+            sum.add(ended);
         }
     }
 
     /// Takes new parameters: from the next frame on, where they can change at run time.
-    pub(super) fn set(&self, values: &Parameters, params: &NodeParams) -> Result<(), String> {
-        self.context.choose_time(params).map_err(|error| error.to_string())?;
+    pub(super) fn set(&self, values: &Parameters) -> Result<(), String> {
+        let (values, params) =
+            self.context.effective(values.clone()).map_err(|error| error.to_string())?;
         let mut guard = self.lock();
         let state = &mut *guard;
+        if state.session.is_some() {
+            fixed_while_configured(&state.params, &params)?;
+        }
+        self.context.choose_time(&params).map_err(|error| error.to_string())?;
         if let Some(session) = &state.session {
-            fixed_while_configured(&state.params, params)?;
-            session.set(&self.context, params, values);
+            session.set(&params, &values);
         }
         let switched = state
             .is_active
             .then_some(params.recording.enabled)
             .filter(|enabled| *enabled != state.params.recording.enabled);
-        (state.values, state.params) = (values.clone(), params.clone());
+        (state.values, state.params) = (values, params);
         drop(guard);
         // Not under the lock: a disk may take its time.
         if let Some(wanted) = switched {
@@ -150,10 +155,14 @@ impl Shared {
             let meant = |of: &&Camera| camera.is_empty() || of.name == camera;
             session.cameras().iter().filter(meant).cloned().collect()
         };
-        // Not under the lock: a scan has begun when its first frame has come.
-        let late = || refusal("not carried out within a second: no frame came");
-        let carry_out = |of: &Camera| of.order(&command).unwrap_or_else(late);
-        let answers: Vec<_> = cameras.iter().map(carry_out).collect();
+        // Not under the lock: a worker answers between two frames.
+        let ordered: Vec<_> = cameras.iter().map(|of| of.order(&command)).collect();
+        let deadline = Instant::now() + PATIENCE;
+        let late = || refusal("not carried out within a second: the camera is busy");
+        let answers: Vec<_> = ordered
+            .into_iter()
+            .map(|ordered| ordered.answer(deadline).unwrap_or_else(late))
+            .collect();
         let failed = answers.iter().find(|answer| !answer.success);
         failed.or(answers.first()).cloned().unwrap_or_else(|| refusal("there is no camera"))
     }
@@ -163,7 +172,7 @@ impl Shared {
         self.lock().session.as_ref().is_some_and(Session::has_failed)
     }
 
-    /// What the cameras came to that ended since the last call.
+    /// What the cameras came to, one for each, all sessions together.
     pub(super) fn take_summaries(&self) -> Vec<CameraSummary> {
         std::mem::take(&mut self.lock().summaries)
     }
@@ -175,6 +184,7 @@ fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), Stri
         let changed = [
             ("image_transport", old.image_transport != new.image_transport),
             ("calibration_file", old.calibration_file != new.calibration_file),
+            ("max_frame_bytes", old.max_frame_bytes != new.max_frame_bytes),
         ];
         if let Some((name, _)) = changed.iter().find(|(_, is_changed)| *is_changed) {
             return Err(format!(
@@ -208,7 +218,6 @@ impl Managed for Handle {
     fn deactivate(&self) -> Result<(), Failure> {
         self.with(|node| {
             node.deactivate();
-            node.end_recordings();
             Ok(())
         })
     }

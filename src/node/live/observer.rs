@@ -2,53 +2,65 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use nalgebra::Isometry3;
-
 use crate::{
     msg::{cdr, diagnostic_msgs::DiagnosticStatus, sensor_msgs::CameraInfo},
     node::{
         camera_info::{CameraInfos, ImageHeader, Pairing},
+        clock::RosClock,
         static_tf::StaticTf,
         status::Note,
-        worker::live::NowNs,
     },
     ros::transport::OnArrival,
+    scanner::{calibration::Calibration, params::StripeDirection},
 };
-
-/// Where a camera's laser plane is, if it is calibrated.
-#[derive(Clone, Debug)]
-pub(super) struct LaserPlane {
-    /// Its frame.
-    pub(super) frame_id: String,
-    /// Its place in the camera's frame.
-    pub(super) camera_from_laser: Isometry3<f64>,
-}
 
 /// Looks at every image of a camera; clones share what they have seen.
 #[derive(Clone)]
 pub(super) struct Observer {
     camera: usize,
-    plane: Option<LaserPlane>,
+    calibration: Option<Calibration>,
     tf: Arc<Mutex<StaticTf>>,
     seen: Arc<Mutex<Seen>>,
-    now_ns: NowNs,
+    clock: RosClock,
+}
+
+struct Seen {
+    infos: CameraInfos,
+    /// The last image: its description may come behind it.
+    image: OwnedHeader,
+    conflict: Option<String>,
+    num_malformed: u64,
+    /// Which way the stripe runs decides where the laser plane is.
+    direction: StripeDirection,
 }
 
 #[derive(Default)]
-struct Seen {
-    infos: CameraInfos,
-    conflict: Option<String>,
-    num_malformed: u64,
+struct OwnedHeader {
+    stamp_ns: i64,
+    frame_id: String,
+    size_px: (u32, u32),
 }
 
 impl Observer {
     pub(super) fn new(
         camera: usize,
-        plane: Option<LaserPlane>,
+        (calibration, direction): (Option<Calibration>, StripeDirection),
         tf: Arc<Mutex<StaticTf>>,
-        now_ns: NowNs,
+        clock: RosClock,
     ) -> Self {
-        Self { camera, plane, tf, seen: Arc::default(), now_ns }
+        let seen = Seen {
+            infos: CameraInfos::default(),
+            image: OwnedHeader::default(),
+            conflict: None,
+            num_malformed: 0,
+            direction,
+        };
+        Self { camera, calibration, tf, seen: Arc::new(Mutex::new(seen)), clock }
+    }
+
+    /// Places the laser plane as it is for stripes of that direction from now on.
+    pub(super) fn set_direction(&self, direction: StripeDirection) {
+        lock(&self.seen).direction = direction;
     }
 
     /// Takes the camera's descriptions.
@@ -58,7 +70,12 @@ impl Observer {
             let seen = &mut *lock(&seen);
             let Ok(arrival) = arrival else { return seen.num_malformed += 1 };
             match cdr::decode::<CameraInfo<'_>>(&arrival.data) {
-                Ok(info) => seen.infos.insert(&info),
+                Ok(info) => {
+                    seen.infos.insert(&info);
+                    if info.header.stamp.to_ns() == seen.image.stamp_ns {
+                        seen.pair();
+                    }
+                }
                 Err(error) => {
                     seen.num_malformed += 1;
                     tracing::debug!("camera_info: {error}");
@@ -69,28 +86,23 @@ impl Observer {
 
     /// Looks at an image.
     pub(super) fn on_image(&self, image: &ImageHeader<'_>) {
-        if let Some(plane) = &self.plane {
-            let frames = (image.frame_id, plane.frame_id.as_str());
-            let placed = lock(&self.tf).place(
-                self.camera,
-                frames,
-                &plane.camera_from_laser,
-                (self.now_ns)(),
-            );
-            if let Err(error) = placed {
-                tracing::debug!("/tf_static: {error}");
-            }
-        }
         let seen = &mut *lock(&self.seen);
-        match seen.infos.pair(image) {
-            Pairing::Matched { calibration_id, is_new } => {
-                seen.conflict = None;
-                if is_new {
-                    tracing::info!("camera_info describes calibration {calibration_id:016x}");
-                }
-            }
-            Pairing::NoneYet => {}
-            Pairing::Conflict(conflict) => seen.conflict = Some(conflict.to_string()),
+        seen.image.stamp_ns = image.stamp_ns;
+        image.frame_id.clone_into(&mut seen.image.frame_id);
+        seen.image.size_px = (image.width, image.height);
+        seen.pair();
+        if let Some(calibration) = &self.calibration {
+            self.place(calibration, seen.direction, image.frame_id);
+        }
+    }
+
+    fn place(&self, calibration: &Calibration, direction: StripeDirection, camera_frame: &str) {
+        let frames = (camera_frame, calibration.frame_id());
+        let camera_from_laser = calibration.camera_from_laser(direction);
+        let now_ns = self.clock.now_ns();
+        let placed = lock(&self.tf).place(self.camera, frames, &camera_from_laser, now_ns);
+        if let Err(error) = placed {
+            tracing::debug!("/tf_static: {error}");
         }
     }
 
@@ -101,6 +113,24 @@ impl Observer {
         let malformed = (seen.num_malformed > 0)
             .then(|| warning(format!("{} malformed camera_info messages", seen.num_malformed)));
         seen.conflict.clone().map(warning).into_iter().chain(malformed).collect()
+    }
+}
+
+impl Seen {
+    /// Compares the last image with its description, if that is there.
+    fn pair(&mut self) {
+        let OwnedHeader { stamp_ns, frame_id, size_px: (width, height) } = &self.image;
+        let (stamp_ns, width, height) = (*stamp_ns, *width, *height);
+        match self.infos.pair(&ImageHeader { stamp_ns, frame_id, width, height }) {
+            Pairing::Matched { calibration_id, is_new } => {
+                self.conflict = None;
+                if is_new {
+                    tracing::info!("camera_info describes calibration {calibration_id:016x}");
+                }
+            }
+            Pairing::NoneYet => {}
+            Pairing::Conflict(conflict) => self.conflict = Some(conflict.to_string()),
+        }
     }
 }
 

@@ -1,11 +1,9 @@
 //! The middleware as a sink: every result goes out on its topic.
 
-use std::sync::Arc;
-
 use crate::{
     node::{
+        clock::system_ns,
         sink::{Outgoing, Sink, SinkError},
-        worker::live::NowNs,
     },
     ros::transport::{Publication, TopicEndpoint, Transport, TransportError},
 };
@@ -18,7 +16,6 @@ const fn is_told(num_failed: u64) -> bool {
 /// The publishers of a camera's results, by the number of the topic.
 pub(super) struct Publications {
     publications: Vec<Box<dyn Publication>>,
-    now_ns: NowNs,
     num_failed: u64,
 }
 
@@ -27,10 +24,9 @@ impl Publications {
     pub(super) fn advertise(
         transport: &dyn Transport,
         endpoints: &[TopicEndpoint],
-        now_ns: NowNs,
     ) -> Result<Self, TransportError> {
         let publications = endpoints.iter().map(|endpoint| transport.advertise(endpoint));
-        Ok(Self { publications: publications.collect::<Result<_, _>>()?, now_ns, num_failed: 0 })
+        Ok(Self { publications: publications.collect::<Result<_, _>>()?, num_failed: 0 })
     }
 }
 
@@ -38,7 +34,8 @@ impl Sink for Publications {
     /// One message that cannot be sent is no reason to send no more.
     fn write(&mut self, message: &Outgoing) -> Result<(), SinkError> {
         let Some(publication) = self.publications.get_mut(message.topic) else { return Ok(()) };
-        if let Err(error) = publication.publish(&Arc::clone(&message.data), (self.now_ns)()) {
+        // The machine's time, even in a simulation: as every middleware of ROS stamps what it sends.
+        if let Err(error) = publication.publish(&message.data, system_ns()) {
             self.num_failed += 1;
             if is_told(self.num_failed) {
                 tracing::warn!("a result was not published ({} so far): {error}", self.num_failed);

@@ -8,16 +8,12 @@ use crate::{
             BagStatus, LiveRecorder, RecordedTopics, RecordingControl, RecordingParams,
             RecordingStatus,
         },
-        queue::{Bound, WhenFull},
         recording::Description,
-        sink::{Outlet, Purpose, Takes},
+        sink::{Outlet, Purpose, Takes, Way},
         status::Note,
     },
     ros::node_params::{self, Compression},
 };
-
-/// The recorder itself never waits; this is room for what comes while its thread is not scheduled.
-const BOUND: Bound = Bound { items: 256, bytes: 128 << 20 };
 
 /// A recorder of a camera's results and, behind them, its images.
 pub(super) fn recorder(
@@ -37,10 +33,9 @@ pub(super) fn recorder(
         sink: Box::new(sink),
         takes: Takes::All,
         purpose: Purpose::Record,
-        bound: BOUND,
-        when_full: WhenFull::DropOldest,
+        // It never waits, and what was sent before an order to stop is in the bag.
+        way: Way::Direct,
         is_essential: false,
-        idle_period: None,
     };
     (outlet, control)
 }

@@ -35,7 +35,8 @@ pub(super) fn offer(
 ) -> Result<Vec<Box<dyn Server>>, LiveError> {
     let mut servers = Vec::new();
     // All cameras at once, then each by its name; an only camera has none.
-    for camera in std::iter::once("").chain(cameras.iter().map(String::as_str)) {
+    let named = cameras.iter().map(String::as_str).filter(|name| !name.is_empty());
+    for camera in std::iter::once("").chain(named) {
         let of = |node: &Weak<Shared>| Target { node: node.clone(), camera: camera.to_owned() };
         let offered: [(&str, &'static ServiceType, OnRequest); 6] = [
             ("~/start_scan", &TRIGGER, trigger(of(node), start)),

@@ -1,13 +1,20 @@
 //! What exists between configure and cleanup: the cameras, measuring while the node is active.
 
+use std::time::Instant;
+
 use super::{
-    camera::{Camera, Measuring},
+    camera::{Camera, Measuring, PATIENCE},
     error::LiveError,
     recording,
     setup::{Context, sends_images},
 };
 use crate::{
-    node::{command::Settings, recording::Description, run::RunError, statistics::Summary},
+    node::{
+        command::{Command, Settings},
+        recording::Description,
+        run::RunError,
+        statistics::Summary,
+    },
     ros::{node_params::NodeParams, parameters::Parameters},
 };
 
@@ -23,6 +30,22 @@ pub struct CameraSummary {
     pub name: String,
     /// Its frames, or why it ended before its time.
     pub summary: Result<Summary, RunError>,
+}
+
+impl CameraSummary {
+    /// A camera that has done nothing yet.
+    pub(super) fn new(name: &str) -> Self {
+        Self { name: name.to_owned(), summary: Ok(Summary::default()) }
+    }
+
+    /// Adds a session that followed; the first failure stays.
+    pub(super) fn add(&mut self, later: Self) {
+        match (&mut self.summary, later.summary) {
+            (Ok(sum), Ok(later)) => sum.add(&later),
+            (Ok(_), failed) => self.summary = failed,
+            (Err(_), _) => {}
+        }
+    }
 }
 
 impl Session {
@@ -60,17 +83,24 @@ impl Session {
         Ok(())
     }
 
-    /// Ends the subscriptions, and every open scan.
+    /// Ends the subscriptions, and behind the images that came before, every open scan.
     pub(super) fn deactivate(&self) {
         self.cameras.iter().for_each(Camera::stop_listening);
+        let resting: Vec<_> =
+            self.cameras.iter().map(|camera| camera.order(Command::Rest)).collect();
+        let deadline = Instant::now() + PATIENCE;
+        for (camera, ordered) in self.cameras.iter().zip(resting) {
+            if ordered.answer(deadline).is_none() {
+                tracing::warn!("camera {:?} is still measuring what came before", camera.name);
+            }
+        }
     }
 
     /// Measures by new parameters from the next frames on.
-    pub(super) fn set(&self, context: &Context, params: &NodeParams, values: &Parameters) {
+    pub(super) fn set(&self, params: &NodeParams, values: &Parameters) {
         for (camera, camera_params) in self.cameras.iter().zip(&params.cameras) {
             camera.set(Settings {
-                params: context.scanner(camera_params, &camera.frame_id),
-                max_frame_bytes: camera_params.max_frame_bytes,
+                params: camera_params.scanner_for(&camera.frame_id),
                 sends_images: sends_images(params),
                 parameters_sha256: values.camera_sha256(&camera_params.name),
             });

@@ -6,7 +6,7 @@ use super::{
     camera::{Camera, Identity, Images, Measuring},
     error::LiveError,
     notes,
-    observer::{LaserPlane, Observer},
+    observer::Observer,
     publications::Publications,
     recording,
 };
@@ -18,31 +18,32 @@ use crate::{
     },
     node::{
         calibration_file,
-        clock::{RosClock, TimeSource},
+        clock::{RosClock, TimeSource, system_ns},
         input,
         live_recording::RecordingControl,
         queue::WhenFull,
         recording::Description,
         results::Results,
         run::INPUT_BOUND,
-        sink::{Outlet, Purpose, SINK_BOUND, Takes},
+        sink::{Outlet, Purpose, SINK_BOUND, Takes, Way},
         static_tf::StaticTf,
         status::{Reporter, session_id},
         topics,
         worker::{
             Worker, WorkerOptions,
-            live::{NowNs, Surroundings, Survey},
+            live::{Surroundings, Survey},
         },
     },
     ros::{
         camera_params::CameraParams,
         names::NodeNames,
         node_params::{ImageTransport, NodeParams},
-        parameters::Parameters,
+        parameters::{ParameterError, Parameters},
         qos_overrides::Side,
         transport::{TopicEndpoint, Transport, TransportError},
+        value::Value,
     },
-    scanner::{calibration::Calibration, params::Params, pipeline::Pipeline},
+    scanner::{calibration::Calibration, pipeline::Pipeline},
 };
 
 /// What an image message has besides its pixels, bytes, generously.
@@ -55,13 +56,11 @@ pub(super) struct Context {
     transport: Arc<dyn Transport>,
     names: NodeNames,
     clock: RosClock,
-    now_ns: NowNs,
 }
 
 impl Context {
     pub(super) fn new(transport: Arc<dyn Transport>, names: NodeNames, clock: RosClock) -> Self {
-        let told = clock.clone();
-        Self { transport, names, clock, now_ns: Arc::new(move || told.now_ns()) }
+        Self { transport, names, clock }
     }
 
     /// Chooses the source of time.
@@ -94,8 +93,8 @@ impl Context {
             ..Description::default()
         };
         let frame_id = calibration.as_ref().map_or("", Calibration::frame_id).to_owned();
-        let plane = calibration.as_ref().map(|calibration| laser_plane(camera, calibration));
-        let observer = Observer::new(number, plane, Arc::clone(tf), Arc::clone(&self.now_ns));
+        let plane = (calibration.clone(), camera.scanner.stripe_direction);
+        let observer = Observer::new(number, plane, Arc::clone(tf), self.clock.clone());
         let worker = self.worker(params, camera, calibration, &description);
         let limit_bytes = camera.max_frame_bytes as usize + MESSAGE_MARGIN_BYTES;
         let transport = Arc::clone(&self.transport);
@@ -110,15 +109,29 @@ impl Context {
         );
         let outlets = vec![self.publications(&outputs)?, recorder];
         let survey = survey(Arc::clone(&images), recording.clone());
-        let clocks = (Arc::clone(&self.now_ns), survey);
+        let clocks = (self.clock.clone(), survey);
         let name = camera.name.clone();
         let identity = Identity { name, frame_id, recording, description };
         Ok(Camera::start(identity, images, worker, clocks, outlets, outputs.len())?)
     }
 
-    /// The measurement, with slices that the middleware carries.
-    pub(super) fn scanner(&self, camera: &CameraParams, frame_id: &str) -> Params {
-        camera.scanner_within(self.transport.max_reliable_bytes(), frame_id)
+    /// The values as they take effect, and their types: where nobody has chosen the largest message of a point cloud, it
+    /// is what the middleware carries.
+    pub(super) fn effective(
+        &self,
+        mut values: Parameters,
+    ) -> Result<(Parameters, NodeParams), ParameterError> {
+        let params = NodeParams::new(&values)?;
+        let Some(max_bytes) = self.transport.max_reliable_bytes() else {
+            return Ok((values, params));
+        };
+        let max_bytes = i64::try_from(max_bytes).unwrap_or(i64::MAX);
+        for camera in params.cameras.iter().filter(|camera| camera.points_max_bytes == 0) {
+            let name = camera.full_name("points.max_bytes");
+            values.set(&name, Value::Integer(max_bytes), self.transport.name())?;
+        }
+        let params = NodeParams::new(&values)?;
+        Ok((values, params))
     }
 
     /// The topics of the images and of their descriptions, best effort, so that they match every publisher.
@@ -161,13 +174,14 @@ impl Context {
         description: &Description,
     ) -> Worker {
         let frame_id = calibration.as_ref().map_or("", Calibration::frame_id);
-        let scanner = self.scanner(camera, frame_id);
+        let scanner = camera.scanner_for(frame_id);
         let sha256 = &description.parameters_sha256;
         let results = Results::new(&scanner, calibration.as_ref(), sha256);
         // A live session is told from every other by when it began.
-        let begun = format!("{sha256}{}", (self.now_ns)());
+        let begun = format!("{sha256}{}", system_ns());
         let reporter = Reporter {
             node: self.names.fully_qualified(),
+            camera: camera.name.clone(),
             topic: description.input_topic.clone(),
             queue_capacity: INPUT_BOUND.items as u32,
             session_id: session_id(&description.input_topic, &begun),
@@ -181,16 +195,13 @@ impl Context {
     }
 
     fn publications(&self, outputs: &[TopicEndpoint]) -> Result<Outlet, LiveError> {
-        let now_ns = Arc::clone(&self.now_ns);
-        let sink = Publications::advertise(&*self.transport, outputs, now_ns)?;
+        let sink = Publications::advertise(&*self.transport, outputs)?;
         Ok(Outlet {
             sink: Box::new(sink),
             takes: Takes::Results,
             purpose: Purpose::Publish,
-            bound: SINK_BOUND,
-            when_full: WhenFull::DropOldest,
+            way: Way::Queued(SINK_BOUND, WhenFull::DropOldest),
             is_essential: false,
-            idle_period: None,
         })
     }
 }
@@ -216,9 +227,4 @@ fn survey(images: Arc<Images>, recording: RecordingControl) -> Survey {
 /// Images are sent on where something may keep them.
 pub(super) const fn sends_images(params: &NodeParams) -> bool {
     params.recording.images
-}
-
-fn laser_plane(camera: &CameraParams, calibration: &Calibration) -> LaserPlane {
-    let camera_from_laser = calibration.camera_from_laser(camera.scanner.stripe_direction);
-    LaserPlane { frame_id: calibration.frame_id().to_owned(), camera_from_laser }
 }

@@ -59,8 +59,8 @@ enum BadRequest {
 
 /// Serves the parameters of a node until it is dropped.
 pub struct ParameterServer {
-    shared: Arc<Shared>,
     _servers: Vec<Box<dyn Server>>,
+    shared: Arc<Shared>,
 }
 
 impl ParameterServer {
@@ -88,7 +88,7 @@ impl ParameterServer {
             let on_request = move |request: &[u8]| shared.answer(answer, request);
             servers.push(transport.serve(&service, Box::new(on_request))?);
         }
-        Ok(Self { shared, _servers: servers })
+        Ok(Self { _servers: servers, shared })
     }
 
     /// Requests that got no answer, because they are malformed.

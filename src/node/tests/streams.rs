@@ -4,9 +4,9 @@ use std::thread;
 
 use super::*;
 use crate::node::{
+    fan_out::FanOut,
     publisher::Publisher,
     queue::{Bound, Queue, WhenFull},
-    sink::FanOut,
     statistics::Counts,
     status::{Interval, Load, Note, State},
 };
@@ -80,6 +80,7 @@ fn every_counter_reaches_its_field_of_the_status() {
     };
     let reporter = Reporter {
         node: "/cell/top".into(),
+        camera: "left".into(),
         topic: "/image_raw".into(),
         queue_capacity: 4,
         session_id: [7; 16],
@@ -107,7 +108,7 @@ fn every_counter_reaches_its_field_of_the_status() {
     assert_eq!(fields, [1, 2, 3, 4, 5, 6, 7, 9, 10]);
     let diagnostics = reporter.diagnostics(5, &state);
     let state = &diagnostics.status[0];
-    assert_eq!((state.level, &*state.name), (2, "cell/top: stream"));
+    assert_eq!((state.level, &*state.name), (2, "cell/top: left stream"));
     assert_eq!(state.message, "frames were lost, dropped or rejected; full");
     let values: Vec<_> = state.values.iter().map(|pair| (&*pair.key, &*pair.value)).collect();
     let expected = [

@@ -68,13 +68,13 @@ impl Worker {
             Ok(()) => self.counts.processed += 1,
             Err(rejection) => self.reject(&rejection, message.log_time_ns),
         }
-        self.after_frame(out)?;
-        // Of a live camera, its recorder knows itself.
-        if self.live.is_none() {
-            self.counts.recorder_bytes = out.num_bytes();
-            self.counts.recorder_dropped = out.num_dropped(Purpose::Record);
-        }
         self.counts.unpublished = out.num_dropped(Purpose::Publish);
+        // Live, the recorder knows itself what it has, and time passes without frames, too: see `tick`.
+        if self.live.is_some() {
+            return self.end_at_length(out);
+        }
+        self.counts.recorder_bytes = out.num_bytes();
+        self.counts.recorder_dropped = out.num_dropped(Purpose::Record);
         match self.schedule.poll(message.log_time_ns, &self.counts) {
             Some(interval) => self.report(message.log_time_ns, interval, out),
             None => Ok(()),
@@ -84,6 +84,8 @@ impl Worker {
     /// Counts a message that the middleware could not hand on.
     pub(super) fn take_fault(&mut self, what: &str) {
         self.counts.received += 1;
+        // It has a number of its own that nobody saw.
+        self.sequence.skip(1);
         self.reject(&Rejection::Transport(what.to_owned()), self.last_time_ns);
     }
 

@@ -5,21 +5,19 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::Worker;
+use super::{Pending, Worker};
 use crate::node::{
     camera_info::ImageHeader,
-    clock::system_ns,
+    clock::{RosClock, system_ns},
     command::{Answer, Command, Mailbox, Reply, ScanRequest, Settings},
     histogram::Histogram,
     publisher::{Halt, Publisher},
-    status::{Load, Note},
+    status::{self, Load, Note},
 };
 
 /// How often a worker without frames looks up: reports and new parameters wait no longer.
 const TICK: Duration = Duration::from_millis(100);
 
-/// Tells the time, nanoseconds since the epoch: the system's, or that of a simulation.
-pub type NowNs = Arc<dyn Fn() -> i64 + Send + Sync>;
 /// What others know of the camera's state.
 #[derive(Clone, Debug, Default)]
 pub struct Surroundings {
@@ -40,7 +38,9 @@ pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) + Send>;
 /// The live side of a worker.
 pub struct Live {
     settings: Arc<Mailbox<Settings>>,
-    now_ns: NowNs,
+    clock: RosClock,
+    /// Breaks in the clock's time that the session before this one ended with.
+    num_breaks: u64,
     survey: Survey,
     observe: Observe,
     next_tick: Instant,
@@ -48,28 +48,32 @@ pub struct Live {
     queue_depth: u32,
     /// Length at which the open scan ends, metres; 0: when it is stopped.
     length_m: f64,
-    /// Who waits for the identity of the scan that has begun.
-    starting: Option<Reply>,
+    /// Scans that were asked for, which makes their identities differ.
+    num_asked: u64,
+    /// Who waits for everything to be measured.
+    resting: Option<Reply>,
 }
 
 impl Live {
     /// A live side that takes new settings from the mailbox.
     pub fn new(
         settings: Arc<Mailbox<Settings>>,
-        now_ns: NowNs,
+        clock: RosClock,
         survey: Survey,
         observe: Observe,
     ) -> Self {
         Self {
             settings,
-            now_ns,
+            num_breaks: clock.num_breaks(),
+            clock,
             survey,
             observe,
             next_tick: Instant::now() + TICK,
             latency: Histogram::default(),
             queue_depth: 0,
             length_m: 0.0,
-            starting: None,
+            num_asked: 0,
+            resting: None,
         }
     }
 
@@ -82,7 +86,13 @@ impl Live {
     }
 
     pub(super) fn now_ns(&self) -> i64 {
-        (self.now_ns)()
+        self.clock.now_ns()
+    }
+
+    /// Whether time has not gone on since the last call.
+    fn has_time_broken(&mut self) -> bool {
+        let num_breaks = self.clock.num_breaks();
+        std::mem::replace(&mut self.num_breaks, num_breaks) != num_breaks
     }
 
     pub(super) fn observe(&mut self, image: &ImageHeader<'_>) {
@@ -91,7 +101,7 @@ impl Live {
 
     /// From the stamp to the result. A stamp of the future, by a clock that runs ahead, tells nothing.
     pub(super) fn note_latency(&mut self, stamp_ns: i64) {
-        if let Ok(nanos) = u64::try_from((self.now_ns)().saturating_sub(stamp_ns)) {
+        if let Ok(nanos) = u64::try_from(self.now_ns().saturating_sub(stamp_ns)) {
             self.latency.record(Duration::from_nanos(nanos));
         }
     }
@@ -115,8 +125,18 @@ impl Live {
 }
 
 impl Worker {
+    /// Between two frames: takes new settings, and notices when time does not go on.
+    pub(super) fn look_up(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+        self.apply_settings(out)?;
+        if self.live.as_mut().is_some_and(Live::has_time_broken) {
+            tracing::warn!("{}: time did not go on: a new session begins", self.reporter.topic);
+            self.begin_session(out)?;
+        }
+        Ok(())
+    }
+
     /// Measures by new parameters from the next frame on. A scan that cannot go on under them ends first.
-    pub(super) fn apply_settings(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+    fn apply_settings(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
         let Some(settings) = self.live.as_ref().and_then(|live| live.settings.take()) else {
             return Ok(());
         };
@@ -125,57 +145,90 @@ impl Worker {
         }
         self.pipeline.reconfigure(settings.params);
         self.results.reconfigure(&settings.params, &settings.parameters_sha256);
-        self.options.max_frame_bytes = settings.max_frame_bytes;
         self.options.sends_images = settings.sends_images;
+        Ok(())
+    }
+
+    /// Counters go on, but what comes next has another identity.
+    fn begin_session(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+        self.begin_anew(out)?;
+        self.reporter.begin_session(system_ns());
         Ok(())
     }
 
     pub(super) fn obey(&mut self, command: Command, out: &mut Publisher<'_>) -> Result<(), Halt> {
         let scan_id = self.pipeline.scan_id();
         match command {
-            Command::StartScan(request, reply) => {
-                self.end_scan(out)?;
-                self.pipeline.set_scanning(true);
-                self.set_scan(request, Some(reply));
-            }
+            Command::StartScan(request, reply) => self.start_scan(request, &reply, out)?,
             Command::StopScan(reply) => {
                 self.stop_scan(out)?;
                 answer(&reply, scan_id.map_or("no scan was open", |_| "scan ended"), scan_id);
             }
             Command::Reset(reply) => {
                 self.pipeline.discard();
+                self.pending = Pending::default();
                 self.pipeline.set_scanning(true);
-                self.set_scan(ScanRequest::default(), None);
+                self.set_scan(ScanRequest::default());
                 answer(&reply, scan_id.map_or("no scan was open", |_| "scan discarded"), scan_id);
+            }
+            Command::Rest(reply) => {
+                if let Some(live) = &mut self.live {
+                    live.resting = Some(reply);
+                }
             }
         }
         Ok(())
     }
 
-    fn stop_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+    fn start_scan(
+        &mut self,
+        request: ScanRequest,
+        reply: &Reply,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
+        if !self.pipeline.is_calibrated() {
+            let message = "without a calibration there is no scan: set calibration_file".to_owned();
+            drop(reply.try_send(Answer { success: false, message, scan_id: None }));
+            return Ok(());
+        }
         self.end_scan(out)?;
-        self.pipeline.set_scanning(false);
-        self.set_scan(ScanRequest::default(), None);
+        let scan_id = self.next_scan_id();
+        self.pipeline.set_scanning(true);
+        self.pipeline.set_next_scan_id(scan_id);
+        self.set_scan(request);
+        answer(reply, "the scan begins with the next frame", scan_id);
         Ok(())
     }
 
-    fn set_scan(&mut self, request: ScanRequest, starting: Option<Reply>) {
+    /// Known before the first frame: a camera may be triggered by the motion that waits for this answer.
+    fn next_scan_id(&mut self) -> Option<[u8; 16]> {
+        let live = self.live.as_mut()?;
+        live.num_asked += 1;
+        let asked = format!("{:?} {} {}", self.reporter.session_id, live.num_asked, system_ns());
+        Some(status::session_id(&self.reporter.topic, &asked))
+    }
+
+    fn stop_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+        self.end_scan(out)?;
+        self.pipeline.set_scanning(false);
+        self.pipeline.set_next_scan_id(None);
+        self.set_scan(ScanRequest::default());
+        Ok(())
+    }
+
+    fn set_scan(&mut self, request: ScanRequest) {
         self.results.set_part_id(request.part_id);
         if let Some(live) = &mut self.live {
             live.length_m = request.length_m;
-            live.starting = starting;
         }
     }
 
-    /// Answers whoever started the scan, and ends one that has its length.
-    pub(super) fn after_frame(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        let Some(live) = &mut self.live else { return Ok(()) };
-        let Some(scan_id) = self.pipeline.scan_id() else { return Ok(()) };
-        if let Some(reply) = live.starting.take() {
-            answer(&reply, "scan begun", Some(scan_id));
-        }
-        if live.length_m > 0.0 && self.last_position_m.abs() >= live.length_m {
-            tracing::info!("the scan has its length of {} m: it ends", live.length_m);
+    /// Ends a scan that has the length that was asked for.
+    pub(super) fn end_at_length(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+        let length_m = self.live.as_ref().map_or(0.0, |live| live.length_m);
+        let is_open = self.pipeline.scan_id().is_some();
+        if length_m > 0.0 && is_open && self.last_position_m.abs() >= length_m {
+            tracing::info!("the scan has its length of {length_m} m: it ends");
             return self.stop_scan(out);
         }
         Ok(())
@@ -185,12 +238,19 @@ impl Worker {
     pub(super) fn tick(&mut self, queue_depth: usize, out: &mut Publisher<'_>) -> Result<(), Halt> {
         let Some(live) = &mut self.live else { return Ok(()) };
         live.queue_depth = live.queue_depth.max(queue_depth as u32);
-        if Instant::now() < live.next_tick {
+        let rested = if queue_depth == 0 { live.resting.take() } else { None };
+        let is_due = Instant::now() >= live.next_tick;
+        if is_due {
+            live.next_tick = Instant::now() + TICK;
+        }
+        if let Some(reply) = rested {
+            self.begin_session(out)?;
+            answer(&reply, "everything is measured", None);
+        }
+        if !is_due {
             return Ok(());
         }
-        live.next_tick = Instant::now() + TICK;
-        // The clock by which images are received: that of a simulation may stand still.
-        let now_ns = system_ns();
+        let now_ns = self.report_time_ns();
         match self.schedule.poll(now_ns, &self.counts) {
             Some(interval) => self.report(now_ns, interval, out),
             None => Ok(()),

@@ -6,11 +6,13 @@ pub mod live;
 use crate::{ros::node_params::ImageTransport, scanner::pipeline::Pipeline};
 
 use super::{
+    clock::system_ns,
+    fan_out::CloseOnDrop,
     order::{Sequence, StampOrder},
     publisher::{Halt, Publisher},
     queue::{Popped, Queue},
     results::Results,
-    sink::{CloseOnDrop, Purpose},
+    sink::Purpose,
     source::{Input, Writer},
     statistics::{Counts, StageTimes},
     status::{Interval, Load, Reporter, Schedule, State},
@@ -110,18 +112,19 @@ impl Worker {
         loop {
             match input.pop_counted(self.live.as_ref().map(Live::next_tick)) {
                 Popped::Item(item, num_dropped) => {
-                    self.apply_settings(out)?;
+                    self.look_up(out)?;
                     self.take_dropped(num_dropped);
                     self.take_input(item, spare, out)?;
                 }
-                Popped::TimedOut => self.apply_settings(out)?,
+                Popped::TimedOut => self.look_up(out)?,
                 Popped::Closed => break,
             }
             self.tick(input.len(), out)?;
         }
         self.end_scan(out)?;
-        let interval = self.schedule.close(self.last_time_ns, &self.counts);
-        self.report(self.last_time_ns, interval, out)?;
+        let now_ns = self.report_time_ns();
+        let interval = self.schedule.close(now_ns, &self.counts);
+        self.report(now_ns, interval, out)?;
         Ok((self.counts, self.stages))
     }
 
@@ -146,20 +149,26 @@ impl Worker {
                 self.take_fault(&what);
                 Ok(())
             }
-            Input::NewRecording => {
-                self.end_scan(out)?;
-                if let Some(live) = &self.live {
-                    self.reporter.begin_session(live.now_ns());
-                }
-                self.stamps = StampOrder::default();
-                self.sequence.restart();
-                self.schedule.restart();
-                Ok(())
-            }
+            Input::NewRecording => self.begin_anew(out),
             // Counted and told where it was read.
             Input::Damage(_) => Ok(()),
             Input::Command(command) => self.obey(command, out),
         }
+    }
+
+    /// What comes next does not go on from what came before.
+    fn begin_anew(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+        self.end_scan(out)?;
+        self.stamps = StampOrder::default();
+        self.sequence.restart();
+        self.schedule.restart();
+        Ok(())
+    }
+
+    /// The time by the clock of the log times: of a recording that of its last message.
+    fn report_time_ns(&self) -> i64 {
+        // A simulation's clock may stand still, and frames are received by the machine's.
+        self.live.as_ref().map_or(self.last_time_ns, |_| system_ns())
     }
 
     fn end_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {

@@ -135,19 +135,23 @@ fn note(known: &mut Known, domain_id: u32, sample: &Sample) {
     }
 }
 
-/// Of a publisher on a topic of ours with another type or another version of it: nothing of it arrives here.
 fn warn_of_stranger(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) {
-    let Some(expected) = expected.get(&seen.topic).filter(|_| seen.side == Side::Publisher) else {
-        return;
-    };
-    let offered = seen.data_key(domain_id);
-    if offered != *expected {
-        warn!(
-            "{} publishes {} as another type, or another version of it: nothing of that arrives here. \
-             It sends {offered}, expected is {expected}; do both ends have the same message package?",
-            seen.node, seen.topic
-        );
+    if let Some(text) = strange(expected, domain_id, seen) {
+        warn!("{text}");
     }
+}
+
+/// What is wrong with a publisher on a topic of ours that has another type or another version of it.
+fn strange(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) -> Option<String> {
+    let Seen { node, topic, .. } = seen;
+    let expected = expected.get(topic).filter(|_| seen.side == Side::Publisher)?;
+    let offered = seen.data_key(domain_id);
+    (offered != *expected).then(|| {
+        format!(
+            "{node} publishes {topic} as another type, or another version of it, and nothing of that arrives here: it \
+             sends {offered}, expected is {expected}. Install the same message package at both ends"
+        )
+    })
 }
 
 #[cfg(test)]
@@ -182,5 +186,19 @@ mod tests {
             // Whole only from the hash on.
             assert_eq!(Seen::parse(&TOKEN[..end]).is_some(), end > TOKEN.find("/RIHS").unwrap());
         }
+    }
+
+    #[test]
+    fn publishers_of_another_version_are_strange() {
+        let seen = Seen::parse(TOKEN).unwrap();
+        let expected = BTreeMap::from([(seen.topic.clone(), seen.data_key(7))]);
+        let said = |token: &str| strange(&expected, 7, &Seen::parse(token).unwrap());
+        assert_eq!(said(TOKEN), None);
+        let other = TOKEN.replace("RIHS01_d3", "TypeHashNotSupported");
+        let text = said(&other).unwrap();
+        assert!(text.starts_with("/cell/camera publishes /camera/image_raw as another"), "{text}");
+        assert!(text.contains("Image_/TypeHashNotSupported, expected is 7/camera"), "{text}");
+        assert_eq!(said(&other.replace("/MP/", "/MS/")), None);
+        assert_eq!(said(&other.replace("image_raw", "other")), None);
     }
 }

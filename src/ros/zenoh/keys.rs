@@ -16,11 +16,31 @@ use crate::{
         qos::{Durability, History, Liveliness, QosProfile, QosTime, Reliability},
         schema::MessageType,
     },
-    ros::transport::NodeIdentity,
+    ros::transport::{NodeIdentity, TopicEndpoint},
 };
 
 /// The keys of one node.
 pub(super) struct NodeKeys(NodeEntity);
+
+/// What makes the keys of a publisher, subscriber or service.
+pub(super) struct Endpoint<'a> {
+    pub(super) kind: EndpointKind,
+    /// Absolute, of its topic or service.
+    pub(super) name: &'a str,
+    /// As in `sensor_msgs/msg/Image`.
+    pub(super) type_name: &'a str,
+    /// As in `RIHS01_…`.
+    pub(super) hash: &'a str,
+    pub(super) qos: &'a QosProfile,
+}
+
+impl<'a> Endpoint<'a> {
+    /// One side of a topic.
+    pub(super) const fn of(topic: &'a TopicEndpoint, kind: EndpointKind) -> Self {
+        let TopicEndpoint { name, kind: message, qos } = topic;
+        Self { kind, name: name.as_str(), type_name: message.name, hash: message.hash, qos }
+    }
+}
 
 /// The keys of one publisher, subscriber or service.
 #[derive(Clone, Debug)]
@@ -45,18 +65,16 @@ impl NodeKeys {
         Ok(KeyExprFormat::RmwZenoh.node_liveliness_key_expr(&self.0)?.0)
     }
 
-    /// Endpoint `id` of the node; `type_name` as in `sensor_msgs/msg/Image`, `hash` as in `RIHS01_…`.
+    /// Endpoint number `id` of the node.
     ///
     /// # Errors
-    /// A name that is no key.
+    /// A name that is no key, a hash that is none.
     pub(super) fn endpoint(
         &self,
         id: usize,
-        kind: EndpointKind,
-        name: &str,
-        (type_name, hash): (&str, &str),
-        qos: &QosProfile,
+        endpoint: &Endpoint<'_>,
     ) -> zenoh::Result<EndpointKeys> {
+        let Endpoint { kind, name, type_name, hash, qos } = *endpoint;
         let hash = TypeHash::from_rihs_string(hash)
             .ok_or_else(|| format!("{type_name} has no type hash but {hash}"))?;
         let entity = EndpointEntity {
@@ -144,18 +162,19 @@ mod tests {
         NodeKeys::new(7, SESSION.parse().unwrap(), &node)
     }
 
-    fn image(qos: &QosProfile) -> EndpointKeys {
-        let kind = sensor_msgs::Image::TYPE;
-        let (name, hash) = (kind.name, kind.hash);
-        node("/")
-            .endpoint(3, EndpointKind::Subscription, "/camera/image_raw", (name, hash), qos)
-            .unwrap()
+    fn image(qos: QosProfile) -> EndpointKeys {
+        let topic = TopicEndpoint {
+            name: "/camera/image_raw".to_owned(),
+            kind: sensor_msgs::Image::TYPE,
+            qos,
+        };
+        node("/").endpoint(3, &Endpoint::of(&topic, EndpointKind::Subscription)).unwrap()
     }
 
     #[test]
     fn keys_are_those_of_rmw_zenoh() {
         let hash = sensor_msgs::Image::TYPE.hash;
-        let mut keys = image(&QosProfile::best_effort(5));
+        let mut keys = image(QosProfile::best_effort(5));
         let data = format!("7/camera/image_raw/sensor_msgs::msg::dds_::Image_/{hash}");
         assert_eq!(keys.data.as_str(), data);
         let token = format!(
@@ -194,7 +213,7 @@ mod tests {
         let hash = XxHash3_128::oneshot(b"").to_le_bytes();
         assert_eq!(hash[..8], 0x6001_c324_468d_497f_u64.to_le_bytes());
         assert_eq!(hash[8..], 0x99aa_06d3_0147_98d8_u64.to_le_bytes());
-        let (one, other) = (image(&QosProfile::reliable(1)), image(&QosProfile::reliable(2)));
+        let (one, other) = (image(QosProfile::reliable(1)), image(QosProfile::reliable(2)));
         assert_ne!(one.id, other.id);
     }
 
@@ -208,8 +227,10 @@ mod tests {
 
     #[test]
     fn a_type_without_hash_is_refused() {
-        let qos = QosProfile::reliable(1);
-        let keys = node("/").endpoint(1, EndpointKind::Publisher, "/a", ("a/msg/A", "none"), &qos);
+        let qos = &QosProfile::reliable(1);
+        let (kind, type_name) = (EndpointKind::Publisher, "a/msg/A");
+        let endpoint = Endpoint { kind, name: "/a", type_name, hash: "none", qos };
+        let keys = node("/").endpoint(1, &endpoint);
         assert!(keys.unwrap_err().to_string().contains("a/msg/A has no type hash but none"));
     }
 }

@@ -17,14 +17,13 @@ use std::sync::{
     atomic::{AtomicUsize, Ordering},
 };
 
-use hiroz_protocol::EndpointKind;
 use zenoh::{Session, Wait, key_expr::KeyExpr, liveliness::LivelinessToken};
 
-pub use settings::{RouterCheck, ZenohSettings};
+pub use settings::{Override, Role, RouterCheck, ZenohSettings};
 
 use self::{
     graph::Graph,
-    keys::{EndpointKeys, NodeKeys},
+    keys::{Endpoint, EndpointKeys, NodeKeys},
     publication::ZenohPublication,
     service::{Requests, ZenohServer},
     subscription::ZenohSubscription,
@@ -33,7 +32,6 @@ use super::transport::{
     GraphTopic, NodeIdentity, OnArrival, OnRequest, Publication, Server, ServiceEndpoint,
     Subscription, TopicEndpoint, Transport, TransportError,
 };
-use crate::msg::qos::QosProfile;
 
 /// A node in the graph of a Zenoh network. The session ends with the last of this and its endpoints.
 pub struct ZenohTransport(Arc<Node>);
@@ -70,17 +68,11 @@ impl ZenohTransport {
 
 impl Node {
     /// Keys of the node's next endpoint.
-    fn next_keys(
-        &self,
-        kind: EndpointKind,
-        name: &str,
-        (type_name, hash): (&str, &str),
-        qos: &QosProfile,
-    ) -> Result<EndpointKeys, TransportError> {
+    fn next_keys(&self, endpoint: &Endpoint<'_>) -> Result<EndpointKeys, TransportError> {
         // The node itself has number 0.
         let id = self.num_endpoints.fetch_add(1, Ordering::Relaxed) + 1;
-        let keys = self.keys.endpoint(id, kind, name, (type_name, hash), qos);
-        keys.map_err(|error| endpoint_error(name, &error))
+        let keys = self.keys.endpoint(id, endpoint);
+        keys.map_err(|error| endpoint_error(endpoint.name, &error))
     }
 }
 

@@ -23,7 +23,7 @@ use super::{
     attachment::Attachment,
     declare_token, endpoint_error,
     graph::Side,
-    keys::{EndpointKeys, wire_qos},
+    keys::{Endpoint, EndpointKeys, wire_qos},
 };
 use crate::ros::transport::{Publication, TopicEndpoint, TransportError};
 
@@ -42,8 +42,7 @@ pub(super) struct ZenohPublication {
 
 impl ZenohPublication {
     pub(super) fn declare(node: &Arc<Node>, topic: &TopicEndpoint) -> Result<Self, TransportError> {
-        let kind = (topic.kind.name, topic.kind.hash);
-        let keys = node.next_keys(EndpointKind::Publisher, &topic.name, kind, &topic.qos)?;
+        let keys = node.next_keys(&Endpoint::of(topic, EndpointKind::Publisher))?;
         let refused = |error: zenoh::Error| endpoint_error(&topic.name, &error);
         let publisher = publisher(&node.session, keys.data.clone(), &wire_qos(&topic.qos));
         let publisher = publisher.map_err(refused)?;

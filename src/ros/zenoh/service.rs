@@ -19,7 +19,7 @@ use zenoh::{
 };
 
 use super::{
-    Node, attachment::Attachment, declare_token, endpoint_error, session::words,
+    Node, attachment::Attachment, declare_token, endpoint_error, keys::Endpoint, session::words,
     subscription::now_ns,
 };
 use crate::{
@@ -126,11 +126,17 @@ impl ZenohServer {
         endpoint: &ServiceEndpoint,
         on_request: OnRequest,
     ) -> Result<Self, TransportError> {
-        let kind = (endpoint.kind.name, endpoint.kind.hash);
-        let keys = node.next_keys(EndpointKind::Service, &endpoint.name, kind, &QOS)?;
-        let refused = |error: zenoh::Error| endpoint_error(&endpoint.name, &error);
+        let ServiceEndpoint { name, kind } = endpoint;
+        let keys = node.next_keys(&Endpoint {
+            kind: EndpointKind::Service,
+            name,
+            type_name: kind.name,
+            hash: kind.hash,
+            qos: &QOS,
+        })?;
+        let refused = |error: zenoh::Error| endpoint_error(name, &error);
         let service = Arc::new(Service {
-            name: endpoint.name.clone(),
+            name: name.clone(),
             key: keys.data.clone(),
             on_request: Mutex::new(Some(on_request)),
         });

@@ -5,7 +5,7 @@ use std::{thread, time::Duration};
 use tracing::{info, warn};
 use zenoh::{Config, Session, Wait};
 
-use super::settings::{RouterCheck, ZenohSettings, config_variable};
+use super::settings::{Role, RouterCheck, ZenohSettings, config_variable};
 use crate::ros::transport::TransportError;
 
 /// Key and JSON5 value.
@@ -32,7 +32,7 @@ const COMMON: Values = &[
     ("transport/link/rx/max_message_size", "268435456"),
 ];
 
-const PEER: Values = &[
+const NODE: Values = &[
     ("mode", "'peer'"),
     ("connect/endpoints", "['tcp/localhost:7447']"),
     ("connect/timeout_ms", "{ router: -1, peer: -1, client: 0 }"),
@@ -52,12 +52,15 @@ const ROUTER: Values = &[
     ("mode", "'router'"),
     ("connect/endpoints", "[]"),
     ("listen/endpoints", "['tcp/[::]:7447']"),
-    ("routing/router/peers_failover_brokering", "false"),
     ("transport/link/tx/queue/congestion_control/block/wait_before_close", "5000000"),
 ];
 
 /// Between two looks for a router.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
+
+/// What to do without a router.
+const START_ROUTER: &str = "start one (`--router` here, or `ros2 run rmw_zenoh_cpp rmw_zenohd`), or say where it is: \
+                            ZENOH_CONFIG_OVERRIDE='connect/endpoints=[\"tcp/192.168.1.1:7447\"]'";
 
 /// Opens a session; waits for a router as the settings say.
 ///
@@ -69,16 +72,19 @@ pub(super) fn open(settings: &ZenohSettings) -> Result<Session, TransportError> 
     let ports = config.get_json("listen/endpoints").unwrap_or_default();
     let session = zenoh::open(config).wait().map_err(|error| {
         let words = words(&error);
-        TransportError::Unreachable(if settings.is_router {
+        TransportError::Unreachable(if settings.role == Role::Router {
             format!(
                 "no Zenoh router can be opened on {ports}: {words}. Where another router has the port, leave --router \
                  out; or choose another port: ZENOH_CONFIG_OVERRIDE='listen/endpoints=[\"tcp/[::]:7448\"]'"
             )
         } else {
-            format!("no Zenoh session can be opened that listens on {ports} and connects to {peers}: {words}")
+            format!(
+                "no Zenoh session that connects to {peers} and listens on {ports} can be opened: {words}. Without a \
+                 router, {START_ROUTER}"
+            )
         })
     })?;
-    if !settings.is_router {
+    if settings.role == Role::Node {
         look_for_router(&session, settings.router_check, &peers);
     }
     Ok(session)
@@ -89,7 +95,7 @@ pub(super) fn open(settings: &ZenohSettings) -> Result<Session, TransportError> 
 /// # Errors
 /// The file or the override that Zenoh does not take, by name.
 fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
-    let variable = config_variable(settings.is_router);
+    let variable = config_variable(settings.role);
     let mut config = match &settings.config_file {
         Some(path) => Config::from_file(path).map_err(|error| {
             setting(
@@ -97,7 +103,7 @@ fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
                 format!("{} is no Zenoh configuration: {}", path.display(), words(&error)),
             )
         })?,
-        None => ros_config(settings.is_router)?,
+        None => ros_config(settings.role)?,
     };
     for pair in &settings.overrides {
         config.insert_json5(&pair.key, &pair.value).map_err(|error| {
@@ -109,7 +115,7 @@ fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
         })?;
     }
     let is_router = config.get_json("mode").is_ok_and(|mode| mode == "\"router\"");
-    if is_router != settings.is_router {
+    if is_router != (settings.role == Role::Router) {
         let reason = if is_router { "add --router" } else { "leave --router out" };
         return Err(setting(
             "mode",
@@ -119,9 +125,13 @@ fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
     Ok(config)
 }
 
-fn ros_config(is_router: bool) -> Result<Config, TransportError> {
+fn ros_config(role: Role) -> Result<Config, TransportError> {
+    let own = match role {
+        Role::Node => NODE,
+        Role::Router => ROUTER,
+    };
     let mut config = Config::default();
-    for (key, value) in COMMON.iter().chain(if is_router { ROUTER } else { PEER }) {
+    for (key, value) in COMMON.iter().chain(own) {
         config.insert_json5(key, value).map_err(|error| setting(key, words(&error)))?;
     }
     Ok(config)
@@ -144,9 +154,7 @@ fn look_for_router(session: &Session, check: RouterCheck, peers: &str) {
         }
         if attempt == 1 {
             warn!(
-                "no Zenoh router at {peers}: start one with --router or `ros2 run rmw_zenoh_cpp rmw_zenohd`, or say \
-                 where it is: ZENOH_CONFIG_OVERRIDE='connect/endpoints=[\"tcp/192.168.1.1:7447\"]'. Until it is \
-                 there, nothing arrives and nobody sees this node"
+                "no Zenoh router at {peers}: {START_ROUTER}. Until it is there, nothing arrives and nobody sees this node"
             );
         }
         if attempt < attempts {
@@ -168,8 +176,8 @@ mod tests {
     use super::*;
     use crate::ros::zenoh::settings::Override;
 
-    fn settings(is_router: bool, overrides: &[(&str, &str)]) -> ZenohSettings {
-        let plain = ZenohSettings::from_environment(&|_| None, is_router).unwrap();
+    fn settings(role: Role, overrides: &[(&str, &str)]) -> ZenohSettings {
+        let plain = ZenohSettings::from_environment(&|_| None, role).unwrap();
         let overrides = overrides.iter().map(|(key, value)| Override {
             variable: "ZENOH_CONFIG_OVERRIDE",
             key: (*key).to_owned(),
@@ -184,8 +192,8 @@ mod tests {
 
     #[test]
     fn every_default_is_taken() {
-        for (is_router, mode) in [(false, "\"peer\""), (true, "\"router\"")] {
-            let config = config(&settings(is_router, &[])).unwrap();
+        for (role, mode) in [(Role::Node, "\"peer\""), (Role::Router, "\"router\"")] {
+            let config = config(&settings(role, &[])).unwrap();
             let get = |key| config.get_json(key).unwrap();
             assert_eq!(get("mode"), mode);
             assert_eq!(get("scouting/multicast/enabled"), "false");
@@ -196,7 +204,7 @@ mod tests {
     #[test]
     fn overrides_stand_above() {
         let settings =
-            settings(false, &[("mode", "'client'"), ("connect/endpoints", "['tcp/a:1']")]);
+            settings(Role::Node, &[("mode", "'client'"), ("connect/endpoints", "['tcp/a:1']")]);
         let config = config(&settings).unwrap();
         assert_eq!(config.get_json("mode").unwrap(), "\"client\"");
         assert_eq!(config.get_json("connect/endpoints").unwrap(), "[\"tcp/a:1\"]");
@@ -205,7 +213,7 @@ mod tests {
     #[test]
     fn wrong_keys_and_values_are_named() {
         for (key, value) in [("no/such/key", "1"), ("mode", "'boss'"), ("connect/endpoints", "[")] {
-            let message = refusal(&settings(false, &[(key, value)]));
+            let message = refusal(&settings(Role::Node, &[(key, value)]));
             let start = format!(
                 "ZENOH_CONFIG_OVERRIDE: Zenoh's configuration does not take {key}={value}: "
             );
@@ -217,7 +225,7 @@ mod tests {
     fn files_take_the_place_of_the_defaults() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("session.json5");
-        let mut settings = settings(false, &[]);
+        let mut settings = settings(Role::Node, &[]);
         settings.config_file = Some(path.clone());
         assert!(refusal(&settings).starts_with("ZENOH_SESSION_CONFIG_URI: "));
         fs::write(&path, "{ mode: 'client', /* rmw's is 10 min */ queries_default_timeout: 5 }")
@@ -232,10 +240,20 @@ mod tests {
 
     #[test]
     fn router_or_not_is_said_once() {
-        let message = refusal(&settings(true, &[("mode", "'client'")]));
+        let message = refusal(&settings(Role::Router, &[("mode", "'client'")]));
         assert!(message.contains("leave --router out"), "{message}");
-        let message = refusal(&settings(false, &[("mode", "'router'")]));
+        let message = refusal(&settings(Role::Node, &[("mode", "'router'")]));
         assert!(message.contains("add --router"), "{message}");
+    }
+
+    #[test]
+    fn a_client_without_router_is_told_what_to_do() {
+        let mode = ("mode", "'client'");
+        // Port 9 discards, where there is anything at all.
+        let settings = settings(Role::Node, &[mode, ("connect/endpoints", "['tcp/127.0.0.1:9']")]);
+        let message = open(&settings).err().unwrap().to_string();
+        assert!(message.contains("connects to [\"tcp/127.0.0.1:9\"]"), "{message}");
+        assert!(message.contains("start one (`--router` here"), "{message}");
     }
 
     #[test]

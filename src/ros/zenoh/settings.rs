@@ -9,8 +9,8 @@ use crate::ros::transport::TransportError;
 pub struct ZenohSettings {
     /// `ROS_DOMAIN_ID`.
     pub domain_id: u32,
-    /// Whether the session is its network's router.
-    pub is_router: bool,
+    /// What the session is to its network.
+    pub role: Role,
     /// Zenoh's configuration in place of ROS's own, JSON5 or YAML: `ZENOH_SESSION_CONFIG_URI`, for a router
     /// `ZENOH_ROUTER_CONFIG_URI`.
     pub config_file: Option<PathBuf>,
@@ -18,6 +18,15 @@ pub struct ZenohSettings {
     pub overrides: Vec<Override>,
     /// `ZENOH_ROUTER_CHECK_ATTEMPTS`.
     pub router_check: RouterCheck,
+}
+
+/// What a session is to its network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// It joins a router.
+    Node,
+    /// It is the router: `--router`.
+    Router,
 }
 
 /// One value of Zenoh's configuration.
@@ -51,10 +60,10 @@ impl ZenohSettings {
     /// A variable that cannot be understood, by its name.
     pub fn from_environment(
         variable: &dyn Fn(&str) -> Option<String>,
-        is_router: bool,
+        role: Role,
     ) -> Result<Self, TransportError> {
         let variable = |name: &str| variable(name).filter(|value| !value.trim().is_empty());
-        let config_variable = config_variable(is_router);
+        let config_variable = config_variable(role);
         let mut overrides = Vec::new();
         let pool = "transport/shared_memory/transport_optimization/";
         for (name, key) in [
@@ -72,7 +81,7 @@ impl ZenohSettings {
         let attempts = variable("ZENOH_ROUTER_CHECK_ATTEMPTS");
         Ok(Self {
             domain_id: domain.transpose()?.unwrap_or(0),
-            is_router,
+            role,
             config_file: variable(config_variable).map(PathBuf::from),
             overrides,
             router_check: attempts
@@ -82,8 +91,11 @@ impl ZenohSettings {
 }
 
 /// The variable that names the configuration file.
-pub(super) const fn config_variable(is_router: bool) -> &'static str {
-    if is_router { "ZENOH_ROUTER_CONFIG_URI" } else { "ZENOH_SESSION_CONFIG_URI" }
+pub(super) const fn config_variable(role: Role) -> &'static str {
+    match role {
+        Role::Node => "ZENOH_SESSION_CONFIG_URI",
+        Role::Router => "ZENOH_ROUTER_CONFIG_URI",
+    }
 }
 
 fn attempts_of(text: &str) -> Result<RouterCheck, TransportError> {
@@ -96,7 +108,8 @@ fn attempts_of(text: &str) -> Result<RouterCheck, TransportError> {
 }
 
 fn number<T: FromStr>(setting: &str, text: &str, right: &str) -> Result<T, TransportError> {
-    text.trim().parse().map_err(|_| wrong(setting, format!("{text:?} is not {right}")))
+    let number = text.trim().parse().ok();
+    number.ok_or_else(|| wrong(setting, format!("{text:?} is not {right}")))
 }
 
 fn wrong(setting: &str, reason: impl Display) -> TransportError {
@@ -136,14 +149,14 @@ mod tests {
             let found = variables.iter().find(|(key, _)| *key == name);
             found.map(|(_, value)| (*value).to_owned())
         };
-        ZenohSettings::from_environment(&variable, false).map_err(|error| error.to_string())
+        ZenohSettings::from_environment(&variable, Role::Node).map_err(|error| error.to_string())
     }
 
     #[test]
     fn an_empty_environment_is_ros_itself() {
         let plain = ZenohSettings {
             domain_id: 0,
-            is_router: false,
+            role: Role::Node,
             config_file: None,
             overrides: Vec::new(),
             router_check: RouterCheck::Attempts(1),
@@ -155,10 +168,10 @@ mod tests {
     #[test]
     fn each_role_has_its_file() {
         let variable = |name: &str| Some(name.to_owned()).filter(|name| name.ends_with("_URI"));
-        for (is_router, name) in
-            [(false, "ZENOH_SESSION_CONFIG_URI"), (true, "ZENOH_ROUTER_CONFIG_URI")]
+        for (role, name) in
+            [(Role::Node, "ZENOH_SESSION_CONFIG_URI"), (Role::Router, "ZENOH_ROUTER_CONFIG_URI")]
         {
-            let settings = ZenohSettings::from_environment(&variable, is_router).unwrap();
+            let settings = ZenohSettings::from_environment(&variable, role).unwrap();
             assert_eq!(settings.config_file, Some(PathBuf::from(name)));
         }
     }

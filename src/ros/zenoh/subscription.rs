@@ -20,7 +20,7 @@ use super::{
     attachment::Attachment,
     declare_token, endpoint_error,
     graph::Side,
-    keys::{has_buffer, wire_qos},
+    keys::{Endpoint, has_buffer, wire_qos},
     publication::kept_samples,
 };
 use crate::ros::transport::{
@@ -47,8 +47,7 @@ impl ZenohSubscription {
         limit_bytes: usize,
         on_arrival: OnArrival,
     ) -> Result<Self, TransportError> {
-        let kind = (topic.kind.name, topic.kind.hash);
-        let mut keys = node.next_keys(EndpointKind::Subscription, &topic.name, kind, &topic.qos)?;
+        let mut keys = node.next_keys(&Endpoint::of(topic, EndpointKind::Subscription))?;
         let refused = |error: zenoh::Error| endpoint_error(&topic.name, &error);
         let qos = wire_qos(&topic.qos);
         let intake = Intake { on_arrival: Arc::new(Mutex::new(Some(on_arrival))), limit_bytes };

@@ -21,6 +21,7 @@ fn placed(profile: &Profile, frame_number: u64, frames_missing: u32) -> Placed<'
     let index = FrameIndex { frame_number, frames_missing, frames_rejected: 0 };
     Placed {
         profile,
+        image_px: (64, 32),
         stamp_ns: frame_number as i64,
         position_m: frame_number as f64 * 0.001,
         index,

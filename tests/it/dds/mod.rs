@@ -9,5 +9,6 @@ mod services;
 mod graph;
 mod discovery;
 mod volume;
+mod process;
 mod load;
 mod bad_input;

@@ -11,4 +11,5 @@ mod graph;
 mod router;
 mod loss;
 mod volume;
+mod process;
 mod sdk;

@@ -19,7 +19,7 @@ use laser_profiler::{
     },
     ros::{
         transport::{Arrival, Fault, NodeIdentity, Subscription, TopicEndpoint, Transport},
-        zenoh::{ZenohSettings, ZenohTransport},
+        zenoh::{Role, ZenohSettings, ZenohTransport},
     },
 };
 
@@ -62,8 +62,8 @@ impl Network {
     }
 
     /// As the environment would say, with more values for `ZENOH_CONFIG_OVERRIDE`.
-    pub(super) fn settings(&self, is_router: bool, overrides: &str) -> ZenohSettings {
-        let key = if is_router { "listen" } else { "connect" };
+    pub(super) fn settings(&self, role: Role, overrides: &str) -> ZenohSettings {
+        let key = if role == Role::Router { "listen" } else { "connect" };
         let variable = |name: &str| match name {
             "ROS_DOMAIN_ID" => Some(self.domain.clone()),
             "ZENOH_CONFIG_OVERRIDE" => {
@@ -71,12 +71,12 @@ impl Network {
             }
             _ => None,
         };
-        ZenohSettings::from_environment(&variable, is_router).unwrap()
+        ZenohSettings::from_environment(&variable, role).unwrap()
     }
 
     /// A node of ours.
     pub(super) fn node(&self) -> ZenohTransport {
-        open(&self.settings(false, ""))
+        open(&self.settings(Role::Node, ""))
     }
 
     /// A command of `zenoh_peer.py` or, for `send` and `receive`, of `zenoh_images.py`.

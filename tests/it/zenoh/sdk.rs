@@ -1,4 +1,6 @@
-//! `zenoh-ros2-sdk`, which others wrote from rmw_zenoh's rules.
+//! `zenoh-ros2-sdk`, which others wrote from `rmw_zenoh`'s rules.
+
+use std::sync::Arc;
 
 use laser_profiler::{
     msg::{cdr, qos::QosProfile, schema::Message, sensor_msgs::Image},
@@ -54,8 +56,15 @@ fn our_images_arrive_there() {
     };
     let mut bytes = Vec::new();
     cdr::encode(&image, &mut bytes).unwrap();
-    publication.publish(&bytes.into(), 5).unwrap();
-    let message = subscriber.event("message");
+    let bytes: Arc<[u8]> = bytes.into();
+    // It says that it is there before it subscribes.
+    let mut message = None;
+    wait_until("a message", || {
+        publication.publish(&bytes, 5).unwrap();
+        message = subscriber.try_event();
+        message.is_some()
+    });
+    let message = message.unwrap();
     assert_eq!((&message["width"], &message["encoding"]), (&3.into(), &"mono8".into()));
     assert_eq!(message["data"], "090807");
 }

@@ -1,0 +1,13 @@
+//! The live node as its network sees it: over a middleware inside the process.
+
+mod cameras;
+mod lifecycle;
+mod network;
+mod parameters;
+mod recordings;
+mod replayed;
+mod rig;
+mod scans;
+mod stream;
+
+use rig::Heard;

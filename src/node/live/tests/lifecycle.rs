@@ -1,0 +1,125 @@
+//! The node's life, as a manager leads it.
+
+use super::{
+    rig::{Rig, Setup, text},
+    stream::counts,
+};
+use crate::{
+    msg::{
+        laser_profiler_msgs::{Profile, SliceInfo, StreamStatus},
+        lifecycle_msgs::TransitionEvent,
+        schema::Message,
+    },
+    ros::value::Value,
+};
+
+fn waiting() -> Rig {
+    Setup::new().with("autostart", Value::Bool(false)).start().unwrap()
+}
+
+#[test]
+fn a_node_without_autostart_waits_for_its_manager() {
+    let rig = waiting();
+    let (events, _subscription) =
+        rig.listen("/laser_profiler/transition_event", TransitionEvent::TYPE);
+    let mut camera = rig.camera();
+    camera.shoot();
+    assert!(rig.change_state("configure"));
+    camera.shoot();
+    assert!(rig.change_state("activate"));
+    camera.shoot();
+    rig.results("centerline", 1);
+    assert!(rig.change_state("shutdown"));
+    let labels: Vec<_> = events
+        .heard("/laser_profiler/transition_event")
+        .iter()
+        .map(|event| event.decode::<TransitionEvent<'_>>().goal_state.label.into_owned())
+        .collect();
+    let expected = ["configuring", "inactive", "activating", "active", "shuttingdown", "finalized"];
+    assert_eq!(labels, expected);
+    // Shut down from outside, the program ends by itself.
+    assert_eq!(counts(rig.ended()).received, 1, "what came before was for nobody");
+}
+
+#[test]
+fn an_inactive_node_is_silent_and_goes_on_with_another_session() {
+    let rig = Rig::start();
+    let mut camera = rig.camera();
+    for number in 1..=3 {
+        camera.shoot();
+        rig.results("centerline", number);
+    }
+    assert!(rig.change_state("deactivate"));
+    let infos = rig.results("slice_info", 1);
+    assert!(infos[0].decode::<SliceInfo<'_>>().last_slice, "the scan has ended");
+    rig.results("height_map", 1);
+    camera.shoot_times(5);
+    assert!(rig.change_state("activate"));
+    // Older than before: another session.
+    camera.at_ms = 0;
+    camera.shoot();
+    rig.results("centerline", 4);
+    let ear = rig.ear.clone();
+    let counts = counts(rig.end());
+    assert_eq!((counts.received, counts.processed, counts.lost()), (4, 4, 0));
+    let infos = ear.heard("/laser_profiler/slice_info");
+    assert_eq!(infos.len(), 2);
+    assert!(infos[1].decode::<SliceInfo<'_>>().frames_missing == 0, "nobody missed them");
+    let statuses = ear.heard("/laser_profiler/stream_status");
+    let last: StreamStatus<'_> = statuses.last().unwrap().decode();
+    assert_eq!(last.frames_received, 4, "counters go on");
+}
+
+#[test]
+fn what_waits_is_measured_before_the_node_is_inactive() {
+    let rig = Rig::start();
+    let mut camera = rig.camera();
+    for round in 1..=20 {
+        camera.shoot_times(3);
+        assert!(rig.change_state("deactivate"));
+        // The scan's end is sent behind the last frame, and before the answer.
+        rig.results("centerline", round * 3);
+        assert_eq!(rig.results("height_map", round).len(), round);
+        assert!(rig.change_state("activate"));
+    }
+    assert_eq!(counts(rig.end()).processed, 60);
+}
+
+#[test]
+fn another_calibration_is_taken_between_cleanup_and_configure() {
+    let rig = Rig::start();
+    let mut camera = rig.camera();
+    camera.shoot();
+    rig.results("profile", 1);
+    let other = rig.place.path().join("other.yaml");
+    let calibration = super::rig::CALIBRATION.replace("frame_id: laser", "frame_id: other");
+    std::fs::write(&other, calibration).unwrap();
+    let name = text(other.to_str().unwrap());
+    let refused = rig.set("calibration_file", &name).unwrap_err();
+    assert!(refused.contains("calibration_file") && refused.contains("clean it up"), "{refused}");
+    assert!(rig.set("image_transport", &text("compressed")).is_err());
+    assert!(rig.set("max_frame_bytes", &Value::Integer(1 << 28)).is_err());
+    assert!(rig.change_state("deactivate") && rig.change_state("cleanup"));
+    rig.set("calibration_file", &name).unwrap();
+    assert!(rig.change_state("configure") && rig.change_state("activate"));
+    camera.shoot();
+    let profiles = rig.results("profile", 2);
+    assert_eq!(profiles[1].decode::<Profile<'_>>().header.frame_id, "other");
+    assert_eq!(counts(rig.end()).processed, 2, "one summary of both sessions");
+}
+
+#[test]
+fn a_missing_calibration_leaves_the_node_unconfigured() {
+    let rig = waiting();
+    rig.set("calibration_file", &text("/missing/c.yaml")).unwrap();
+    assert!(!rig.change_state("configure"));
+    assert!(!rig.change_state("activate"), "still unconfigured");
+    let good = rig.place.path().join("c.yaml");
+    rig.set("calibration_file", &text(good.to_str().unwrap())).unwrap();
+    assert!(rig.change_state("configure"), "mended");
+    assert_eq!(counts(rig.end()).received, 0);
+
+    let started = Setup::new().with("calibration_file", text("/missing/c.yaml")).start();
+    let error = started.err().unwrap().to_string();
+    assert!(error.contains("/missing/c.yaml") && error.contains("unconfigured"), "{error}");
+}

@@ -1,0 +1,188 @@
+//! What else the network knows of the node: time, frames, log, quality of service.
+
+use std::sync::Arc;
+
+use tracing::subscriber::with_default;
+use tracing_subscriber::{layer::SubscriberExt, registry};
+
+use super::{
+    Heard,
+    rig::{Rig, START_NS, Setup, encoded, text, wait_until},
+};
+use crate::{
+    msg::{
+        builtin_interfaces::Time,
+        diagnostic_msgs::DiagnosticArray,
+        laser_profiler_msgs::{SliceInfo, StreamStatus},
+        qos::{Durability, QosProfile, Reliability},
+        rosgraph_msgs::Clock,
+        rosout::Log,
+        schema::Message,
+        sensor_msgs::{CameraInfo, Image},
+        std_msgs::Header,
+        tf2_msgs::TFMessage,
+    },
+    node::rosout,
+    ros::{
+        transport::{Publication, TopicEndpoint, Transport},
+        value::Value,
+    },
+};
+
+fn publisher<M: Message>(rig: &Rig, name: &str) -> Box<dyn Publication> {
+    let endpoint =
+        TopicEndpoint { name: name.into(), kind: M::TYPE, qos: QosProfile::reliable(10) };
+    rig.network.advertise(&endpoint).unwrap()
+}
+
+fn send(publication: &mut dyn Publication, message: &impl Message) {
+    publication.publish(&Arc::from(encoded(message)), 0).unwrap();
+}
+
+#[test]
+fn a_clock_that_steps_back_begins_another_session() {
+    let rig = Setup::new().with("use_sim_time", Value::Bool(true)).start().unwrap();
+    let mut clock = publisher::<Clock>(&rig, "/clock");
+    let mut tell = |ns| send(&mut *clock, &Clock { clock: Time::from_ns(ns) });
+    let status_at = |rig: &Rig, ns: i64| {
+        rig.ear.wait_until("a status of that time", "/laser_profiler/stream_status", |heard| {
+            let status: StreamStatus<'_> = heard.decode();
+            (status.header.stamp.to_ns() == ns).then_some(status.session_id.uuid)
+        })
+    };
+    let mut camera = rig.camera();
+    tell(START_NS + 100);
+    camera.shoot_times(2);
+    rig.results("centerline", 2);
+    let first = status_at(&rig, START_NS + 100);
+    tell(START_NS + 50);
+    rig.results("height_map", 1);
+    let second = status_at(&rig, START_NS + 50);
+    assert_ne!(first, second);
+    // The simulation begins anew: what would be late is not.
+    camera.at_ms = 0;
+    camera.shoot();
+    rig.results("centerline", 3);
+    let ear = rig.ear.clone();
+    let counts = super::stream::counts(rig.end());
+    assert_eq!((counts.processed, counts.rejected()), (3, 0));
+    let infos = ear.heard("/laser_profiler/slice_info");
+    let infos: Vec<SliceInfo<'_>> = infos.iter().map(Heard::decode).collect();
+    assert_eq!(infos.len(), 2);
+    assert_ne!(infos[0].scan_id, infos[1].scan_id);
+}
+
+#[test]
+fn the_laser_plane_is_placed_once_and_again_when_it_turns() {
+    let rig = Rig::start();
+    let mut camera = rig.camera();
+    camera.shoot_times(3);
+    rig.results("centerline", 3);
+    // Latched: who comes late hears it, too.
+    let (ear, _subscription) = rig.listen("/tf_static", TFMessage::TYPE);
+    let heard = ear.wait_for("/tf_static", 1);
+    let message: TFMessage<'_> = heard[0].decode();
+    let [transform] = message.transforms.as_slice() else { panic!("{message:?}") };
+    assert_eq!((&*transform.header.frame_id, &*transform.child_frame_id), ("optical", "laser"));
+    camera.shoot();
+    rig.results("centerline", 4);
+    assert_eq!(ear.heard("/tf_static").len(), 1);
+    rig.set("stripe_direction", &text("vertical")).unwrap();
+    camera.shoot();
+    let heard = ear.wait_for("/tf_static", 2);
+    let turned: TFMessage<'_> = heard[1].decode();
+    assert_ne!(turned.transforms[0].transform, transform.transform);
+    rig.end();
+}
+
+#[test]
+fn a_camera_info_of_another_size_is_told_whichever_comes_first() {
+    for info_first in [true, false] {
+        let rig = Rig::start();
+        let mut camera = rig.camera();
+        let mut infos = publisher::<CameraInfo<'_>>(&rig, "/camera_info");
+        let mut describe = |ms: i64| {
+            let stamp = Time::from_ns(START_NS + ms * 1_000_000);
+            let header = Header { stamp, frame_id: "optical".into() };
+            let info = CameraInfo { header, width: 640, height: 480, ..CameraInfo::default() };
+            send(&mut *infos, &info);
+        };
+        if info_first {
+            describe(10);
+        }
+        camera.shoot();
+        rig.results("centerline", 1);
+        if !info_first {
+            describe(10);
+        }
+        rig.ear.wait_until("the conflict is told", "/diagnostics", |heard| {
+            let diagnostics: DiagnosticArray<'_> = heard.decode();
+            let message = &diagnostics.status[0].message;
+            message.contains("camera_info describes images of 640 x 480").then_some(())
+        });
+        rig.end();
+    }
+}
+
+#[test]
+fn log_lines_are_on_rosout() {
+    let (layer, slot) = rosout::layer();
+    let mut setup = Setup::new();
+    setup.slot = slot;
+    with_default(registry().with(layer), || {
+        let rig = setup.start().unwrap();
+        let (ear, _subscription) = rig.listen("/rosout", Log::TYPE);
+        // Told on the thread that calls the service.
+        assert!(!rig.change_state("configure"));
+        ear.wait("the refusal", |heard| {
+            heard.iter().any(|line| {
+                let line: Log<'_> = line.decode();
+                line.name == "laser_profiler" && line.msg.contains("cannot begin")
+            })
+        });
+        rig.end();
+    });
+}
+
+#[test]
+fn quality_of_service_follows_the_overrides() {
+    let rig = Setup::new()
+        .with("qos_overrides./image_raw.subscription.reliability", text("reliable"))
+        .with("qos_overrides./image_raw.subscription.depth", Value::Integer(17))
+        .with("qos_overrides./laser_profiler/centerline.publisher.reliability", text("best_effort"))
+        .start()
+        .unwrap();
+    let [images] = rig.network.qos("/image_raw")[..] else { panic!() };
+    assert_eq!((images.reliability, images.depth), (Reliability::Reliable, 17));
+    let [info] = rig.network.qos("/camera_info")[..] else { panic!() };
+    assert_eq!(info.reliability, Reliability::BestEffort, "so that it matches every publisher");
+    let lines = rig.network.qos("/laser_profiler/centerline");
+    assert!(lines.iter().any(|qos| qos.reliability == Reliability::BestEffort), "{lines:?}");
+    let maps = rig.network.qos("/laser_profiler/height_map");
+    assert!(maps.iter().all(|qos| qos.durability == Durability::TransientLocal));
+    rig.end();
+}
+
+#[test]
+fn who_publishes_the_images_is_told() {
+    let rig = Rig::start();
+    let says = |rig: &Rig, text: &str| {
+        rig.ear.wait_until(text, "/diagnostics", |heard| {
+            let diagnostics: DiagnosticArray<'_> = heard.decode();
+            diagnostics.status[0].message.contains(text).then_some(())
+        });
+    };
+    says(&rig, "nobody publishes /image_raw");
+    let _first = publisher::<Image<'_>>(&rig, "/image_raw");
+    says(&rig, "every frame measured");
+    let second = publisher::<Image<'_>>(&rig, "/image_raw");
+    says(&rig, "2 publishers on /image_raw");
+    drop(second);
+    let network = rig.network.clone();
+    rig.end();
+    // Nothing of the node is left.
+    wait_until("the graph is empty", || {
+        network.topics().iter().all(|topic| topic.num_publishers == 0 || topic.name == "/image_raw")
+    });
+    assert!(network.services().is_empty());
+}

@@ -1,0 +1,158 @@
+//! Parameters that change between two frames.
+
+use std::thread;
+
+use super::{
+    Heard,
+    rig::{Rig, Setup, set, text},
+    stream::counts,
+};
+use crate::{
+    bag::{BagReader, ReadOptions},
+    msg::{
+        laser_profiler_msgs::{Centerline, SliceInfo},
+        sensor_msgs::PointCloud2,
+    },
+    node::stop::Stop,
+    ros::{loopback::Loopback, value::Value},
+};
+
+#[test]
+fn a_change_counts_from_the_next_frame_on_and_a_refused_one_never() {
+    let rig = Rig::start();
+    let mut camera = rig.camera();
+    let mut methods = Vec::new();
+    let mut shoot = |rig: &Rig| {
+        camera.shoot();
+        let lines = rig.results("centerline", methods.len() + 1);
+        let line: Centerline<'_> = lines.last().unwrap().decode();
+        methods.push((line.method.into_owned(), line.roi.x_offset, line.u.len()));
+    };
+    shoot(&rig);
+    for (name, value) in [
+        ("extraction.method", text("gray_gravity")),
+        ("extraction.segment_threshold", Value::Float(30.0)),
+    ] {
+        rig.set(name, &value).unwrap();
+        shoot(&rig);
+    }
+    for (name, value) in [
+        ("extraction.method", text("magic")),
+        ("extraction.segment_threshold", Value::Float(1e6)),
+        ("motion.velocity", Value::Float(0.1)),
+        ("cameras", text("left")),
+        ("nothing", Value::Bool(true)),
+    ] {
+        let reason = rig.set(name, &value).unwrap_err();
+        assert!(reason.contains(name), "{reason}");
+    }
+    shoot(&rig);
+    assert_eq!(rig.ear.heard("/laser_profiler/slice_info").len(), 0, "one scan until now");
+    rig.set("roi.x_offset", &Value::Integer(8)).unwrap();
+    shoot(&rig);
+    rig.results("height_map", 1);
+    rig.set("motion.step", &Value::Float(0.002)).unwrap();
+    rig.set("slice.profiles", &Value::Integer(2)).unwrap();
+    for _ in 0..3 {
+        shoot(&rig);
+    }
+    let ear = rig.ear.clone();
+    assert_eq!(counts(rig.end()).processed, 8);
+    let names: Vec<_> =
+        methods.iter().map(|(method, ..)| method.split('/').next().unwrap()).collect();
+    assert_eq!(names[..3], ["improved_gravity", "gray_gravity", "gray_gravity"]);
+    let methods: Vec<_> = methods.iter().map(|(method, x, num)| (method, *x, *num)).collect();
+    assert!(methods[1] != methods[2] && methods[2] == methods[3], "the hash tells");
+    assert_eq!([methods[3].1, methods[4].1], [0, 8]);
+    assert_eq!([methods[3].2, methods[4].2], [64, 56]);
+    let infos = ear.heard("/laser_profiler/slice_info");
+    let slices: Vec<_> = infos
+        .iter()
+        .map(Heard::decode::<SliceInfo<'_>>)
+        .map(|info| (info.first_frame, info.last_frame, (info.last_position * 1e3).round() as i32))
+        .collect();
+    // Neither another region nor another step is mixed into a scan.
+    assert_eq!(slices, [(0, 3, 3), (4, 4, 0), (5, 6, 2), (7, 7, 4)]);
+}
+
+#[test]
+fn ten_thousand_sets_cost_no_frame_and_the_last_one_counts() {
+    let rig = Rig::start();
+    let mut camera = rig.camera();
+    let done = Stop::default();
+    let num_frames = thread::scope(|scope| {
+        let (network, is_done) = (rig.network.clone(), done.clone());
+        scope.spawn(move || {
+            hammer(&network);
+            is_done.raise();
+        });
+        let mut num_frames = 0;
+        while !done.is_raised() || num_frames < 10 {
+            camera.shoot();
+            num_frames += 1;
+            rig.ear.wait_for("/laser_profiler/centerline", num_frames);
+        }
+        num_frames
+    });
+    camera.shoot();
+    let lines = rig.results("centerline", num_frames + 1);
+    let line: Centerline<'_> = lines.last().unwrap().decode();
+    let mut last = Setup::new();
+    last.set("extraction.segment_threshold", Value::Float(threshold(9999)));
+    let expected = last.values.camera_sha256("");
+    assert_eq!(line.method, format!("improved_gravity/{}", &expected[..8]));
+    let counts = counts(rig.end());
+    assert_eq!((counts.processed, counts.dropped_overload), (num_frames as u64 + 1, 0));
+}
+
+fn threshold(number: i32) -> f64 {
+    20.0 + f64::from(number) / 1000.0
+}
+
+/// Ten thousand changes, half of them wrong.
+fn hammer(network: &Loopback) {
+    for number in 0..10_000 {
+        let is_right = number % 2 == 1;
+        let value = if is_right { threshold(number) } else { -1.0 };
+        let done = set(network, "extraction.segment_threshold", &Value::Float(value));
+        assert_eq!(done.is_ok(), is_right, "{done:?}");
+    }
+}
+
+#[test]
+fn what_the_middleware_carries_limits_slices_and_stands_in_the_bag() {
+    let mut setup = Setup::new().with("recording.enabled", Value::Bool(true));
+    // Three profiles of 64 points of 16 bytes, and what is around them.
+    setup.network = Loopback::carrying(3 * 64 * 16 + 400);
+    let rig = setup.start().unwrap();
+    let mut camera = rig.camera();
+    for number in 1..=8 {
+        camera.shoot();
+        rig.results("centerline", number);
+    }
+    rig.set("points.max_bytes", &Value::Integer(64 * 16 + 400)).unwrap();
+    for number in 9..=10 {
+        camera.shoot();
+        rig.results("centerline", number);
+    }
+    let (ear, place) = (rig.ear.clone(), rig.place.path().join("bags"));
+    let directory = std::fs::read_dir(place).unwrap().next().unwrap().unwrap().path();
+    let parameters = |bag: &BagReader| -> Vec<String> {
+        let records = bag.metadata().map(Result::unwrap);
+        let own = records.filter(|record| record.name == "laser_profiler");
+        own.map(|record| record.entries["parameters"].clone()).collect()
+    };
+    super::rig::wait_until("the change stands in the bag", || {
+        parameters(&BagReader::open(&directory, &ReadOptions::default()).unwrap()).len() == 2
+    });
+    let (_, _place) = rig.end_and_keep();
+    let heights: Vec<_> = ear
+        .heard("/laser_profiler/points")
+        .iter()
+        .map(|cloud| cloud.decode::<PointCloud2<'_>>().height)
+        .collect();
+    assert_eq!(heights, [3, 3, 2, 1, 1]);
+    let told = parameters(&BagReader::open(&directory, &ReadOptions::default()).unwrap());
+    assert!(told[0].contains("points.max_bytes: 3472"), "{}", told[0]);
+    assert!(told[1].contains("points.max_bytes: 1424"), "{}", told[1]);
+}

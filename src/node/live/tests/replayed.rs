@@ -1,0 +1,99 @@
+//! Live equals replay: what was published for a stream is what a replay makes of its recording.
+
+use std::fs;
+
+use super::{
+    recordings::{bags, messages, open},
+    rig::{MS, Picture, START_NS, Setup},
+    stream::counts,
+};
+use crate::{
+    node::{
+        replay::{Replay, ReplayRequest},
+        stop::Stop,
+    },
+    ros::{arguments::RosArguments, transport::Fault, value::Value},
+};
+
+const TOPICS: [&str; 7] =
+    ["centerline", "annotations", "profile", "points", "points_dense", "slice_info", "height_map"];
+
+#[test]
+fn what_was_published_is_what_a_replay_of_the_recording_gives() {
+    let setup = Setup::new()
+        .with("recording.enabled", Value::Bool(true))
+        .with("recording.images", Value::Bool(true))
+        .with("extraction.segment_threshold", Value::Float(30.5));
+    let rig = setup.start().unwrap();
+    let mut camera = rig.camera();
+    let mut num_measured = 0;
+    for number in 0..40 {
+        camera.picture.row = 8 + number % 7;
+        camera.picture.height = if number < 30 { 32 } else { 36 };
+        match number {
+            // Lost, malformed, twice, and from another publisher.
+            9 => camera.sequence += 3,
+            14 => camera.send(Picture::default().message(START_NS)[..500].to_vec()),
+            19 => camera.send(camera.picture.message(START_NS + camera.at_ms * MS)),
+            25 => camera.publisher = [8; 16],
+            _ => {}
+        }
+        camera.shoot();
+        num_measured += 1;
+        rig.results("centerline", num_measured);
+    }
+    let ear = rig.ear.clone();
+    let (summaries, place) = rig.end_and_keep();
+    let live = counts(summaries);
+    assert_eq!((live.processed, live.rejected(), live.dropped_overload), (40, 2, 0));
+
+    let [results, images] = <[_; 2]>::try_from(bags(place.path())).unwrap();
+    let replayed = place.path().join("replayed");
+    let from = place.path().join("from_the_bag");
+    fs::create_dir(&from).unwrap();
+    let bag = open(&results);
+    let attached = bag.attachments().next().unwrap().unwrap();
+    fs::write(from.join("c.yaml"), &*attached.data).unwrap();
+    let records = bag.metadata().map(Result::unwrap);
+    let described = records.filter(|record| record.name == "laser_profiler").last().unwrap();
+    fs::write(from.join("params.yaml"), &described.entries["parameters"]).unwrap();
+    let ros =
+        RosArguments { parameter_files: vec![from.join("params.yaml")], ..RosArguments::default() };
+    let output = replayed.clone();
+    let request = ReplayRequest { bags: vec![images], output, ros, ..ReplayRequest::default() };
+    let summary = Replay::prepare(request).unwrap().run(&Stop::default(), &mut |_| {}).unwrap();
+    assert_eq!((summary.counts.processed, summary.counts.lost()), (40, live.lost()));
+
+    let (recorded, replayed) = (messages(&results), messages(&replayed));
+    for name in TOPICS {
+        let topic = format!("/laser_profiler/{name}");
+        let of = |bag: &std::collections::BTreeMap<_, Vec<crate::bag::RawMessage>>| -> Vec<_> {
+            bag[&topic].iter().map(|m| (m.log_time_ns, m.sequence, m.data.clone())).collect()
+        };
+        let (live, again) = (of(&recorded), of(&replayed));
+        assert!(live.len() >= 2 && live == again, "{name}: {} and {}", live.len(), again.len());
+        let heard = ear.heard(&topic);
+        assert!(heard.iter().map(|m| &m.data).eq(again.iter().map(|(_, _, data)| data)), "{name}");
+    }
+}
+
+/// A fault has no bytes to record: the replay knows only that something is missing.
+#[test]
+fn after_a_fault_of_the_middleware_the_measurements_are_the_same() {
+    let setup = Setup::new()
+        .with("recording.enabled", Value::Bool(true))
+        .with("recording.images", Value::Bool(true));
+    let rig = setup.start().unwrap();
+    let mut camera = rig.camera();
+    camera.shoot_times(2);
+    camera.sequence += 1;
+    camera.deliver(Err(Fault::TooLarge { bytes: 1 << 40, limit_bytes: 1 << 26 }));
+    camera.shoot();
+    rig.results("centerline", 3);
+    let (summaries, place) = rig.end_and_keep();
+    let live = counts(summaries);
+    assert_eq!((live.malformed, live.lost()), (1, 0));
+    let images = messages(&bags(place.path())[1]);
+    let sequences: Vec<_> = images["/image_raw"].iter().map(|image| image.sequence).collect();
+    assert_eq!(sequences, [1, 2, 4], "the gap shows");
+}

@@ -1,0 +1,118 @@
+//! Scans that people and machines ask for.
+
+use super::{
+    rig::{Rig, Setup, text},
+    stream::counts,
+};
+use crate::{
+    msg::{laser_profiler_msgs::SliceInfo, sensor_msgs::Image},
+    ros::value::Value,
+};
+
+/// What the last slice of the only camera says: identity, part, first and last frame, whether its scan ends with it.
+fn last_slice(rig: &Rig, num: usize) -> ([u8; 16], String, u64, u64, bool) {
+    let infos = rig.results("slice_info", num);
+    assert_eq!(infos.len(), num);
+    let info: SliceInfo<'_> = infos[num - 1].decode();
+    let part = info.part_id.into_owned();
+    (info.scan_id.uuid, part, info.first_frame, info.last_frame, info.last_slice)
+}
+
+#[test]
+fn a_scan_of_a_length_ends_with_its_height_map() {
+    let rig = Rig::start();
+    let mut camera = rig.camera();
+    camera.shoot_times(2);
+    rig.results("centerline", 2);
+    let (success, message, scan_id) = rig.scan("part 7", 0.0055);
+    assert!(success && scan_id != [0; 16], "{message}");
+    assert!(last_slice(&rig, 1).4, "the scan before has ended");
+    for number in 3..=12 {
+        camera.shoot();
+        rig.results("centerline", number);
+    }
+    // 0 to 6 mm: seven profiles, in slices of four.
+    rig.results("height_map", 2);
+    assert_eq!(last_slice(&rig, 3), (scan_id, "part 7".into(), 6, 8, true));
+    assert_eq!(rig.results("height_map", 2)[1].decode::<Image<'_>>().height, 7);
+    assert_eq!(rig.trigger("stop_scan"), (true, "no scan was open".into()), "frames give profiles");
+
+    let (success, _, second_id) = rig.scan("", 0.0);
+    assert!(success && second_id != scan_id);
+    camera.shoot();
+    rig.results("centerline", 13);
+    assert_eq!(rig.trigger("stop_scan"), (true, "scan ended".into()));
+    assert_eq!(last_slice(&rig, 4), (second_id, String::new(), 12, 12, true));
+    assert_eq!(counts(rig.end()).slices, 4);
+}
+
+#[test]
+fn buttons_start_stop_and_reset() {
+    let rig = Rig::start();
+    let mut camera = rig.camera();
+    let mut num = 0;
+    let mut shoot = |rig: &Rig| {
+        camera.shoot();
+        num += 1;
+        rig.results("centerline", num);
+    };
+    assert!(rig.trigger("start_scan").0, "a triggered camera sends nothing before the motion");
+    shoot(&rig);
+    assert_eq!(rig.trigger("reset"), (true, "scan discarded".into()));
+    shoot(&rig);
+    assert!(rig.trigger("stop_scan").0);
+    let (_, _, first, last, ended) = last_slice(&rig, 1);
+    assert_eq!((first, last, ended), (1, 1, true), "the discarded one was never sent");
+    shoot(&rig);
+    assert!(rig.trigger("start_scan").0);
+    shoot(&rig);
+    assert!(rig.trigger("stop_scan").0);
+    assert_eq!(last_slice(&rig, 2).2, 3, "between stop and start there is no scan");
+    let ear = rig.ear.clone();
+    rig.end();
+    assert_eq!(ear.heard("/laser_profiler/height_map").len(), 2);
+}
+
+#[test]
+fn a_request_that_cannot_be_followed_says_why() {
+    let rig = Rig::start();
+    for length in [-1.0, f64::NAN, f64::INFINITY] {
+        let (success, message, scan_id) = rig.scan("", length);
+        assert!(!success && scan_id == [0; 16] && message.contains("length is"), "{message}");
+    }
+    assert!(rig.change_state("deactivate"));
+    for service in ["start_scan", "stop_scan", "reset"] {
+        let (success, message) = rig.trigger(service);
+        assert!(!success && message.contains("activate it first"), "{message}");
+    }
+    assert!(rig.change_state("cleanup"));
+    for (success, message) in [rig.record(true), rig.trigger("snapshot")] {
+        assert!(!success && message.contains("configure it first"), "{message}");
+    }
+    assert_eq!(rig.network.call("/laser_profiler/scan", &[1, 2, 3]), None, "malformed");
+    rig.end();
+
+    let rig = Setup::new().with("calibration_file", text("")).start().unwrap();
+    let (success, message) = rig.trigger("start_scan");
+    assert!(!success && message.contains("calibration_file"), "{message}");
+    assert!(rig.trigger("stop_scan").0);
+    rig.end();
+}
+
+#[test]
+fn every_service_exists_once() {
+    let own = ["start_scan", "stop_scan", "reset", "scan", "record", "snapshot"];
+    let rig = Rig::start();
+    let services = rig.network.services();
+    let is_own = |name: &&String| own.iter().any(|own| name.ends_with(&format!("/{own}")));
+    assert_eq!(services.iter().filter(is_own).count(), own.len());
+    assert_eq!(services.len(), own.len() + 6 + 5, "and those of parameters and lifecycle");
+    rig.end();
+
+    let mut setup = Setup::new();
+    setup.set("cameras", Value::TextList(vec!["left".into(), "right".into()]));
+    ["left", "right"].iter().for_each(|camera| setup.set_camera(camera));
+    let rig = setup.start().unwrap();
+    assert_eq!(rig.network.services().iter().filter(is_own).count(), 3 * own.len());
+    rig.end();
+}

@@ -1,0 +1,47 @@
+//! The executable between a camera and a reader in C and C++.
+
+use super::{
+    domain::Domain,
+    peer::{Peer, VENDORS},
+};
+use crate::live::{Node, frames};
+
+#[test]
+fn every_image_becomes_a_centreline() {
+    for vendor in VENDORS {
+        let domain = Domain::claim();
+        let arguments = ["--transport", "dds", "--ros-args", "-r", "image_raw:=/camera/image_raw"];
+        let node = Node::start(&arguments, &[("ROS_DOMAIN_ID", domain.id.to_string())]);
+        let wanted = [
+            "subscribe",
+            "--topic",
+            "rt/laser_profiler/centerline",
+            "--type",
+            "laser_profiler_msgs::msg::dds_::Centerline_",
+            "--reliable",
+            "--count",
+            "100",
+        ];
+        let Some(reader) = Peer::start(vendor, &domain, &wanted) else { continue };
+        reader.wait_for("matched");
+        let offered = [
+            "publish",
+            "--topic",
+            "rt/camera/image_raw",
+            "--width",
+            "640",
+            "--height",
+            "480",
+            "--rate",
+            "50",
+            "--count",
+            "100",
+        ];
+        let Some(camera) = Peer::start(vendor, &domain, &offered) else { continue };
+        camera.wait_for("sent");
+        let received = reader.wait_for("received");
+        assert_eq!(received["count"], 100, "{vendor:?}: {received}");
+        let (code, words, _) = node.end();
+        assert_eq!((code, frames(&words)), (0, [100, 100, 0, 0, 0]), "{vendor:?}: {words}");
+    }
+}

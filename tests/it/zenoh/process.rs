@@ -1,0 +1,97 @@
+//! The executable between a camera and a reader in Python.
+
+use std::{
+    fs,
+    time::{Duration, SystemTime},
+};
+
+use laser_profiler::msg::{laser_profiler_msgs::Centerline, schema::Message, sensor_msgs::Image};
+
+use super::{
+    network::{Network, TOPIC},
+    peer::wait_until,
+};
+use crate::live::{Node, frames, recorded_ns};
+
+const RESULT: &str = "/laser_profiler/centerline";
+const SMALL: [&str; 6] = ["--width", "64", "--height", "48", "--fps", "100"];
+
+/// The node of a network, its images remapped, with more ROS arguments.
+fn node(network: &Network, ros: &[&str]) -> Node {
+    let remap = format!("image_raw:={TOPIC}");
+    let arguments =
+        [&["--transport", "zenoh", "--ros-args", "-r", &remap as &str][..], ros].concat();
+    let connect = format!("connect/endpoints=[\"tcp/127.0.0.1:{}\"]", network.port);
+    let environment =
+        [("ROS_DOMAIN_ID", network.domain.clone()), ("ZENOH_CONFIG_OVERRIDE", connect)];
+    Node::start(&arguments, &environment)
+}
+
+fn recording(directory: &std::path::Path) -> [String; 4] {
+    let directory = format!("recording.directory:={}", directory.display());
+    ["-p".to_owned(), "recording.enabled:=true".to_owned(), "-p".to_owned(), directory]
+}
+
+#[test]
+fn every_image_becomes_a_centreline_there_and_in_the_bag() {
+    let Some((network, _router)) = Network::start() else { return };
+    let place = tempfile::tempdir().unwrap();
+    let record = recording(place.path());
+    let node = node(&network, &record.each_ref().map(String::as_str));
+    let kind = Centerline::TYPE;
+    let wanted = ["--topic", RESULT, "--type", kind.name, "--hash", kind.hash, "--count", "200"];
+    let receiver = network.peer("receive", &wanted);
+    receiver.event("ready");
+    let _sender = network.peer("send", &[&SMALL[..], &["--count", "200"]].concat());
+    let received = receiver.event("received");
+    assert_eq!((&received["received"], &received["lost"]), (&200.into(), &0.into()), "{received}");
+    let (code, words, took) = node.end();
+    assert_eq!((code, frames(&words)), (0, [200, 200, 0, 0, 0]), "{words}");
+    assert!(took < Duration::from_secs(2), "SIGTERM took {took:?}");
+    assert_eq!(recorded_ns(place.path(), RESULT).len(), 200);
+    let bag = fs::read_dir(place.path()).unwrap().next().unwrap().unwrap().path();
+    assert!(bag.join("metadata.yaml").is_file(), "the bag is finished");
+}
+
+#[test]
+fn what_a_relay_loses_is_counted_exactly() {
+    let Some((network, _router)) = Network::start() else { return };
+    let node = node(&network, &[]);
+    let kind = Image::TYPE;
+    let before = ["--topic", "/camera/before", "--count", "400"];
+    let to = ["--to", TOPIC, "--type", kind.name, "--hash", kind.hash, "--loss", "5"];
+    let relay = network.peer("relay", &[&before[..], &to].concat());
+    relay.event("ready");
+    let _sender = network.peer("send", &[&before[..], &SMALL, &["--linger", "60"]].concat());
+    let relayed = relay.event("relayed");
+    let (forwarded, injected) =
+        (relayed["forwarded"].as_u64().unwrap(), relayed["injected"].as_u64().unwrap());
+    // The relay has handed the last one on; the node says what it has taken when it ends.
+    let (code, words, _) = node.end();
+    let [received, processed, rejected, dropped, lost] = frames(&words);
+    assert_eq!((received, rejected, dropped), (forwarded, 0, 0), "{words} {relayed}");
+    assert_eq!((processed, lost), (forwarded, injected), "{words} {relayed}");
+    assert!(injected > 0);
+    assert_eq!(code, 3, "finished, but data was lost");
+}
+
+#[test]
+fn after_kill_9_everything_older_than_a_second_is_there() {
+    let Some((network, _router)) = Network::start() else { return };
+    let place = tempfile::tempdir().unwrap();
+    let record = recording(place.path());
+    let node = node(&network, &record.each_ref().map(String::as_str));
+    let forever = ["--seconds", "60"];
+    let _sender = network.peer("send", &[&SMALL[..], &forever].concat());
+    wait_until("a flushed recording", || {
+        fs::read_dir(place.path()).unwrap().next().is_some()
+            && recorded_ns(place.path(), RESULT).len() > 100
+    });
+    node.kill();
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap();
+    let now_ns = i64::try_from(now.as_nanos()).unwrap();
+    let recorded_ns = recorded_ns(place.path(), RESULT);
+    let youngest = now_ns - recorded_ns.last().unwrap();
+    assert!(youngest < 2_000_000_000, "the last {youngest} ns are lost");
+    assert!(recorded_ns.windows(2).all(|pair| pair[0] < pair[1]));
+}
