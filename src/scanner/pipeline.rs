@@ -117,9 +117,14 @@ impl Pipeline {
         self.scan.set_next_id(scan_id);
     }
 
-    /// Whether profiles are stacked. When not, [`finish`](Self::finish) the scan first: frames give profiles only.
-    pub const fn set_scanning(&mut self, is_scanning: bool) {
-        self.is_scanning = is_scanning;
+    /// Stacks profiles no more: frames give profiles only. [`finish`](Self::finish) the scan first.
+    pub const fn pause_scanning(&mut self) {
+        self.is_scanning = false;
+    }
+
+    /// Stacks profiles from the next frame on, as it does from the beginning.
+    pub const fn resume_scanning(&mut self) {
+        self.is_scanning = true;
     }
 
     /// Identity of the open scan; `None` before its first profile.

@@ -16,7 +16,7 @@ use crate::{
     node::{
         command::{Answer, Command, Reply},
         lifecycle::{Failure, Managed},
-        live_recording::RecordingControl,
+        live_recording::{RecordingControl, RecordingError},
     },
     ros::{
         node_params::NodeParams,
@@ -65,7 +65,7 @@ impl Shared {
     /// Begins to record, where that is wanted, before the first frame.
     pub(super) fn activate(&self) -> Result<(), LiveError> {
         if self.lock().params.recording.enabled {
-            self.record(true);
+            self.start_recordings();
         }
         let state = &mut *self.lock();
         let Some(session) = &state.session else { return Ok(()) };
@@ -74,15 +74,14 @@ impl Shared {
         active
     }
 
-    /// Starts or stops what `recording.enabled` speaks of. A disk that refuses keeps nothing else from working: it is
-    /// told here, and by the diagnostics.
-    fn record(&self, wanted: bool) {
-        for recorder in self.recorders("") {
-            let done = if wanted { recorder.start().map(drop) } else { recorder.stop().map(drop) };
-            if let Err(error) = done {
-                tracing::error!("{error}");
-            }
-        }
+    /// Starts what `recording.enabled` speaks of. A disk that refuses keeps nothing else from working: it is told here,
+    /// and by the diagnostics.
+    fn start_recordings(&self) {
+        self.recorders("").iter().for_each(|recorder| tell(recorder.start()));
+    }
+
+    fn stop_recordings(&self) {
+        self.recorders("").iter().for_each(|recorder| tell(recorder.stop()));
     }
 
     /// The recorders of the named camera, or of all of them.
@@ -102,7 +101,7 @@ impl Shared {
                 session.deactivate();
             }
         }
-        self.record(false);
+        self.stop_recordings();
     }
 
     pub(super) fn cleanup(&self) {
@@ -139,8 +138,10 @@ impl Shared {
         (state.values, state.params) = (values, params);
         drop(guard);
         // Not under the lock: a disk may take its time.
-        if let Some(wanted) = switched {
-            self.record(wanted);
+        match switched {
+            Some(true) => self.start_recordings(),
+            Some(false) => self.stop_recordings(),
+            None => {}
         }
         Ok(())
     }
@@ -175,6 +176,12 @@ impl Shared {
     /// What the cameras came to, one for each, all sessions together.
     pub(super) fn take_summaries(&self) -> Vec<CameraSummary> {
         std::mem::take(&mut self.lock().summaries)
+    }
+}
+
+fn tell<T>(done: Result<T, RecordingError>) {
+    if let Err(error) = done {
+        tracing::error!("{error}");
     }
 }
 
