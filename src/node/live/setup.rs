@@ -113,7 +113,7 @@ impl Context {
         let clocks = (self.clock.clone(), survey);
         let name = camera.name.clone();
         let identity = Identity { name, frame_id, recording, description };
-        Ok(Camera::start(identity, images, worker, clocks, outlets, outputs.len())?)
+        Ok(Camera::start(identity, images, worker, clocks, (outlets, outputs.len()))?)
     }
 
     /// The values as they take effect, and their types: where nobody has chosen the largest message of a point cloud, it
