@@ -72,7 +72,7 @@ pub fn run(
     let stop = Stop::default();
     interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
     let json = args.json;
-    let summaries = live(request(args, ros)?, rosout, &stop).map_err(|error: LiveError| {
+    let summaries = live(&request(args, ros)?, rosout, &stop).map_err(|error: LiveError| {
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     })?;
     let summaries: Vec<(String, Summary)> = summaries
@@ -86,7 +86,7 @@ pub fn run(
 }
 
 fn live(
-    request: LiveRequest,
+    request: &LiveRequest,
     rosout: RosoutSlot,
     stop: &Stop,
 ) -> Result<Vec<CameraSummary>, LiveError> {

@@ -50,10 +50,7 @@ impl<'scope> FanOut<'scope> {
                     let taken = Arc::clone(&queue);
                     let run = move || {
                         let ended = drain(&taken, sink);
-                        if !is_essential {
-                            tell(&ended);
-                        }
-                        ended
+                        if is_essential { ended } else { tell(ended) }
                     };
                     Reached::Queued(queue, scope.spawn(run))
                 }
@@ -68,7 +65,7 @@ impl<'scope> FanOut<'scope> {
     /// # Errors
     /// An essential sink has failed: [`finish`](Self::finish) tells why.
     pub fn send(&self, message: &Outgoing) -> Result<(), Closed<()>> {
-        let is_taken =
+        let is_taken: fn(Takes) -> bool =
             if message.topic < self.num_topics { Takes::has_results } else { Takes::has_images };
         for fan in self.fans.iter().filter(|fan| is_taken(fan.takes)) {
             match fan.pass(message) {
@@ -99,11 +96,9 @@ impl<'scope> FanOut<'scope> {
             let result = match reached {
                 Reached::Directly(direct) => {
                     let Direct(mut sink, written) = direct.into_inner();
-                    let ended = written.and(sink.finish());
-                    if !is_essential {
-                        tell(&ended);
-                    }
-                    ended
+                    let finished = sink.finish();
+                    let ended = written.and(finished);
+                    if is_essential { ended } else { tell(ended) }
                 }
                 Reached::Queued(_, thread) => {
                     thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -159,11 +154,9 @@ fn drain(queue: &Queue<Outgoing>, mut sink: Box<dyn Sink>) -> Result<(), SinkErr
     written.and(finished)
 }
 
-/// The error of a sink that is not essential. That of an essential one ends the run and is told there.
-fn tell(ended: &Result<(), SinkError>) {
-    if let Err(error) = ended {
-        tracing::error!("{error}; everything else goes on");
-    }
+/// The error of an essential sink ends the run and is told there.
+fn tell(ended: Result<(), SinkError>) -> Result<(), SinkError> {
+    ended.inspect_err(|error| tracing::error!("{error}; everything else goes on"))
 }
 
 /// Lets no sender wait for a receiver that is gone, not even after a panic.

@@ -107,13 +107,13 @@ impl Outlet {
 pub const SINK_BOUND: Bound = Bound { items: 256, bytes: 64 << 20 };
 
 impl Takes {
-    /// Whether results are among them.
+    /// Whether it includes results.
     pub const fn has_results(self) -> bool {
-        matches!(self, Self::Results | Self::All)
+        !matches!(self, Self::Images)
     }
 
-    /// Whether images are among them.
+    /// Whether it includes input images.
     pub const fn has_images(self) -> bool {
-        matches!(self, Self::Images | Self::All)
+        !matches!(self, Self::Results)
     }
 }

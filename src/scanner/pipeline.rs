@@ -117,14 +117,15 @@ impl Pipeline {
         self.scan.set_next_id(scan_id);
     }
 
-    /// Stacks profiles no more: frames give profiles only. [`finish`](Self::finish) the scan first.
-    pub const fn pause_scanning(&mut self) {
-        self.is_scanning = false;
+    /// Stacks profiles, as from the beginning.
+    pub const fn start_scanning(&mut self) {
+        self.is_scanning = true;
     }
 
-    /// Stacks profiles from the next frame on, as it does from the beginning.
-    pub const fn resume_scanning(&mut self) {
-        self.is_scanning = true;
+    /// Stacks no profiles: [`finish`](Self::finish) the scan first.
+    pub const fn stop_scanning(&mut self) {
+        self.is_scanning = false;
+        self.scan.set_next_id(None);
     }
 
     /// Identity of the open scan; `None` before its first profile.

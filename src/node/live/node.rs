@@ -16,7 +16,7 @@ use crate::{
     node::{
         command::{Answer, Command, Reply},
         lifecycle::{Failure, Managed},
-        live_recording::{RecordingControl, RecordingError},
+        live_recording::RecordingControl,
     },
     ros::{
         node_params::NodeParams,
@@ -74,14 +74,21 @@ impl Shared {
         active
     }
 
-    /// Starts what `recording.enabled` speaks of. A disk that refuses keeps nothing else from working: it is told here,
-    /// and by the diagnostics.
+    /// A disk that refuses keeps nothing else from working: it is told here, and by the diagnostics.
     fn start_recordings(&self) {
-        self.recorders("").iter().for_each(|recorder| tell(recorder.start()));
+        for recorder in self.recorders("") {
+            if let Err(error) = recorder.start() {
+                tracing::error!("{error}");
+            }
+        }
     }
 
-    fn stop_recordings(&self) {
-        self.recorders("").iter().for_each(|recorder| tell(recorder.stop()));
+    fn end_recordings(&self) {
+        for recorder in self.recorders("") {
+            if let Err(error) = recorder.stop() {
+                tracing::error!("{error}");
+            }
+        }
     }
 
     /// The recorders of the named camera, or of all of them.
@@ -101,7 +108,7 @@ impl Shared {
                 session.deactivate();
             }
         }
-        self.stop_recordings();
+        self.end_recordings();
     }
 
     pub(super) fn cleanup(&self) {
@@ -131,17 +138,16 @@ impl Shared {
         if let Some(session) = &state.session {
             session.set(&params, &values);
         }
-        let switched = state
-            .is_active
-            .then_some(params.recording.enabled)
-            .filter(|enabled| *enabled != state.params.recording.enabled);
+        let was_enabled = state.params.recording.enabled;
+        let is_enabled = params.recording.enabled;
+        let is_active = state.is_active;
         (state.values, state.params) = (values, params);
         drop(guard);
         // Not under the lock: a disk may take its time.
-        match switched {
-            Some(true) => self.start_recordings(),
-            Some(false) => self.stop_recordings(),
-            None => {}
+        match (was_enabled, is_enabled) {
+            (false, true) if is_active => self.start_recordings(),
+            (true, false) if is_active => self.end_recordings(),
+            _ => {}
         }
         Ok(())
     }
@@ -176,12 +182,6 @@ impl Shared {
     /// What the cameras came to, one for each, all sessions together.
     pub(super) fn take_summaries(&self) -> Vec<CameraSummary> {
         std::mem::take(&mut self.lock().summaries)
-    }
-}
-
-fn tell<T>(done: Result<T, RecordingError>) {
-    if let Err(error) = done {
-        tracing::error!("{error}");
     }
 }
 

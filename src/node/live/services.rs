@@ -118,11 +118,7 @@ fn record(target: Target) -> OnRequest {
     Box::new(move |request| {
         let SetBoolRequest { data } = cdr::decode(request).ok()?;
         let (success, message) = target.of_recorders(|recorder| {
-            if data {
-                recorder.start().map(|directories| told(&directories))
-            } else {
-                recorder.stop().map(ended)
-            }
+            if data { recorder.start().map(|bags| told(&bags)) } else { recorder.stop().map(ended) }
         });
         encoded(&SetBoolResponse { success, message: Cow::Owned(message) })
     })
@@ -131,8 +127,8 @@ fn record(target: Target) -> OnRequest {
 fn snapshot(target: Target) -> OnRequest {
     Box::new(move |request| {
         cdr::decode::<TriggerRequest>(request).ok()?;
-        let (success, message) = target
-            .of_recorders(|recorder| recorder.snapshot().map(|directories| told(&directories)));
+        let (success, message) =
+            target.of_recorders(|recorder| recorder.snapshot().map(|bags| told(&bags)));
         encoded(&TriggerResponse { success, message: Cow::Owned(message) })
     })
 }
