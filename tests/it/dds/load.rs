@@ -177,10 +177,11 @@ fn peak_is_below(figures: &Json, limit_mb: f64) {
 fn images_take_a_bounded_part_of_memory() {
     let _alone = Domain::claim_alone();
     let Some(figures) = measured("receive Cyclone 2592 2048 22 5", &[]) else { return };
-    let received = figures["received"].as_u64().unwrap();
-    assert!(received > 100, "more than nine of ten, even on a busy machine: {figures}");
-    // Six are kept, some are arriving, some are in the test's hands: 5.3 MB each.
-    peak_is_below(&figures, 150.0);
+    let number = |name: &str| figures[name].as_f64().unwrap();
+    let num_lost = number("sent") - number("received");
+    assert!(num_lost < 55.0, "half of them, even on a busy machine: {figures}");
+    // Six are kept, two are on their way, and what a busy machine lost lies about in parts.
+    peak_is_below(&figures, 60.0 + 5.3 * (8.0 + num_lost));
 }
 
 /// Cyclone drops one datagram of a hundred that it sends: one image of five would not arrive whole.
