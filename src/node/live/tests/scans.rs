@@ -111,7 +111,9 @@ fn every_service_exists_once() {
 
     let mut setup = Setup::new();
     setup.set("cameras", Value::TextList(vec!["left".into(), "right".into()]));
-    ["left", "right"].iter().for_each(|camera| setup.set_camera(camera));
+    for camera in ["left", "right"] {
+        setup.set_camera(camera);
+    }
     let rig = setup.start().unwrap();
     assert_eq!(rig.network.services().iter().filter(is_own).count(), 3 * own.len());
     rig.end();
