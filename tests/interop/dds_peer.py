@@ -1,6 +1,6 @@
 """A peer on DDS with types of its own: the cyclonedds package, which has nothing to do with ours.
 
-    dds_peer.py publish   DOMAIN TOPIC COUNT   images of 64 x 48, ten a second, once a subscriber is there
+    dds_peer.py publish   DOMAIN TOPIC COUNT   images of 64 x 48, ten a second, once a subscriber and a line on stdin are there
     dds_peer.py subscribe DOMAIN TOPIC COUNT   images; latched ones too
     dds_peer.py graph     DOMAIN NODE          endpoints that NODE says are its own, by topic
 
@@ -100,6 +100,7 @@ def publish(participant, topic, count):
     writer = DataWriter(participant, Topic(participant, topic, Image), qos=qos(10))
     until(lambda: writer.get_matched_subscriptions())
     say(event="matched")
+    sys.stdin.readline()
     for number in range(count):
         data = bytes(range(256)) * 12
         header = Header(Time(number, 500), "camera")

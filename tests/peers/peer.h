@@ -1,15 +1,15 @@
 /* What the peers on DDS have in common: their command line, an image as CDR, and what they report.
  *
- *   PEER publish   --domain D --topic T [--type Y] [--width W --height H] [--rate R] [--count N] [--encoding E]
- *                  [--reliable]
- *   PEER subscribe --domain D --topic T [--type Y] [--count N] [--seconds S] [--reliable] [--latched]
+ *   PEER publish   --domain D --topic T [--type Y] [--width W --height H] [--rate R] [--count N] [--depth K]
+ *                  [--reliable] [--held] [--encoding E] [--linger S]
+ *   PEER subscribe --domain D --topic T [--type Y] [--count N] [--seconds S] [--depth K] [--reliable] [--latched]
  *   PEER call      --domain D --topic SERVICE --type PACKAGE::srv::dds_::NAME_ [--seconds S]
  *
  * Topics and types are named as on DDS (rt/camera/image_raw, sensor_msgs::msg::dds_::Image_). `publish` waits for a
- * subscriber, sends N images a R-th of a second apart, each stamped when it is sent, and stays for --linger seconds. E other than
- * 1 is a header that lies: not little-endian CDR.
- * `subscribe` takes any message that begins with a std_msgs/Header, until it has N or S seconds are over. `call` sends
- * an empty request and waits for the reply. Each line on stdout is one JSON object.
+ * subscriber, with --held for a line on stdin too, and sends N images a R-th of a second apart, each stamped when it is
+ * sent; then it stays for S seconds. E other than 1 is a header that lies: not little-endian CDR. `subscribe` takes any
+ * message that begins with a std_msgs/Header, until it has N or S seconds are over. `call` sends an empty request and
+ * waits for the reply. K is how many messages are kept. Each line on stdout is one JSON object.
  */
 #ifndef PEER_H
 #define PEER_H
@@ -27,7 +27,7 @@
 
 struct options {
   const char *verb, *topic, *type;
-  int domain, width, height, count, encoding, is_reliable, is_latched;
+  int domain, width, height, count, depth, encoding, is_reliable, is_latched, is_held;
   double rate, seconds, linger;
 };
 
@@ -49,11 +49,12 @@ static void fail(const char *what) {
 }
 
 static struct options parse(int argc, char **argv) {
-  struct options o = {"", "", "sensor_msgs::msg::dds_::Image_", 0, 640, 480, 10, 1, 0, 0, 10.0, 30.0, 1.0};
+  struct options o = {"", "", "sensor_msgs::msg::dds_::Image_", 0, 640, 480, 10, 10, 1, 0, 0, 0, 10.0, 30.0, 1.0};
   if (argc > 1) o.verb = argv[1];
   for (int i = 2; i < argc; i++) {
     const char *name = argv[i];
     if (!strcmp(name, "--reliable")) { o.is_reliable = 1; continue; }
+    if (!strcmp(name, "--held")) { o.is_held = 1; continue; }
     if (!strcmp(name, "--latched")) { o.is_latched = o.is_reliable = 1; continue; }
     const char *value = i + 1 < argc ? argv[++i] : "";
     if (!strcmp(name, "--domain")) o.domain = atoi(value);
@@ -62,6 +63,7 @@ static struct options parse(int argc, char **argv) {
     else if (!strcmp(name, "--width")) o.width = atoi(value);
     else if (!strcmp(name, "--height")) o.height = atoi(value);
     else if (!strcmp(name, "--count")) o.count = atoi(value);
+    else if (!strcmp(name, "--depth")) o.depth = atoi(value);
     else if (!strcmp(name, "--encoding")) o.encoding = atoi(value);
     else if (!strcmp(name, "--rate")) o.rate = atof(value);
     else if (!strcmp(name, "--seconds")) o.seconds = atof(value);
@@ -75,6 +77,12 @@ static struct options parse(int argc, char **argv) {
 static void say(const char *event) {
   printf("{\"event\": \"%s\"}\n", event);
   fflush(stdout);
+}
+
+/* Returns when a line has come on stdin. */
+static void hold(const struct options *o) {
+  if (!o->is_held) return;
+  for (int letter = 0; letter != '\n' && letter != EOF;) letter = getchar();
 }
 
 /* ---- an image ---- */

@@ -25,8 +25,8 @@ use crate::{
 const QOS: QosProfile = QosProfile::reliable(10);
 /// Requests of parameters and switches are small.
 const MAX_REQUEST_BYTES: usize = 1 << 20;
-/// How long a reply waits for its reader to be discovered, as in rmw: a request may overtake discovery.
-const MAX_WAIT: Duration = Duration::from_millis(100);
+/// How long a reply waits for its reader to be discovered: a request may overtake discovery.
+const MAX_WAIT: Duration = Duration::from_millis(500);
 
 pub(super) struct Service {
     requests: GUID,

@@ -23,7 +23,7 @@ use laser_profiler::{
     },
 };
 
-use super::domain::Domain;
+use super::{domain::Domain, peer::Peer};
 
 /// How long anything may take that happens by itself.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
@@ -73,6 +73,12 @@ impl Inbox {
         let on_arrival = Box::new(move |arrival| drop(sender.try_send(arrival)));
         let subscription = node.subscribe(topic, limit_bytes, on_arrival).unwrap();
         Self { subscription, arrivals }
+    }
+
+    /// Lets a peer publish once it is heard here.
+    pub(crate) fn release(&self, peer: &mut Peer) {
+        eventually("a publisher comes", || self.subscription.num_matched() == 1);
+        peer.release();
     }
 
     pub(crate) fn next(&self) -> Result<Arrival, Fault> {

@@ -2,7 +2,7 @@
 
 use std::{
     env, fs,
-    io::{BufRead, BufReader},
+    io::{BufRead, BufReader, Write},
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
     sync::{OnceLock, mpsc},
@@ -54,7 +54,7 @@ impl Peer {
     }
 
     fn spawn(command: &mut Command) -> Self {
-        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let stdout = BufReader::new(child.stdout.take().unwrap());
         let (sender, lines) = mpsc::sync_channel(MAX_LINES);
         thread::spawn(move || {
@@ -73,6 +73,12 @@ impl Peer {
         let mut command = Command::new(interop::python()?);
         command.arg(interop::interop("dds_peer.py")).arg(verb).arg(domain.id.to_string());
         Some(Self::spawn(command.args(arguments)))
+    }
+
+    /// Lets a publisher begin that is held: a match is known at the one end before it is at the other.
+    pub(crate) fn release(&mut self) {
+        self.wait_for("matched");
+        self.child.stdin.as_mut().unwrap().write_all(b"\n").unwrap();
     }
 
     /// The next line that tells of `event`.

@@ -28,9 +28,10 @@ fn images_from_python_arrive_with_all_that_stands_beside_them() {
     let topic = image_topic("/camera/image_raw", QosProfile::best_effort(5));
     let inbox = Inbox::open(&node, &topic, LIMIT_BYTES);
     let started_ns = now_ns();
-    let Some(peer) = Peer::python("publish", &domain, &["rt/camera/image_raw", "10"]) else {
+    let Some(mut peer) = Peer::python("publish", &domain, &["rt/camera/image_raw", "10"]) else {
         return;
     };
+    inbox.release(&mut peer);
     let first = inbox.next().unwrap();
     assert_eq!(inbox.subscription.num_matched(), 1);
     for (number, arrival) in
@@ -47,7 +48,6 @@ fn images_from_python_arrive_with_all_that_stands_beside_them() {
         assert!((started_ns..arrival.receive_time_ns).contains(&arrival.source_time_ns));
         assert!(arrival.receive_time_ns <= now_ns());
     }
-    drop(peer);
 }
 
 #[test]

@@ -12,39 +12,57 @@ use super::{
 
 const LIMIT_BYTES: usize = 64 << 20;
 const NUM_IMAGES: i64 = 66;
-const PIXELS: usize = 2592 * 2048;
+
+/// Takes three seconds of a camera's images, each of which must be what was sent; how many are lost.
+fn num_lost(
+    vendor: Vendor,
+    qos: QosProfile,
+    [width, height]: [usize; 2],
+    reliably: &[&str],
+) -> Option<i64> {
+    let domain = Domain::claim_alone();
+    let node = open(&domain, "reader");
+    let inbox = Inbox::open(&node, &image_topic("/camera/image_raw", qos), LIMIT_BYTES);
+    let (width_, height_) = (width.to_string(), height.to_string());
+    let what =
+        ["publish", "--topic", "rt/camera/image_raw", "--width", &width_, "--height", &height_];
+    let how = ["--rate", "22", "--count", "66", "--depth", "66", "--held"];
+    let mut peer = Peer::start(vendor, &domain, &[&what[..], &how, reliably].concat())?;
+    inbox.release(&mut peer);
+    let (mut num_received, mut last) = (0, 0);
+    while last < NUM_IMAGES {
+        // The very last may be lost, too.
+        let Some(arrival) = inbox.next_within(Duration::from_secs(5)) else { break };
+        let arrival = arrival.unwrap();
+        assert!(arrival.sequence > Some(last), "{vendor:?}: no image comes twice or late");
+        last = arrival.sequence.unwrap();
+        assert_eq!(arrival.data.len(), width * height + AROUND_PIXELS as usize);
+        let pixels = &arrival.data[AROUND_PIXELS as usize..];
+        let is_right = pixels.iter().enumerate().all(|(at, pixel)| at % 251 == usize::from(*pixel));
+        assert!(is_right, "{vendor:?}: image {last} is what was sent");
+        num_received += 1;
+    }
+    Some(NUM_IMAGES - num_received)
+}
 
 #[test]
-fn every_image_of_a_camera_arrives() {
+fn images_arrive_as_they_were_sent() {
     for vendor in VENDORS {
-        let domain = Domain::claim();
-        let node = open(&domain, "reader");
-        let topic = image_topic("/camera/image_raw", QosProfile::best_effort(5));
-        let inbox = Inbox::open(&node, &topic, LIMIT_BYTES);
-        let arguments = [
-            "publish",
-            "--topic",
-            "rt/camera/image_raw",
-            "--width",
-            "2592",
-            "--height",
-            "2048",
-            "--rate",
-            "22",
-            "--count",
-            "66",
-        ];
-        let Some(peer) = Peer::start(vendor, &domain, &arguments) else { continue };
-        for number in 1..=NUM_IMAGES {
-            let arrival = inbox.next().unwrap();
-            assert_eq!(arrival.sequence, Some(number), "{vendor:?}: none is lost");
-            assert_eq!(arrival.data.len(), PIXELS + AROUND_PIXELS as usize);
-            let pixels = &arrival.data[AROUND_PIXELS as usize..];
-            let is_right =
-                pixels.iter().enumerate().all(|(at, pixel)| at % 251 == usize::from(*pixel));
-            assert!(is_right, "{vendor:?}: image {number} is what was sent");
-        }
-        peer.wait_for("sent");
+        let qos = QosProfile::best_effort(5);
+        let Some(lost) = num_lost(vendor, qos, [2592, 2048], &[]) else { continue };
+        assert!(
+            lost <= 6,
+            "{vendor:?}: {lost} of {NUM_IMAGES} lost, even for a busy machine too many"
+        );
+    }
+}
+
+#[test]
+fn every_image_arrives_that_is_sent_reliably() {
+    for vendor in VENDORS {
+        let qos = QosProfile::reliable(66);
+        let Some(lost) = num_lost(vendor, qos, [1280, 1024], &["--reliable"]) else { continue };
+        assert_eq!(lost, 0, "{vendor:?}");
     }
 }
 
@@ -59,12 +77,13 @@ fn every_message_up_to_the_limit_is_delivered() {
 }
 
 fn is_delivered(vendor: Vendor, num_bytes: u32, rate_hz: u32) {
-    let domain = Domain::claim();
+    let domain = Domain::claim_alone();
     let node = open(&domain, "writer");
     assert!(num_bytes as usize <= node.max_reliable_bytes().unwrap());
     let topic = image_topic("/result", QosProfile::reliable(10));
     let mut publication = node.advertise(&topic).unwrap();
-    let arguments = ["subscribe", "--topic", "rt/result", "--reliable", "--count", "100"];
+    let arguments =
+        ["subscribe", "--topic", "rt/result", "--reliable", "--count", "100", "--depth", "100"];
     let Some(peer) = Peer::start(vendor, &domain, &arguments) else { return };
     wait_for_subscribers(&*publication, 1);
     peer.wait_for("matched");
