@@ -91,7 +91,7 @@ fn live(
     stop: &Stop,
 ) -> Result<Vec<CameraSummary>, LiveError> {
     let variable = |name: &str| std::env::var(name).ok();
-    Ok(LiveNode::start(&request, rosout, &variable)?.run(stop))
+    Ok(LiveNode::start(request, rosout, &variable)?.run(stop))
 }
 
 fn request(args: RunArgs, mut ros: RosArguments) -> anyhow::Result<LiveRequest> {

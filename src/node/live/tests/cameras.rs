@@ -83,7 +83,7 @@ fn a_scan_of_one_camera_is_not_one_of_the_other() {
     assert!(rig.ear.heard("/laser_profiler/right/height_map").is_empty());
     assert!(rig.trigger("stop_scan").0, "all of them");
     rig.ear.wait_for("/laser_profiler/right/height_map", 1);
-    let (success, bags) = rig.record(true);
+    let (success, bags) = rig.start_recording();
     assert!(success && bags.contains("_left_") && bags.contains("_right_"), "{bags}");
     let ear = rig.ear.clone();
     rig.end();

@@ -86,7 +86,7 @@ fn a_request_that_cannot_be_followed_says_why() {
         assert!(!success && message.contains("activate it first"), "{message}");
     }
     assert!(rig.change_state("cleanup"));
-    for (success, message) in [rig.record(true), rig.trigger("snapshot")] {
+    for (success, message) in [rig.start_recording(), rig.trigger("snapshot")] {
         assert!(!success && message.contains("configure it first"), "{message}");
     }
     assert_eq!(rig.network.call("/laser_profiler/scan", &[1, 2, 3]), None, "malformed");
