@@ -1,6 +1,8 @@
 //! The live node as its network sees it: over a middleware inside the process.
 
 mod cameras;
+mod driver;
+mod ear;
 mod lifecycle;
 mod network;
 mod parameters;
@@ -10,4 +12,4 @@ mod rig;
 mod scans;
 mod stream;
 
-use rig::Heard;
+use ear::Heard;

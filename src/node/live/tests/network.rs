@@ -7,7 +7,9 @@ use tracing_subscriber::{layer::SubscriberExt, registry};
 
 use super::{
     Heard,
-    rig::{Rig, START_NS, Setup, encoded, text, wait_until},
+    driver::{START_NS, encoded},
+    ear::wait_until,
+    rig::{Rig, Setup, text},
 };
 use crate::{
     msg::{

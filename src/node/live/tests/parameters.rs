@@ -142,7 +142,7 @@ fn what_the_middleware_carries_limits_slices_and_stands_in_the_bag() {
         let own = records.filter(|record| record.name == "laser_profiler");
         own.map(|record| record.entries["parameters"].clone()).collect()
     };
-    super::rig::wait_until("the change stands in the bag", || {
+    super::ear::wait_until("the change stands in the bag", || {
         parameters(&BagReader::open(&directory, &ReadOptions::default()).unwrap()).len() == 2
     });
     let (_, _place) = rig.end_and_keep();

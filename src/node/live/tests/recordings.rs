@@ -8,7 +8,8 @@ use std::{
 
 use super::{
     Heard,
-    rig::{Rig, Setup, TestCamera, text},
+    driver::TestCamera,
+    rig::{Rig, Setup, text},
     stream::counts,
 };
 use crate::{
@@ -50,14 +51,14 @@ fn a_bag_has_the_published_bytes_from_start_to_stop() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     shoot(&rig, &mut camera, 1..=2);
-    let (success, directory) = rig.record(true);
+    let (success, directory) = rig.start_recording();
     assert!(success, "{directory}");
     shoot(&rig, &mut camera, 3..=9);
     assert!(rig.trigger("stop_scan").0);
-    let (success, stopped) = rig.record(false);
+    let (success, stopped) = rig.stop_recording();
     assert_eq!((success, &stopped), (true, &directory));
     shoot(&rig, &mut camera, 10..=11);
-    assert_eq!(rig.record(false), (true, "nothing was being recorded".into()));
+    assert_eq!(rig.stop_recording(), (true, "nothing was being recorded".into()));
     let ear = rig.ear.clone();
     let (_, _place) = rig.end_and_keep();
 
@@ -166,12 +167,12 @@ fn a_place_that_cannot_be_written_costs_no_result_and_is_told() {
         status.message.contains("/dev/null/bags").then_some(status.level)
     });
     assert_eq!(level, 2);
-    let (success, message) = rig.record(true);
+    let (success, message) = rig.start_recording();
     assert!(!success && message.contains("/dev/null/bags"), "{message}");
     // Elsewhere it works.
     let good = rig.place.path().join("bags");
     rig.set("recording.directory", &text(good.to_str().unwrap())).unwrap();
-    assert!(rig.record(true).0);
+    assert!(rig.start_recording().0);
     shoot(&rig, &mut camera, 6..=6);
     let (summaries, place) = rig.end_and_keep();
     assert_eq!(counts(summaries).processed, 6);

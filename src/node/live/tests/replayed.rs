@@ -3,8 +3,9 @@
 use std::fs;
 
 use super::{
+    driver::{MS, Picture, START_NS},
     recordings::{bags, messages, open},
-    rig::{MS, Picture, START_NS, Setup},
+    rig::Setup,
     stream::counts,
 };
 use crate::{
@@ -88,7 +89,7 @@ fn after_a_fault_of_the_middleware_the_measurements_are_the_same() {
     let mut camera = rig.camera();
     camera.shoot_times(2);
     camera.sequence += 1;
-    camera.deliver(Err(Fault::TooLarge { bytes: 1 << 40, limit_bytes: 1 << 26 }));
+    camera.deliver(&Err(Fault::TooLarge { bytes: 1 << 40, limit_bytes: 1 << 26 }));
     camera.shoot();
     rig.results("centerline", 3);
     let (summaries, place) = rig.end_and_keep();

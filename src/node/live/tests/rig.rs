@@ -4,25 +4,25 @@ use std::{
     borrow::Cow,
     fs,
     path::PathBuf,
-    sync::{Arc, Condvar, Mutex},
+    sync::Arc,
     thread::{self, JoinHandle},
-    time::{Duration, Instant},
 };
 
-use serde::Deserialize;
 use tempfile::TempDir;
+
+use super::{
+    driver::{Picture, TestCamera, encoded},
+    ear::{Ear, Heard},
+};
 
 use crate::{
     msg::{
-        builtin_interfaces::Time,
         cdr,
         laser_profiler_msgs::{StartScanRequest, StartScanResponse},
         lifecycle_msgs::{ChangeStateRequest, ChangeStateResponse, Transition},
         qos::QosProfile,
         rcl_interfaces as rcl,
         schema::{Message, MessageType},
-        sensor_msgs::Image,
-        std_msgs::Header,
         std_srvs::{SetBoolRequest, SetBoolResponse, TriggerRequest, TriggerResponse},
     },
     node::{
@@ -35,173 +35,14 @@ use crate::{
         loopback::Loopback,
         names::NodeNames,
         parameters::Parameters,
-        transport::{Arrival, Fault, OnArrival, Subscription, TopicEndpoint, Transport},
+        transport::{Subscription, TopicEndpoint, Transport},
         value::Value,
     },
     scanner::calibration::Calibration,
 };
 
-/// 2020-01-01, so that times have their real size.
-pub(super) const START_NS: i64 = 1_577_836_800_000_000_000;
-pub(super) const MS: i64 = 1_000_000;
-/// However slow the machine is.
-const PATIENCE: Duration = Duration::from_secs(60);
-
 pub(super) const CALIBRATION: &str = "type: vertical_incidence\nframe_id: laser\nimage_distance_m: 0.05\nobject_distance_m: 0.5\n\
      beta_rad: 0.6\npixel_pitch_m: 5.0e-6\nbase_row_px: 16.0\ncenter_column_px: 32.0\nheight_sign: -1\n";
-
-/// An image with a stripe.
-#[derive(Clone, Copy)]
-pub(super) struct Picture {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) row: u32,
-    pub(super) encoding: &'static str,
-}
-
-impl Default for Picture {
-    fn default() -> Self {
-        Self { width: 64, height: 32, row: 10, encoding: "mono8" }
-    }
-}
-
-impl Picture {
-    /// As a message.
-    pub(super) fn message(&self, stamp_ns: i64) -> Vec<u8> {
-        let level = |row: u32| match row.abs_diff(self.row) {
-            0 => 200,
-            1 => 160,
-            2 => 90,
-            _ => 5,
-        };
-        let num_channels = if self.encoding == "rgb8" { 3 } else { 1 };
-        let step = self.width * num_channels;
-        let pixels: Vec<u8> =
-            (0..self.height).flat_map(|row| vec![level(row); step as usize]).collect();
-        let image = Image {
-            header: Header { stamp: Time::from_ns(stamp_ns), frame_id: "optical".into() },
-            height: self.height,
-            width: self.width,
-            encoding: self.encoding.into(),
-            is_bigendian: 0,
-            step,
-            data: &pixels,
-        };
-        encoded(&image)
-    }
-}
-
-pub(super) fn encoded(message: &impl Message) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    cdr::encode(message, &mut bytes).unwrap();
-    bytes
-}
-
-/// A message as it was heard.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Heard {
-    pub(super) topic: String,
-    pub(super) data: Vec<u8>,
-}
-
-impl Heard {
-    pub(super) fn decode<'de, M: Message + Deserialize<'de>>(&'de self) -> M {
-        cdr::decode(&self.data).unwrap()
-    }
-}
-
-/// Keeps what it hears, in order.
-#[derive(Clone, Default)]
-pub(super) struct Ear(Arc<(Mutex<Vec<Heard>>, Condvar)>);
-
-impl Ear {
-    fn on_arrival(&self, topic: &str) -> OnArrival {
-        let (kept, topic) = (Arc::clone(&self.0), topic.to_owned());
-        Box::new(move |arrival| {
-            let data = arrival.unwrap().data;
-            kept.0.lock().unwrap().push(Heard { topic: topic.clone(), data });
-            kept.1.notify_all();
-        })
-    }
-
-    /// Waits until what was heard is as it should be.
-    pub(super) fn wait(&self, what: &str, mut is_so: impl FnMut(&[Heard]) -> bool) -> Vec<Heard> {
-        let guard = self.0.0.lock().unwrap();
-        let (guard, timeout) =
-            self.0.1.wait_timeout_while(guard, PATIENCE, |heard| !is_so(heard)).unwrap();
-        assert!(!timeout.timed_out(), "not heard in time: {what}; heard {}", guard.len());
-        guard.clone()
-    }
-
-    /// Waits for that many messages of a topic, and returns them.
-    pub(super) fn wait_for(&self, topic: &str, num: usize) -> Vec<Heard> {
-        let heard = self.wait(&format!("{num} of {topic}"), |heard| {
-            heard.iter().filter(|message| message.topic == topic).count() >= num
-        });
-        heard.into_iter().filter(|message| message.topic == topic).collect()
-    }
-
-    /// Waits for a message that says something, the last one first.
-    pub(super) fn wait_until<'a, T>(
-        &self,
-        what: &str,
-        topic: &str,
-        mut read: impl FnMut(&Heard) -> Option<T>,
-    ) -> T {
-        let mut found = None;
-        self.wait(what, |heard| {
-            let of_topic = heard.iter().rev().filter(|message| message.topic == topic);
-            found = of_topic.take(1).find_map(&mut read);
-            found.is_some()
-        });
-        found.unwrap()
-    }
-
-    /// What was heard of a topic so far.
-    pub(super) fn heard(&self, topic: &str) -> Vec<Heard> {
-        let heard = self.0.0.lock().unwrap();
-        heard.iter().filter(|message| message.topic == topic).cloned().collect()
-    }
-}
-
-/// A camera driver.
-pub(super) struct TestCamera {
-    network: Loopback,
-    topic: String,
-    pub(super) picture: Picture,
-    pub(super) publisher: [u8; 16],
-    pub(super) sequence: i64,
-    /// Time of the last frame, after the start.
-    pub(super) at_ms: i64,
-}
-
-impl TestCamera {
-    /// The next frame, 10 ms after the one before.
-    pub(super) fn shoot(&mut self) {
-        self.at_ms += 10;
-        self.sequence += 1;
-        self.send(self.picture.message(START_NS + self.at_ms * MS));
-    }
-
-    pub(super) fn shoot_times(&mut self, num: usize) {
-        (0..num).for_each(|_| self.shoot());
-    }
-
-    /// Any bytes as a frame.
-    pub(super) fn send(&self, data: Vec<u8>) {
-        self.deliver(Ok(Arrival {
-            data,
-            publisher: self.publisher,
-            sequence: Some(self.sequence),
-            source_time_ns: START_NS + self.at_ms * MS,
-            receive_time_ns: START_NS + self.at_ms * MS + 1,
-        }));
-    }
-
-    pub(super) fn deliver(&self, arrival: Result<Arrival, Fault>) {
-        self.network.deliver(&self.topic, &arrival);
-    }
-}
 
 /// A node that runs, and its network.
 pub(super) struct Rig {
@@ -360,8 +201,16 @@ impl Rig {
         (response.success, response.message.into_owned())
     }
 
-    pub(super) fn record(&self, data: bool) -> (bool, String) {
-        let bytes = self.call("record", &SetBoolRequest { data });
+    pub(super) fn start_recording(&self) -> (bool, String) {
+        self.record(SetBoolRequest { data: true })
+    }
+
+    pub(super) fn stop_recording(&self) -> (bool, String) {
+        self.record(SetBoolRequest { data: false })
+    }
+
+    fn record(&self, request: SetBoolRequest) -> (bool, String) {
+        let bytes = self.call("record", &request);
         let response: SetBoolResponse<'_> = cdr::decode(&bytes).unwrap();
         (response.success, response.message.into_owned())
     }
@@ -417,15 +266,6 @@ pub(super) fn set(network: &Loopback, name: &str, value: &Value) -> Result<(), S
     let response: rcl::SetParametersResponse<'_> = cdr::decode(&bytes).unwrap();
     let result = &response.results[0];
     if result.successful { Ok(()) } else { Err(result.reason.clone().into_owned()) }
-}
-
-/// Waits for what a thread brings about.
-pub(super) fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
-    while !is_so() {
-        assert!(Instant::now() < deadline, "not in time: {what}");
-        thread::sleep(Duration::from_millis(2));
-    }
 }
 
 pub(super) fn text(value: &str) -> Value {

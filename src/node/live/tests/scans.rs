@@ -86,7 +86,7 @@ fn a_request_that_cannot_be_followed_says_why() {
         assert!(!success && message.contains("activate it first"), "{message}");
     }
     assert!(rig.change_state("cleanup"));
-    for (success, message) in [rig.record(true), rig.trigger("snapshot")] {
+    for (success, message) in [rig.start_recording(), rig.trigger("snapshot")] {
         assert!(!success && message.contains("configure it first"), "{message}");
     }
     assert_eq!(rig.network.call("/laser_profiler/scan", &[1, 2, 3]), None, "malformed");
@@ -111,7 +111,9 @@ fn every_service_exists_once() {
 
     let mut setup = Setup::new();
     setup.set("cameras", Value::TextList(vec!["left".into(), "right".into()]));
-    ["left", "right"].iter().for_each(|camera| setup.set_camera(camera));
+    for camera in ["left", "right"] {
+        setup.set_camera(camera);
+    }
     let rig = setup.start().unwrap();
     assert_eq!(rig.network.services().iter().filter(is_own).count(), 3 * own.len());
     rig.end();

@@ -1,6 +1,9 @@
 //! A camera's frames and what becomes of them.
 
-use super::rig::{MS, Picture, Rig, START_NS};
+use super::{
+    driver::{MS, Picture, START_NS},
+    rig::Rig,
+};
 use crate::{
     msg::{
         foxglove_msgs::ImageAnnotations,
@@ -112,7 +115,7 @@ fn odd_frames_are_counted_by_kind_and_the_stream_goes_on() {
             camera.sequence += 1;
             match message {
                 Ok(data) => camera.send(data),
-                Err(fault) => camera.deliver(Err(fault)),
+                Err(fault) => camera.deliver(&Err(fault)),
             }
         }
         rig.results("centerline", num_measured);
@@ -169,7 +172,7 @@ fn a_flood_is_counted_to_the_last_frame_and_told_within_a_second() {
     while begun.elapsed() < std::time::Duration::from_millis(1500) {
         camera.sequence += 1;
         num_sent += 1;
-        camera.deliver(Ok(Arrival {
+        camera.deliver(&Ok(Arrival {
             data: {
                 let mut data = data.clone();
                 data[4..12].fill(0);
