@@ -131,15 +131,18 @@ def graph(arguments, node):
         found = sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
         return [token for token in found if arguments.node in token.split("/")]
 
-    for line in sys.stdin:
+    def wait_for_tokens(number):
         found = []
 
         def is_complete():
             found[:] = tokens()
-            return len(found) == int(line)
+            return len(found) == number
 
-        wait_for(is_complete, f"{int(line)} tokens of {arguments.node}")
-        say(event="tokens", tokens={token: gid(token) for token in found})
+        wait_for(is_complete, f"{number} tokens of {arguments.node}")
+        return found
+
+    for line in sys.stdin:
+        say(event="tokens", tokens={token: gid(token) for token in wait_for_tokens(int(line))})
 
 
 def gid(token):

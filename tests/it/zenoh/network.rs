@@ -3,8 +3,10 @@
 use std::{
     net::TcpListener,
     path::Path,
+    process,
     sync::{
         Arc,
+        atomic::{AtomicU32, Ordering},
         mpsc::{Receiver, sync_channel},
     },
 };
@@ -39,8 +41,7 @@ impl Network {
     /// Without a router; `None` after saying that there are no peers.
     pub(super) fn without_router() -> Option<Self> {
         let python = python()?;
-        // Whoever else looks for a port now gets another one.
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let port = free_port();
         Some(Self { python, port, domain: (port % 200).to_string() })
     }
 
@@ -96,6 +97,18 @@ impl Network {
         let arguments: Vec<_> =
             arguments.iter().copied().chain(["--type", kind.name, "--hash", kind.hash]).collect();
         self.peer(command, &arguments)
+    }
+}
+
+/// Below the ports that systems give to outgoing connections: one of those could take it before the router does.
+fn free_port() -> u16 {
+    static NUM_TRIED: AtomicU32 = AtomicU32::new(0);
+    loop {
+        let number = (process::id() % 1000) * 97 + NUM_TRIED.fetch_add(1, Ordering::Relaxed);
+        let port = u16::try_from(20_000 + number % 12_000).unwrap();
+        if TcpListener::bind(("127.0.0.1", port)).is_ok() {
+            return port;
+        }
     }
 }
 
