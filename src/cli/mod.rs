@@ -129,6 +129,21 @@ mod tests {
     }
 
     #[test]
+    fn without_a_verb_ros_arguments_mean_the_live_node() {
+        let verb = |line: &str| {
+            let all: Vec<_> = line.split(' ').map(str::to_owned).collect();
+            let (_, rest) = arguments::split(&all).unwrap();
+            CommandLine::try_parse_from(with_verb(rest, &all)).map(|line| line.verb)
+        };
+        for line in ["laser_profiler --ros-args -r __ns:=/cell", "laser_profiler --ros-args"] {
+            assert!(matches!(verb(line), Ok(Verb::Run(_))), "{line}");
+        }
+        assert!(verb("laser_profiler").is_err(), "help is shown");
+        let info = verb("laser_profiler --ros-args -r a:=b -- info bag");
+        assert!(matches!(info, Ok(Verb::Info(_))));
+    }
+
+    #[test]
     fn wrong_usage_is_told_apart() {
         for line in [
             "laser_profiler --ros-args --bogus",

@@ -72,7 +72,7 @@ pub fn run(
     let stop = Stop::default();
     interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
     let json = args.json;
-    let summaries = live(request(args, ros)?, rosout, &stop).map_err(|error: LiveError| {
+    let summaries = live(&request(args, ros)?, rosout, &stop).map_err(|error: LiveError| {
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     })?;
     let summaries: Vec<(String, Summary)> = summaries
@@ -86,7 +86,7 @@ pub fn run(
 }
 
 fn live(
-    request: LiveRequest,
+    request: &LiveRequest,
     rosout: RosoutSlot,
     stop: &Stop,
 ) -> Result<Vec<CameraSummary>, LiveError> {
@@ -131,4 +131,55 @@ fn told(summaries: &[(String, Summary)]) -> serde_json::Result<String> {
         }
     };
     Ok(json + "\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::statistics::Counts;
+
+    fn summary(processed: u64) -> Summary {
+        let counts = Counts { received: processed, processed, ..Counts::default() };
+        Summary { counts, ..Summary::default() }
+    }
+
+    fn keys(value: &serde_json::Value) -> Vec<&str> {
+        value.as_object().unwrap().keys().map(String::as_str).collect()
+    }
+
+    #[test]
+    fn the_last_words_of_one_camera_are_those_of_a_replay() {
+        let of_run = told(&[(String::new(), summary(3))]).unwrap();
+        let of_replay = serde_json::to_string(&Told::of(&summary(3), None)).unwrap();
+        assert_eq!(of_run, format!("{of_replay}\n"));
+        assert!(text(&[(String::new(), summary(3))]).starts_with("3 frames: 3 processed"));
+    }
+
+    #[test]
+    fn several_cameras_are_told_by_their_names() {
+        let summaries = [("left".to_owned(), summary(3)), ("right".to_owned(), summary(0))];
+        let json: serde_json::Value = serde_json::from_str(&told(&summaries).unwrap()).unwrap();
+        assert_eq!(keys(&json), ["cameras"]);
+        assert_eq!(keys(&json["cameras"]), ["left", "right"]);
+        assert_eq!(json["cameras"]["left"]["frames"]["processed"], 3);
+        let text = text(&summaries);
+        assert!(text.contains("camera left\n3 frames") && text.contains("camera right\n0 frames"));
+    }
+
+    #[test]
+    fn a_router_is_for_zenoh_only() {
+        let args = |transport| RunArgs {
+            transport: Some(transport),
+            router: true,
+            params_file: vec!["own.yaml".into()],
+            json: false,
+        };
+        let refused = request(args(Middleware::Dds), RosArguments::default()).unwrap_err();
+        assert!(refused.is::<Usage>(), "{refused}");
+        let ros =
+            RosArguments { parameter_files: vec!["ros.yaml".into()], ..RosArguments::default() };
+        let request = request(args(Middleware::Zenoh), ros).unwrap();
+        assert!(request.is_router);
+        assert_eq!(request.ros.parameter_files, [PathBuf::from("own.yaml"), "ros.yaml".into()]);
+    }
 }

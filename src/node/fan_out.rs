@@ -48,7 +48,10 @@ impl<'scope> FanOut<'scope> {
                 Way::Queued(bound, when_full) => {
                     let queue = Arc::new(Queue::new(bound, when_full));
                     let taken = Arc::clone(&queue);
-                    let run = move || tell(drain(&taken, sink), is_essential);
+                    let run = move || {
+                        let ended = drain(&taken, sink);
+                        if is_essential { ended } else { tell(ended) }
+                    };
                     Reached::Queued(queue, scope.spawn(run))
                 }
             };
@@ -62,8 +65,9 @@ impl<'scope> FanOut<'scope> {
     /// # Errors
     /// An essential sink has failed: [`finish`](Self::finish) tells why.
     pub fn send(&self, message: &Outgoing) -> Result<(), Closed<()>> {
-        let is_result = message.topic < self.num_topics;
-        for fan in self.fans.iter().filter(|fan| fan.takes.includes(is_result)) {
+        let is_taken: fn(Takes) -> bool =
+            if message.topic < self.num_topics { Takes::has_results } else { Takes::has_images };
+        for fan in self.fans.iter().filter(|fan| is_taken(fan.takes)) {
             match fan.pass(message) {
                 Ok(num) => fan.num_dropped.set(fan.num_dropped.get() + num as u64),
                 Err(Closed(())) if fan.is_essential => return Err(Closed(())),
@@ -93,7 +97,8 @@ impl<'scope> FanOut<'scope> {
                 Reached::Directly(direct) => {
                     let Direct(mut sink, written) = direct.into_inner();
                     let finished = sink.finish();
-                    tell(written.and(finished), is_essential)
+                    let ended = written.and(finished);
+                    if is_essential { ended } else { tell(ended) }
                 }
                 Reached::Queued(_, thread) => {
                     thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -150,11 +155,8 @@ fn drain(queue: &Queue<Outgoing>, mut sink: Box<dyn Sink>) -> Result<(), SinkErr
 }
 
 /// The error of an essential sink ends the run and is told there.
-fn tell(ended: Result<(), SinkError>, is_essential: bool) -> Result<(), SinkError> {
-    if let (Err(error), false) = (&ended, is_essential) {
-        tracing::error!("{error}; everything else goes on");
-    }
-    ended
+fn tell(ended: Result<(), SinkError>) -> Result<(), SinkError> {
+    ended.inspect_err(|error| tracing::error!("{error}; everything else goes on"))
 }
 
 /// Lets no sender wait for a receiver that is gone, not even after a panic.

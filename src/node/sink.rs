@@ -107,12 +107,13 @@ impl Outlet {
 pub const SINK_BOUND: Bound = Bound { items: 256, bytes: 64 << 20 };
 
 impl Takes {
-    /// Whether it includes results, or else images.
-    pub const fn includes(self, is_result: bool) -> bool {
-        match self {
-            Self::Results => is_result,
-            Self::Images => !is_result,
-            Self::All => true,
-        }
+    /// Whether it includes results.
+    pub const fn has_results(self) -> bool {
+        !matches!(self, Self::Images)
+    }
+
+    /// Whether it includes input images.
+    pub const fn has_images(self) -> bool {
+        !matches!(self, Self::Results)
     }
 }

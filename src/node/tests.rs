@@ -367,35 +367,3 @@ fn a_full_sink_ends_the_run_and_says_so() {
     assert_eq!(summary.unwrap_err().to_string(), "memory: no space left");
     assert_eq!(messages.len(), 5, "what was taken is kept");
 }
-
-#[test]
-fn a_raised_stop_ends_the_input_and_keeps_the_results() {
-    struct Stopping(Listed, Stop);
-    impl Source for Stopping {
-        fn next(&mut self) -> Option<Input> {
-            if self.0.0.len() == 7 {
-                self.1.raise();
-            }
-            self.0.next()
-        }
-    }
-    let setup = Setup::default();
-    let inputs: Vec<_> = (0..10).map(|n| good(n, i64::from(n))).collect();
-    let kept = Arc::default();
-    let summary = Run {
-        source: &mut Stopping(Listed(inputs.into_iter()), setup.stop.clone()),
-        worker: worker(&setup),
-        outlets: vec![Outlet::replay(Box::new(Memory {
-            kept: Arc::clone(&kept),
-            room: usize::MAX,
-        }))],
-        num_topics: 9,
-        stop: &setup.stop,
-        on_message: &mut |_| {},
-    }
-    .replay()
-    .unwrap();
-    assert!(summary.was_interrupted && !summary.is_complete());
-    assert_eq!(summary.counts.processed, 4);
-    assert_eq!(on(&kept.lock().unwrap(), Output::Centerline).len(), 4);
-}

@@ -17,7 +17,7 @@ named_enum! {
     Middleware {
         /// DDS: Fast DDS, Cyclone DDS and others.
         Dds = "dds",
-        /// Zenoh, as rmw_zenoh speaks it.
+        /// Zenoh, as `rmw_zenoh` speaks it.
         Zenoh = "zenoh",
     }
 }

@@ -117,9 +117,15 @@ impl Pipeline {
         self.scan.set_next_id(scan_id);
     }
 
-    /// Whether profiles are stacked. When not, [`finish`](Self::finish) the scan first: frames give profiles only.
-    pub const fn set_scanning(&mut self, is_scanning: bool) {
-        self.is_scanning = is_scanning;
+    /// Stacks profiles, as from the beginning.
+    pub const fn start_scanning(&mut self) {
+        self.is_scanning = true;
+    }
+
+    /// Stacks no profiles: [`finish`](Self::finish) the scan first.
+    pub const fn stop_scanning(&mut self) {
+        self.is_scanning = false;
+        self.scan.set_next_id(None);
     }
 
     /// Identity of the open scan; `None` before its first profile.

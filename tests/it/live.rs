@@ -95,13 +95,10 @@ pub(crate) fn frames(words: &Json) -> [u64; 5] {
     bins
 }
 
-/// The log times of a topic in the only bag of a directory whose name does not end in `_images`.
-pub(crate) fn recorded_ns(directory: &Path, topic: &str) -> Vec<i64> {
-    let bags = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
-    let results: Vec<_> =
-        bags.filter(|path| !path.to_string_lossy().ends_with("_images")).collect();
-    assert_eq!(results.len(), 1, "{results:?}");
-    let bag = BagReader::open(&results[0], &ReadOptions::default()).unwrap();
+/// The log times of a topic in the bag of a directory; `None` before there is one.
+pub(crate) fn recorded_ns(directory: &Path, topic: &str) -> Option<Vec<i64>> {
+    let bag = std::fs::read_dir(directory).unwrap().next()?.unwrap().path();
+    let bag = BagReader::open(&bag, &ReadOptions::default()).ok()?;
     let messages = bag.messages(&Filter::topics([topic]));
-    messages.flatten().map(|message| message.log_time_ns).collect()
+    Some(messages.flatten().map(|message| message.log_time_ns).collect())
 }

@@ -5,6 +5,7 @@ Written from its sources for tests, not from this project's: two readings of the
 
 import json
 import struct
+import threading
 import time
 import uuid
 from dataclasses import dataclass, field
@@ -47,8 +48,13 @@ def open_session(connect=(), listen=("tcp/localhost:0",), mode="peer", overrides
     return zenoh.open(config)
 
 
+SAYING = threading.Lock()
+
+
 def say(**event):
-    print(json.dumps(event), flush=True)
+    """One line; Zenoh's threads and the script's own say things at the same time."""
+    with SAYING:
+        print(json.dumps(event), flush=True)
 
 
 def wire_type(name):

@@ -79,6 +79,7 @@ def relay(arguments, node):
     """
     kind = (arguments.type, arguments.hash)
     publisher = node.publisher(arguments.to, kind)
+    node.wait_for_subscribers(arguments.to, kind)
     chance, is_over = random.Random(arguments.seed), threading.Event()
     forwarded, injected, waiting = 0, 0, 0
 

@@ -1,9 +1,9 @@
 """Images with zenoh-ros2-sdk: publish|subscribe PORT DOMAIN TOPIC HASH."""
 
-import json
 import sys
 
 import numpy
+from rmw_zenoh import say
 from zenoh_ros2_sdk import ROS2Publisher, ROS2Subscriber
 from zenoh_ros2_sdk.session import ZenohSession
 
@@ -14,10 +14,6 @@ IMAGE = (
     "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\n"
     "uint32 step\nuint8[] data\n",
 )
-
-
-def say(**event):
-    print(json.dumps(event), flush=True)
 
 
 def main():

@@ -73,21 +73,13 @@ impl Lifecycle {
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
             Err(TryLockError::WouldBlock) => return Err(ChangeError::Busy(self.state())),
         };
-        self.change_and_tell(wanted, &mut **events)
-    }
-
-    fn change_and_tell(
-        &self,
-        wanted: Wanted<'_>,
-        events: &mut dyn Publication,
-    ) -> Result<State, ChangeError> {
         let begun = lock(&self.0.machine).begin(wanted)?;
-        self.tell(events, begun);
+        self.tell(&mut **events, begun);
         let done = self.call(begun.goal);
-        self.end(events, &done);
+        self.end(&mut **events, &done);
         if matches!(done, Err(Failure::Broken(_))) {
             let recovered = self.0.managed.recover();
-            self.end(events, &recovered);
+            self.end(&mut **events, &recovered);
         }
         let state = self.state();
         match done {
@@ -105,15 +97,14 @@ impl Lifecycle {
         self.change(Wanted::Label("activate"))
     }
 
-    /// Ends for good, behind a change that is running; nothing happens where that is done already.
+    /// Ends for good; nothing happens where that is done already.
     ///
     /// # Errors
-    /// Something was lost at the end.
+    /// Something was lost at the end, or another change is running.
     pub fn shutdown(&self) -> Result<State, ChangeError> {
-        let mut events = self.0.events.lock().unwrap_or_else(PoisonError::into_inner);
         match self.state() {
             State::Finalized => Ok(State::Finalized),
-            _ => self.change_and_tell(Wanted::Label("shutdown"), &mut **events),
+            _ => self.change(Wanted::Label("shutdown")),
         }
     }
 

@@ -120,8 +120,7 @@ impl Camera {
         images: Arc<Images>,
         worker: Worker,
         (clock, survey): (RosClock, Survey),
-        outlets: Vec<Outlet>,
-        num_topics: usize,
+        (outlets, num_topics): (Vec<Outlet>, usize),
     ) -> io::Result<(Self, Measuring)> {
         let input = Arc::new(Queue::new(INPUT_BOUND, WhenFull::DropOldest));
         let settings = Arc::new(Mailbox::default());

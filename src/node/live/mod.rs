@@ -17,6 +17,7 @@ mod services;
 
 use std::{
     sync::{Arc, Weak},
+    thread,
     time::Duration,
 };
 
@@ -26,7 +27,7 @@ use crate::{
         lifecycle::{
             Managed,
             machine::State,
-            server::{Lifecycle, LifecycleServer},
+            server::{ChangeError, Lifecycle, LifecycleServer},
         },
         parameter_server::{OnChange, ParameterServer, ParameterStore},
         replay::NODE_NAME,
@@ -82,7 +83,7 @@ impl LiveNode {
     /// # Errors
     /// The first thing that is not as it should be.
     pub fn start(
-        request: LiveRequest,
+        request: &LiveRequest,
         rosout: RosoutSlot,
         variable: &dyn Fn(&str) -> Option<String>,
     ) -> Result<Self, LiveError> {
@@ -93,33 +94,33 @@ impl LiveNode {
             NodeIdentity { name: names.name().to_owned(), namespace: names.namespace().to_owned() };
         let options = JoinOptions { service_mapping, is_router: request.is_router };
         let transport = request.middleware.join(&identity, options, variable)?;
-        Self::on(transport, names, values, rosout)
+        Self::on(&transport, &names, values, rosout)
     }
 
     /// Puts a node on a middleware that has been joined.
     fn on(
-        transport: Arc<dyn Transport>,
-        names: NodeNames,
+        transport: &Arc<dyn Transport>,
+        names: &NodeNames,
         values: Parameters,
         rosout: RosoutSlot,
     ) -> Result<Self, LiveError> {
         let params = NodeParams::new(&values)?;
         let clock = RosClock::default();
-        let rosout = Rosout::start(&*transport, &names, rosout)?;
+        let rosout = Rosout::start(&**transport, names, rosout)?;
         let autostart = params.autostart;
         let cameras = values.cameras().to_vec();
-        let context = Context::new(Arc::clone(&transport), names.clone(), clock.clone());
+        let context = Context::new(Arc::clone(transport), names.clone(), clock.clone());
         context.choose_time(&params)?;
         let shared = Arc::new(Shared::new(context, values.clone())?);
         let node = Arc::downgrade(&shared);
 
         let store = Arc::new(ParameterStore::new(values, on_change(node.clone()))?);
         let time = clock.clone();
-        let parameters = ParameterServer::start(&*transport, &names, store, move || time.now_ns())?;
+        let parameters = ParameterServer::start(&**transport, names, store, move || time.now_ns())?;
         let managed: Arc<dyn Managed> = Arc::new(node::Handle(node.clone()));
-        let lifecycle_server = LifecycleServer::start(&*transport, &names, managed, clock.clone())?;
+        let lifecycle_server = LifecycleServer::start(&**transport, names, managed, clock.clone())?;
         let lifecycle = lifecycle_server.lifecycle();
-        let services = services::offer(&*transport, &names, &node, &cameras)?;
+        let services = services::offer(&**transport, names, &node, &cameras)?;
         tracing::info!("{} is on {}", names.fully_qualified(), transport.name());
         if autostart && let Err(error) = lifecycle.autostart() {
             shared.cleanup();
@@ -142,10 +143,19 @@ impl LiveNode {
                 break;
             }
         }
-        if let Err(error) = self.lifecycle.shutdown() {
-            tracing::error!("{error}");
-        }
+        self.shut_down();
         self.shared.take_summaries()
+    }
+
+    /// Ends behind a change of state that is running: a disk may take its time.
+    fn shut_down(&self) {
+        loop {
+            match self.lifecycle.shutdown() {
+                Ok(_) => return,
+                Err(ChangeError::Busy(_)) => thread::sleep(WATCH_PERIOD),
+                Err(error) => return tracing::error!("{error}"),
+            }
+        }
     }
 }
 

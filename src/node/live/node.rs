@@ -65,7 +65,7 @@ impl Shared {
     /// Begins to record, where that is wanted, before the first frame.
     pub(super) fn activate(&self) -> Result<(), LiveError> {
         if self.lock().params.recording.enabled {
-            self.record(true);
+            self.start_recordings();
         }
         let state = &mut *self.lock();
         let Some(session) = &state.session else { return Ok(()) };
@@ -74,12 +74,18 @@ impl Shared {
         active
     }
 
-    /// Starts or stops what `recording.enabled` speaks of. A disk that refuses keeps nothing else from working: it is
-    /// told here, and by the diagnostics.
-    fn record(&self, wanted: bool) {
+    /// A disk that refuses keeps nothing else from working: it is told here, and by the diagnostics.
+    fn start_recordings(&self) {
         for recorder in self.recorders("") {
-            let done = if wanted { recorder.start().map(drop) } else { recorder.stop().map(drop) };
-            if let Err(error) = done {
+            if let Err(error) = recorder.start() {
+                tracing::error!("{error}");
+            }
+        }
+    }
+
+    fn end_recordings(&self) {
+        for recorder in self.recorders("") {
+            if let Err(error) = recorder.stop() {
                 tracing::error!("{error}");
             }
         }
@@ -102,7 +108,7 @@ impl Shared {
                 session.deactivate();
             }
         }
-        self.record(false);
+        self.end_recordings();
     }
 
     pub(super) fn cleanup(&self) {
@@ -132,15 +138,16 @@ impl Shared {
         if let Some(session) = &state.session {
             session.set(&params, &values);
         }
-        let switched = state
-            .is_active
-            .then_some(params.recording.enabled)
-            .filter(|enabled| *enabled != state.params.recording.enabled);
+        let was_enabled = state.params.recording.enabled;
+        let is_enabled = params.recording.enabled;
+        let is_active = state.is_active;
         (state.values, state.params) = (values, params);
         drop(guard);
         // Not under the lock: a disk may take its time.
-        if let Some(wanted) = switched {
-            self.record(wanted);
+        match (was_enabled, is_enabled) {
+            (false, true) if is_active => self.start_recordings(),
+            (true, false) if is_active => self.end_recordings(),
+            _ => {}
         }
         Ok(())
     }

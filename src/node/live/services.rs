@@ -118,7 +118,7 @@ fn record(target: Target) -> OnRequest {
     Box::new(move |request| {
         let SetBoolRequest { data } = cdr::decode(request).ok()?;
         let (success, message) = target.of_recorders(|recorder| {
-            if data { recorder.start().map(told) } else { recorder.stop().map(ended) }
+            if data { recorder.start().map(|bags| told(&bags)) } else { recorder.stop().map(ended) }
         });
         encoded(&SetBoolResponse { success, message: Cow::Owned(message) })
     })
@@ -127,17 +127,19 @@ fn record(target: Target) -> OnRequest {
 fn snapshot(target: Target) -> OnRequest {
     Box::new(move |request| {
         cdr::decode::<TriggerRequest>(request).ok()?;
-        let (success, message) = target.of_recorders(|recorder| recorder.snapshot().map(told));
+        let (success, message) =
+            target.of_recorders(|recorder| recorder.snapshot().map(|bags| told(&bags)));
         encoded(&TriggerResponse { success, message: Cow::Owned(message) })
     })
 }
 
-fn told(directories: Vec<PathBuf>) -> Vec<String> {
+fn told(directories: &[PathBuf]) -> Vec<String> {
     directories.iter().map(|directory| directory.display().to_string()).collect()
 }
 
 fn ended(bags: Vec<BagStatus>) -> Vec<String> {
-    told(bags.into_iter().filter_map(|bag| bag.directory).collect())
+    let directories: Vec<_> = bags.into_iter().filter_map(|bag| bag.directory).collect();
+    told(&directories)
 }
 
 fn scan(target: Target) -> OnRequest {

@@ -107,12 +107,13 @@ impl Context {
             topics::recorded(&outputs),
             image_topic,
         );
-        let outlets = vec![self.publications(&outputs)?, recorder];
+        // What has been published has been recorded.
+        let outlets = vec![recorder, self.publications(&outputs)?];
         let survey = survey(Arc::clone(&images), recording.clone());
         let clocks = (self.clock.clone(), survey);
         let name = camera.name.clone();
         let identity = Identity { name, frame_id, recording, description };
-        Ok(Camera::start(identity, images, worker, clocks, outlets, outputs.len())?)
+        Ok(Camera::start(identity, images, worker, clocks, (outlets, outputs.len()))?)
     }
 
     /// The values as they take effect, and their types: where nobody has chosen the largest message of a point cloud, it

@@ -167,7 +167,7 @@ impl Worker {
             Command::Reset(reply) => {
                 self.pipeline.discard();
                 self.pending = Pending::default();
-                self.pipeline.set_scanning(true);
+                self.pipeline.start_scanning();
                 self.set_scan(ScanRequest::default());
                 answer(&reply, scan_id.map_or("no scan was open", |_| "scan discarded"), scan_id);
             }
@@ -193,7 +193,7 @@ impl Worker {
         }
         self.end_scan(out)?;
         let scan_id = self.next_scan_id();
-        self.pipeline.set_scanning(true);
+        self.pipeline.start_scanning();
         self.pipeline.set_next_scan_id(scan_id);
         self.set_scan(request);
         answer(reply, "the scan begins with the next frame", scan_id);
@@ -210,8 +210,7 @@ impl Worker {
 
     fn stop_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
         self.end_scan(out)?;
-        self.pipeline.set_scanning(false);
-        self.pipeline.set_next_scan_id(None);
+        self.pipeline.stop_scanning();
         self.set_scan(ScanRequest::default());
         Ok(())
     }

@@ -94,6 +94,7 @@ impl Worker {
     }
 
     /// Makes it the worker of a live camera.
+    #[must_use]
     pub fn with_live(self, live: Live) -> Self {
         Self { live: Some(live), ..self }
     }

@@ -33,7 +33,7 @@ fn every_image_becomes_a_centreline() {
             "--height",
             "480",
             "--rate",
-            "50",
+            "20",
             "--count",
             "100",
         ];

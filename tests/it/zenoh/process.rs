@@ -39,16 +39,19 @@ fn every_image_becomes_a_centreline_there_and_in_the_bag() {
     let record = recording(place.path());
     let node = node(&network, &record.each_ref().map(String::as_str));
     let kind = Centerline::TYPE;
-    let wanted = ["--topic", RESULT, "--type", kind.name, "--hash", kind.hash, "--count", "200"];
+    let wanted = ["--topic", RESULT, "--type", kind.name, "--hash", kind.hash, "--count", "150"];
     let receiver = network.peer("receive", &wanted);
     receiver.event("ready");
-    let _sender = network.peer("send", &[&SMALL[..], &["--count", "200"]].concat());
+    let sender = network.peer("send", &[&SMALL[..], &["--count", "200"]].concat());
+    sender.event("sent");
     let received = receiver.event("received");
-    assert_eq!((&received["received"], &received["lost"]), (&200.into(), &0.into()), "{received}");
+    // The first ones may come before the network knows who listens; from then on none is missing.
+    assert_eq!(received["lost"], 0, "{received}");
+    assert!(received["received"].as_u64().unwrap() >= 150, "{received}");
     let (code, words, took) = node.end();
     assert_eq!((code, frames(&words)), (0, [200, 200, 0, 0, 0]), "{words}");
     assert!(took < Duration::from_secs(2), "SIGTERM took {took:?}");
-    assert_eq!(recorded_ns(place.path(), RESULT).len(), 200);
+    assert_eq!(recorded_ns(place.path(), RESULT).unwrap().len(), 200);
     let bag = fs::read_dir(place.path()).unwrap().next().unwrap().unwrap().path();
     assert!(bag.join("metadata.yaml").is_file(), "the bag is finished");
 }
@@ -84,13 +87,12 @@ fn after_kill_9_everything_older_than_a_second_is_there() {
     let forever = ["--seconds", "60"];
     let _sender = network.peer("send", &[&SMALL[..], &forever].concat());
     wait_until("a flushed recording", || {
-        fs::read_dir(place.path()).unwrap().next().is_some()
-            && recorded_ns(place.path(), RESULT).len() > 100
+        recorded_ns(place.path(), RESULT).is_some_and(|recorded| recorded.len() > 100)
     });
     node.kill();
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap();
     let now_ns = i64::try_from(now.as_nanos()).unwrap();
-    let recorded_ns = recorded_ns(place.path(), RESULT);
+    let recorded_ns = recorded_ns(place.path(), RESULT).unwrap();
     let youngest = now_ns - recorded_ns.last().unwrap();
     assert!(youngest < 2_000_000_000, "the last {youngest} ns are lost");
     assert!(recorded_ns.windows(2).all(|pair| pair[0] < pair[1]));

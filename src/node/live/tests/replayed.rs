@@ -35,7 +35,8 @@ fn what_was_published_is_what_a_replay_of_the_recording_gives() {
             9 => camera.sequence += 3,
             14 => camera.send(Picture::default().message(START_NS)[..500].to_vec()),
             19 => camera.send(camera.picture.message(START_NS + camera.at_ms * MS)),
-            25 => camera.publisher = [8; 16],
+            // It counts anew, too: a bag does not say who sent an image.
+            25 => (camera.publisher, camera.sequence) = ([8; 16], 0),
             _ => {}
         }
         camera.shoot();

@@ -285,7 +285,8 @@ impl Setup {
         };
         let subscriptions = endpoints.iter().map(subscribe).collect();
         let stop = Stop::default();
-        let node = LiveNode::on(Arc::new(network.clone()), names, values, slot)?;
+        let transport: Arc<dyn Transport> = Arc::new(network.clone());
+        let node = LiveNode::on(&transport, &names, values, slot)?;
         let stopped = stop.clone();
         let thread = Some(thread::spawn(move || node.run(&stopped)));
         Ok(Rig { network, ear, place, stop, thread, _subscriptions: subscriptions })

@@ -31,7 +31,7 @@ fn a_slow_disk_costs_the_oldest_messages_and_every_one_is_counted() {
     session.close();
     assert!(session.wait(Duration::from_secs(30)));
     assert_eq!((session.messages(), session.dropped()), (10, 40));
-    assert_eq!(sequences(&directory, "/centerline"), Vec::from_iter(41..=50));
+    assert_eq!(sequences(&directory, "/centerline"), (41..=50).collect::<Vec<_>>());
     assert_eq!(records(&directory, "laser_profiler_end")[0].entries["dropped"], "40");
 }
 
@@ -48,7 +48,7 @@ fn a_slow_disk_of_images_does_not_hurt_the_results() {
     images.end();
     recorder.finish().unwrap();
     assert_eq!(images.dropped(), 90);
-    assert_eq!(sequences(&directory, "/centerline"), Vec::from_iter(1..=100));
+    assert_eq!(sequences(&directory, "/centerline"), (1..=100).collect::<Vec<_>>());
     assert_eq!(control.status().results.dropped, 0);
 }
 

@@ -28,7 +28,7 @@ fn start_child(test: &str, directory: &Path, limits: &str) -> Child {
     command.env(CHILD, directory).stdout(Stdio::piped()).spawn().unwrap()
 }
 
-/// Not by `println!`, which a test harness may hold back.
+/// Not as a test prints, which its harness may hold back.
 fn say(text: &str) {
     let mut stdout = io::stdout().lock();
     stdout.write_all(text.as_bytes()).unwrap();
@@ -76,7 +76,7 @@ fn after_kill_9_everything_older_than_a_second_is_there() {
     let found = readable(&bag);
     assert!(num_old > 50, "{num_old} messages are too few to tell");
     assert!(found.len() >= num_old, "{} of {num_old} found", found.len());
-    assert_eq!(found, Vec::from_iter(1..=found.len() as u32));
+    assert_eq!(found, (1..=found.len() as u32).collect::<Vec<_>>());
     assert_eq!(records(&bag, "laser_profiler").len(), 1, "and what explains it");
 }
 
@@ -95,7 +95,11 @@ fn a_full_disk_ends_the_recording_with_one_message_and_nothing_else() {
     let bag = only_bag(place.path());
     let found = readable(&bag);
     assert!(found.len() > 10, "{found:?}");
-    assert_eq!(found, Vec::from_iter(1..=found.len() as u32), "what was flushed before is there");
+    assert_eq!(
+        found,
+        (1..=found.len() as u32).collect::<Vec<_>>(),
+        "what was flushed before is there"
+    );
 }
 
 fn record_until_full(directory: &Path) {

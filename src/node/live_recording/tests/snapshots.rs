@@ -26,11 +26,11 @@ fn holds_what_was_sent_and_disturbs_no_recording() {
     assert!(first[0].to_str().unwrap().ends_with("_snapshot_1"), "{first:?}");
     assert!(first[1].to_str().unwrap().ends_with("_snapshot_1_images"), "{first:?}");
     assert!(second[0].to_str().unwrap().ends_with("_snapshot_2"), "{second:?}");
-    assert_eq!(sequences(&first[0], "/centerline"), Vec::from_iter(1..=20));
+    assert_eq!(sequences(&first[0], "/centerline"), (1..=20).collect::<Vec<_>>());
     assert_eq!(sequences(&first[0], "/stream_status"), [1]);
     assert_eq!(sequences(&first[1], "/image_raw"), [1, 2, 3, 4]);
-    assert_eq!(sequences(&second[0], "/centerline"), Vec::from_iter(1..=30));
-    assert_eq!(sequences(&recorded[0], "/centerline"), Vec::from_iter(11..=30));
+    assert_eq!(sequences(&second[0], "/centerline"), (1..=30).collect::<Vec<_>>());
+    assert_eq!(sequences(&recorded[0], "/centerline"), (11..=30).collect::<Vec<_>>());
     assert!(open(&first[0]).is_indexed());
     assert_eq!(records(&first[0], "laser_profiler").len(), 1);
     let status = control.status().snapshot;
