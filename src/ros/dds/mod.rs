@@ -3,13 +3,13 @@
 //! Endpoints are RustDDS's own and not ros2-client's, whose are typed: bytes pass unread in both directions.
 //!
 //! What RustDDS holds in memory: a reader keeps `depth + 1` messages, and up to 128 of a publisher whose fragments have
-//! not all arrived, for ten seconds. Where a network loses fragments, a best-effort subscription to images of 5 MB so comes
-//! to 700 MB; a reliable one has them sent again and stays below 150 MB. A fragment states its message's length, and
+//! not all arrived, for ten seconds. Where a network loses fragments, a best-effort subscription to images of 5 MB comes
+//! to 700 MB so; a reliable one has them sent again and stays below 150 MB. A fragment states its message's length, and
 //! RustDDS allocates that before it is seen here: a subscription's `limit_bytes` judges messages that are complete. A
 //! reliable writer keeps what it sent for some six seconds.
 //!
-//! RustDDS orders what a best-effort subscription received by the machine's clock: when that is set back, nothing arrives
-//! until it has caught up. Reliable subscriptions are ordered by number.
+//! RustDDS orders what a best-effort subscription receives by the machine's clock: when that is set back, nothing
+//! arrives until it has caught up. Reliable subscriptions are ordered by number.
 
 mod settings;
 mod names;

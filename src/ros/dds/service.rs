@@ -25,8 +25,8 @@ use crate::{
 const QOS: QosProfile = QosProfile::reliable(10);
 /// Requests of parameters and switches are small.
 const MAX_REQUEST_BYTES: usize = 1 << 20;
-/// How long a reply waits for its reader to be discovered: a request may overtake discovery.
-const MAX_WAIT: Duration = Duration::from_millis(500);
+/// How long a reply waits for its reader to be discovered: a request may overtake discovery, by some 300 ms on Cyclone.
+const MAX_WAIT: Duration = Duration::from_secs(2);
 
 pub(super) struct Service {
     requests: GUID,

@@ -6,7 +6,8 @@
 //! DDS_LOAD="send FastDds 60000 100 60"       cargo test --release --test it -- --exact dds::load::run --nocapture
 //! ```
 //!
-//! `receive_reliably` has both ends reliable. Images of that width and height, or messages of that many bytes, at that rate, for that many seconds.
+//! `receive_reliably` has both ends reliable. Images of that width and height, or messages of that many bytes, at that
+//! rate, for that many seconds.
 
 use std::{
     env, fs,
