@@ -5,7 +5,7 @@ use std::sync::Arc;
 #[cfg(feature = "dds")]
 use super::dds::{DdsSettings, DdsTransport};
 #[cfg(feature = "zenoh")]
-use super::zenoh::{ZenohSettings, ZenohTransport};
+use super::zenoh::{Role, ZenohSettings, ZenohTransport};
 use super::{
     node_params::ServiceMapping,
     transport::{NodeIdentity, Transport, TransportError},
@@ -58,7 +58,8 @@ impl Middleware {
             }
             #[cfg(feature = "zenoh")]
             Self::Zenoh => {
-                let settings = ZenohSettings::from_environment(variable, options.is_router)?;
+                let role = if options.is_router { Role::Router } else { Role::Node };
+                let settings = ZenohSettings::from_environment(variable, role)?;
                 Ok(Arc::new(ZenohTransport::open(&settings, node)?))
             }
             #[cfg(not(all(feature = "dds", feature = "zenoh")))]

@@ -19,8 +19,8 @@ fn every_image_becomes_a_centreline() {
             "--type",
             "laser_profiler_msgs::msg::dds_::Centerline_",
             "--reliable",
-            "--count",
-            "100",
+            "--seconds",
+            "15",
         ];
         let Some(reader) = Peer::start(vendor, &domain, &wanted) else { continue };
         reader.wait_for("matched");
@@ -40,8 +40,11 @@ fn every_image_becomes_a_centreline() {
         let Some(camera) = Peer::start(vendor, &domain, &offered) else { continue };
         camera.wait_for("sent");
         let received = reader.wait_for("received");
-        assert_eq!(received["count"], 100, "{vendor:?}: {received}");
         let (code, words, _) = node.end();
-        assert_eq!((code, frames(&words)), (0, [100, 100, 0, 0, 0]), "{vendor:?}: {words}");
+        let [arrived, processed, rejected, dropped, lost] = frames(&words);
+        // Best effort: what the camera sends before the node knows it is nobody's. From then on all is measured.
+        assert!((80..=100).contains(&arrived), "{vendor:?}: {words}");
+        assert_eq!((rejected, dropped, lost, code), (0, 0, 0, 0), "{vendor:?}: {words}");
+        assert_eq!(received["count"], processed, "{vendor:?}: {received} {words}");
     }
 }
