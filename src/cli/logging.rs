@@ -70,8 +70,12 @@ impl Levels {
     }
 
     fn targets(&self) -> Targets {
+        // It warns of every datagram that is not its own, and of each peer that wants another QoS, over and over.
+        let rustdds =
+            if self.others > LevelFilter::WARN { self.others } else { LevelFilter::ERROR };
         Targets::new()
             .with_default(self.others)
+            .with_target("rustdds", rustdds)
             .with_target(OWN_TARGET, self.own)
             .with_targets(self.named.iter().copied())
             .with_target(NOISE, LevelFilter::OFF)
@@ -140,6 +144,9 @@ mod tests {
         assert!(!shows("", "laser_profiler::node", Level::DEBUG));
         assert!(shows("", "zenoh_transport::unicast", Level::WARN));
         assert!(!shows("", "zenoh_transport::unicast", Level::INFO));
+        assert!(
+            !shows("", "rustdds::rtps", Level::WARN) && shows("", "rustdds::rtps", Level::ERROR)
+        );
         let debug = "--ros-args --log-level debug";
         assert!(shows(debug, "laser_profiler::node", Level::DEBUG));
         assert!(shows(debug, "rustdds::rtps", Level::DEBUG));

@@ -7,7 +7,7 @@
  *
  * Topics and types are named as on DDS (rt/camera/image_raw, sensor_msgs::msg::dds_::Image_). `publish` waits for a
  * subscriber, with --held for a line on stdin too, and sends N images a R-th of a second apart, each stamped when it is
- * sent; then it stays for S seconds. E other than 1 is a header that lies: not little-endian CDR. `subscribe` takes any
+ * sent; then it stays for S seconds. E other than 1 is a header that lies: not little-endian CDR. --stripe sends a laser stripe in the dark instead of a pattern. `subscribe` takes any
  * message that begins with a std_msgs/Header, until it has N or S seconds are over. `call` sends an empty request and
  * waits for the reply. K is how many messages are kept. Each line on stdout is one JSON object.
  */
@@ -27,7 +27,7 @@
 
 struct options {
   const char *verb, *topic, *type;
-  int domain, width, height, count, depth, encoding, is_reliable, is_latched, is_held;
+  int domain, width, height, count, depth, encoding, is_reliable, is_latched, is_stripe, is_held;
   double rate, seconds, linger;
 };
 
@@ -49,12 +49,13 @@ static void fail(const char *what) {
 }
 
 static struct options parse(int argc, char **argv) {
-  struct options o = {"", "", "sensor_msgs::msg::dds_::Image_", 0, 640, 480, 10, 10, 1, 0, 0, 0, 10.0, 30.0, 1.0};
+  struct options o = {"", "", "sensor_msgs::msg::dds_::Image_", 0, 640, 480, 10, 10, 1, 0, 0, 0, 0, 10.0, 30.0, 1.0};
   if (argc > 1) o.verb = argv[1];
   for (int i = 2; i < argc; i++) {
     const char *name = argv[i];
     if (!strcmp(name, "--reliable")) { o.is_reliable = 1; continue; }
     if (!strcmp(name, "--held")) { o.is_held = 1; continue; }
+    if (!strcmp(name, "--stripe")) { o.is_stripe = 1; continue; }
     if (!strcmp(name, "--latched")) { o.is_latched = o.is_reliable = 1; continue; }
     const char *value = i + 1 < argc ? argv[++i] : "";
     if (!strcmp(name, "--domain")) o.domain = atoi(value);
@@ -94,6 +95,13 @@ static uint8_t *put(uint8_t *at, const void *bytes, size_t length) {
 
 static uint8_t *put_u32(uint8_t *at, uint32_t value) { return put(at, &value, sizeof value); }
 
+/* A stripe along the middle row, 9 pixels wide, on a ground of 5. */
+static uint8_t stripe_level(const struct options *o, uint32_t pixel) {
+  static const uint8_t levels[] = {200, 180, 130, 70, 30};
+  const int distance = abs((int)(pixel / (uint32_t)o->width) - o->height / 2);
+  return distance < 5 ? levels[distance] : 5;
+}
+
 /* A mono8 image whose pixels count up from 0 to 250 and over again. */
 static uint8_t *new_image(const struct options *o, size_t *length) {
   const uint32_t num_pixels = (uint32_t)o->width * (uint32_t)o->height;
@@ -103,7 +111,7 @@ static uint8_t *new_image(const struct options *o, size_t *length) {
   at = put_u32(put_u32(at, (uint32_t)o->height), (uint32_t)o->width);
   at = put(put_u32(at, 6), "mono8\0\0\0", 8);
   at = put_u32(put_u32(at, (uint32_t)o->width), num_pixels);
-  for (uint32_t i = 0; i < num_pixels; i++) at[i] = (uint8_t)(i % 251);
+  for (uint32_t i = 0; i < num_pixels; i++) at[i] = o->is_stripe ? stripe_level(o, i) : (uint8_t)(i % 251);
   image[1] = (uint8_t)o->encoding;
   *length = (size_t)(at - image) + num_pixels;
   return image;

@@ -156,10 +156,10 @@ class Node:
         raise SystemExit(f"no subscriber of {topic} within {seconds} s")
 
 
-def image(number, width, height, stamp_ns, encoding="mono8", frame_id="camera"):
-    """sensor_msgs/Image in CDR; byte i of image n is (i + n) % 251."""
+def image(number, width, height, stamp_ns, encoding="mono8", frame_id="camera", is_stripe=False):
+    """sensor_msgs/Image in CDR; byte i of image n is (i + n) % 251, or the image is a laser stripe in the dark."""
     start = number % 251
-    pixels = pattern(width * height)[start : start + width * height]
+    pixels = stripe(width, height) if is_stripe else pattern(width * height)[start : start + width * height]
     out = bytearray(struct.pack("<iI", stamp_ns // 10**9, stamp_ns % 10**9))
     put_text(out, frame_id)
     align(out, 4)
@@ -169,6 +169,18 @@ def image(number, width, height, stamp_ns, encoding="mono8", frame_id="camera"):
     align(out, 4)
     out += struct.pack("<II", width, len(pixels))
     return b"\x00\x01\x00\x00" + bytes(out) + pixels
+
+
+STRIPES = {}
+
+
+def stripe(width, height):
+    """A stripe along the middle row, 9 pixels wide, on a ground of 5."""
+    if (width, height) not in STRIPES:
+        level = {0: 200, 1: 180, 2: 130, 3: 70, 4: 30}
+        rows = [bytes([level.get(abs(row - height // 2), 5)]) * width for row in range(height)]
+        STRIPES[width, height] = b"".join(rows)
+    return STRIPES[width, height]
 
 
 PATTERNS = {}

@@ -24,7 +24,7 @@ def send(arguments, node):
         due = start + number / arguments.fps
         time.sleep(max(0.0, due - time.monotonic()))
         now_ns = time.time_ns()
-        message = image(number, arguments.width, arguments.height, now_ns)
+        message = image(number, arguments.width, arguments.height, now_ns, is_stripe=arguments.stripe)
         publisher.put(message, attachment=attachment(number + 1, node.gid, now_ns))
     seconds = time.monotonic() - start
     say(event="sent", sent=count, seconds=round(seconds, 3), fps=round(count / seconds, 2))
@@ -121,6 +121,7 @@ def main():
     parser.add_argument("--idle", type=float, default=5.0, help="ends receiving after so many quiet seconds")
     parser.add_argument("--linger", type=float, default=2.0, help="seconds a sender stays behind its last image")
     parser.add_argument("--subscribers", type=int, default=1, help="how many a sender waits for")
+    parser.add_argument("--stripe", action="store_true", help="send a laser stripe instead of a pattern")
     parser.add_argument("--reliable", action="store_true", help="offer reliable instead of best effort")
     parser.add_argument("--config", action="append", default=[], help="key=value of Zenoh's configuration")
     arguments = parser.parse_args()
