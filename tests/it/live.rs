@@ -15,7 +15,7 @@ use serde_json::Value as Json;
 use crate::program::laser_profiler;
 
 /// A loaded machine takes its time.
-pub(crate) const DEADLINE: Duration = Duration::from_secs(60);
+pub(crate) const DEADLINE: Duration = Duration::from_mins(1);
 
 /// A node that runs. Dropping it ends it at once.
 pub(crate) struct Node {
@@ -53,7 +53,7 @@ impl Node {
             match self.lines.recv_timeout(left) {
                 Ok(line) if line.contains(text) => return line,
                 Ok(line) => seen.push(line),
-                Err(_) => panic!("the node never said {text:?}, but {seen:#?}"),
+                Err(error) => panic!("{error}: the node never said {text:?}, but {seen:#?}"),
             }
         }
     }
