@@ -210,7 +210,7 @@ mod tests {
             log::info!(target: "rustdds::discovery", "too much");
             log::error!(target: "rustdds::structure::sequence_number", "noise");
             assert_eq!(count.load(Ordering::Relaxed), 0);
-            log::warn!(target: "rustdds::network", "no such interface");
+            log::error!(target: "rustdds::network", "no such interface");
             assert_eq!(count.load(Ordering::Relaxed), 1);
         });
     }

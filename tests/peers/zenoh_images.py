@@ -35,13 +35,15 @@ def send(arguments, node):
 class Received:
     """Counts and latencies of one topic."""
 
-    def __init__(self):
+    def __init__(self, slow):
+        self.slow = slow
         self.lock = threading.Lock()
         self.latencies_ms, self.sequences, self.bytes, self.bad = [], [], 0, 0
         self.shared = 0
         self.first = self.last = time.monotonic()
 
     def take(self, sample):
+        time.sleep(self.slow)
         now_ns = time.time_ns()
         message = sample.payload.to_bytes()
         with self.lock:
@@ -78,7 +80,7 @@ class Received:
 
 
 def receive(arguments, node):
-    received = Received()
+    received = Received(arguments.slow)
     kind = (arguments.type, arguments.hash)
     subscriber = node.subscriber(arguments.topic, kind, received.take)
     say(event="ready")
@@ -121,6 +123,7 @@ def main():
     parser.add_argument("--idle", type=float, default=5.0, help="ends receiving after so many quiet seconds")
     parser.add_argument("--linger", type=float, default=2.0, help="seconds a sender stays behind its last image")
     parser.add_argument("--subscribers", type=int, default=1, help="how many a sender waits for")
+    parser.add_argument("--slow", type=float, default=0.0, help="seconds that a receiver takes for each message")
     parser.add_argument("--stripe", action="store_true", help="send a laser stripe instead of a pattern")
     parser.add_argument("--reliable", action="store_true", help="offer reliable instead of best effort")
     parser.add_argument("--config", action="append", default=[], help="key=value of Zenoh's configuration")

@@ -5,7 +5,11 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use laser_profiler::msg::{laser_profiler_msgs::Centerline, schema::Message, sensor_msgs::Image};
+use laser_profiler::msg::{
+    laser_profiler_msgs::Centerline,
+    schema::{Message, MessageType},
+    sensor_msgs::{Image, PointCloud2},
+};
 
 use super::{
     network::{Network, TOPIC},
@@ -76,6 +80,38 @@ fn what_a_relay_loses_is_counted_exactly() {
     assert_eq!((processed, lost), (forwarded, injected), "{words} {relayed}");
     assert!(injected > 0);
     assert_eq!(code, 3, "finished, but data was lost");
+}
+
+#[test]
+fn a_reader_at_1_hz_on_the_clouds_costs_the_others_nothing() {
+    let Some((network, _router)) = Network::start() else { return };
+    let calibrated = [
+        "-p",
+        "calibration_file:=launch_configs/cell.calibration.yaml",
+        "-p",
+        "extraction.min_segment_area:=100",
+        "-p",
+        "slice.profiles:=10",
+    ];
+    let node = node(&network, &calibrated);
+    let listen = |topic: &str, kind: &MessageType, more: &[&str]| {
+        let wanted = ["--topic", topic, "--type", kind.name, "--hash", kind.hash];
+        let receiver = network.peer("receive", &[&wanted[..], more].concat());
+        receiver.event("ready");
+        receiver
+    };
+    let slow = listen("/laser_profiler/points", PointCloud2::TYPE, &["--slow", "1"]);
+    let other = listen(RESULT, Centerline::TYPE, &[]);
+    // A slice of 10 profiles of 640 points, 100 KB, ten times a second.
+    let images = ["--stripe", "--width", "640", "--height", "480", "--fps", "100"];
+    let sender = network.peer("send", &[&images[..], &["--count", "1000"]].concat());
+    sender.event("sent");
+    let received = other.event("received");
+    let lost = received["lost"].as_u64().unwrap();
+    assert!(received["received"].as_u64().unwrap() > 900 && lost <= 10, "{received}");
+    drop(slow);
+    let (_, words, _) = node.end();
+    assert_eq!(frames(&words)[1], 1000, "{words}");
 }
 
 #[test]
