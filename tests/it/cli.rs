@@ -14,7 +14,7 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 6] = ["replay", "parameters", "info", "recover", "simulate", "demo"];
+const VERBS: [&str; 7] = ["run", "replay", "parameters", "info", "recover", "simulate", "demo"];
 
 #[test]
 fn every_verb_explains_itself() {

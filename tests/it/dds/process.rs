@@ -19,8 +19,10 @@ fn every_image_becomes_a_centreline() {
             "--type",
             "laser_profiler_msgs::msg::dds_::Centerline_",
             "--reliable",
+            "--count",
+            "1000",
             "--seconds",
-            "15",
+            "12",
         ];
         let Some(reader) = Peer::start(vendor, &domain, &wanted) else { continue };
         reader.wait_for("matched");
