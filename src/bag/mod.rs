@@ -53,7 +53,7 @@ pub struct Topic {
     pub schema: Vec<u8>,
     /// `RIHS01_…`, empty where the recording states none.
     pub type_hash: String,
-    /// `offered_qos_profiles` as a YAML list (see [`qos`]), empty where the recording states none.
+    /// `offered_qos_profiles` as a YAML list of profiles, empty where the recording states none.
     pub qos: String,
 }
 

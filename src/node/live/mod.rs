@@ -1,7 +1,7 @@
 //! The live node: cameras on the middleware, and all that ROS users see of a node.
 //!
 //! Every camera has a worker of its own behind a queue that drops the oldest image; it is the worker of a replay, with
-//! the middleware and the recorder as its sinks. [`node`] is what services, parameters and the lifecycle share.
+//! the middleware and the recorder as its sinks. `node` is what services, parameters and the lifecycle share.
 
 pub mod error;
 mod feed;
