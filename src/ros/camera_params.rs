@@ -59,6 +59,11 @@ impl CameraParams {
         Params { slice_max_points, ..self.scanner }
     }
 
+    /// How images arrive live: raw, unless it was set.
+    pub fn live_transport(&self) -> ImageTransport {
+        self.image_transport.unwrap_or(ImageTransport::Raw)
+    }
+
     /// The full name of a parameter of this camera.
     pub fn full_name(&self, name: &str) -> String {
         if self.name.is_empty() { name.to_owned() } else { format!("{}.{name}", self.name) }

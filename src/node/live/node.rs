@@ -189,7 +189,7 @@ impl Shared {
 fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), String> {
     for (old, new) in old.cameras.iter().zip(&new.cameras) {
         let changed = [
-            ("image_transport", old.image_transport != new.image_transport),
+            ("image_transport", old.live_transport() != new.live_transport()),
             ("calibration_file", old.calibration_file != new.calibration_file),
             ("max_frame_bytes", old.max_frame_bytes != new.max_frame_bytes),
         ];

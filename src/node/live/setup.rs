@@ -149,7 +149,7 @@ impl Context {
                 format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent))
             }
         };
-        let (images, kind) = match camera.image_transport.unwrap_or(ImageTransport::Raw) {
+        let (images, kind) = match camera.live_transport() {
             ImageTransport::Raw => (base, Image::TYPE),
             ImageTransport::Compressed => (format!("{base}/compressed"), CompressedImage::TYPE),
         };
@@ -188,7 +188,7 @@ impl Context {
             session_id: session_id(&description.input_topic, &begun),
         };
         let options = WorkerOptions {
-            transport: camera.image_transport.unwrap_or(ImageTransport::Raw),
+            transport: camera.live_transport(),
             max_frame_bytes: camera.max_frame_bytes,
             sends_images: sends_images(params),
         };

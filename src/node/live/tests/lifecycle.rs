@@ -98,6 +98,7 @@ fn another_calibration_is_taken_between_cleanup_and_configure() {
     let refused = rig.set("calibration_file", &name).unwrap_err();
     assert!(refused.contains("calibration_file") && refused.contains("clean it up"), "{refused}");
     assert!(rig.set("image_transport", &text("compressed")).is_err());
+    rig.set("image_transport", &text("raw")).unwrap();
     assert!(rig.set("max_frame_bytes", &Value::Integer(1 << 28)).is_err());
     assert!(rig.change_state("deactivate") && rig.change_state("cleanup"));
     rig.set("calibration_file", &name).unwrap();
