@@ -1,12 +1,15 @@
 #!/usr/bin/env bash
 # The live node between a camera and a reader that are not ours, under load; prints what each of the three says.
 #
-#   tests/peers/load.sh zenoh|cyclone|fastdds WIDTH HEIGHT HZ SECONDS
+#   tests/peers/load.sh zenoh|cyclone|fastdds WIDTH HEIGHT HZ SECONDS [--pattern]
 #
+# --pattern sends images that are bright all over, the most work there is, instead of a stripe in the dark.
 # Needs `cargo build --release` and, for the peers, one run of `cargo test --test it` before.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 peer=$1 width=$2 height=$3 hz=$4 seconds=$5
+stripe=(--stripe)
+[ "${6:-}" = --pattern ] && stripe=()
 target=${CARGO_TARGET_DIR:-target}
 node=$target/release/laser_profiler
 out=$(mktemp -d)
@@ -22,7 +25,7 @@ if [ "$peer" = zenoh ]; then
       --seconds $((seconds + 20)) --idle 4
   }
   send_images() {
-    peer send --width "$width" --height "$height" --fps "$hz" --seconds "$seconds" --linger 3 --stripe
+    peer send --width "$width" --height "$height" --fps "$hz" --seconds "$seconds" --linger 3 "${stripe[@]}"
   }
   export ZENOH_CONFIG_OVERRIDE="listen/endpoints=[\"$at\"]"
   "$node" run --transport zenoh --router --json >"$out/node" &
@@ -33,7 +36,7 @@ else
       --count 1000000 --seconds $((seconds + 8))
   }
   send_images() {
-    peer publish --topic rt/image_raw --width "$width" --height "$height" --rate "$hz" --count $((hz * seconds)) --stripe
+    peer publish --topic rt/image_raw --width "$width" --height "$height" --rate "$hz" --count $((hz * seconds)) "${stripe[@]}"
   }
   "$node" run --transport dds --json >"$out/node" &
 fi
