@@ -6,6 +6,7 @@
 
 use super::lanes::{Lane, each};
 use crate::scanner::channel::Plane;
+use fearless_simd::{Simd, prelude::*, u8x64, u16x32, u32x16};
 use std::{
     fmt::Debug,
     ops::{Add, Mul},
@@ -23,12 +24,14 @@ pub trait Number:
 }
 
 impl Number for u16 {
+    #[inline(always)]
     fn from_weight(weight: u16) -> Self {
         weight
     }
 }
 
 impl Number for u32 {
+    #[inline(always)]
     fn from_weight(weight: u16) -> Self {
         weight.into()
     }
@@ -46,27 +49,114 @@ pub trait Sample:
     fn split(sum: Self::Sum) -> (Self::Sum, Self::Sum);
     /// The number, or the largest that [`Self::Sum`] holds, which no blurred sample exceeds.
     fn narrow(sum: u32) -> Self::Sum;
+    /// Whether some sample of the rows is above the limit.
+    fn some_above<V: Simd>(vectors: V, rows: &[&[Self; COLUMNS]; ROWS], limit: u32) -> bool;
+    /// The second pass along one row: from sums of the first pass, divided by 256, and their remainders.
+    fn along<V: Simd>(
+        vectors: V,
+        weights: &[u16],
+        sums: (&[Self::Sum; PADDED], &[Self::Sum; PADDED]),
+        blurred: &mut [Self::Sum; COLUMNS],
+    );
+    /// Bit i: whether blurred sample i is above the threshold.
+    fn above<V: Simd>(vectors: V, sums: &[Self::Sum; 64], threshold: Self::Sum) -> u64;
+}
+
+/// [`Sample::along`] in vectors of one type. Left to itself the compiler shuffles overlapping samples instead of loading
+/// them again.
+macro_rules! along {
+    ($vector:ident, $sum:ty, $lanes:literal) => {
+        #[inline(always)]
+        fn along<V: Simd>(
+            vectors: V,
+            weights: &[u16],
+            (high, low): (&[$sum; PADDED], &[$sum; PADDED]),
+            blurred: &mut [$sum; COLUMNS],
+        ) {
+            #[inline(always)]
+            fn near<V: Simd>(vectors: V, row: &[$sum; PADDED], from: usize) -> $vector<V> {
+                $vector::from_slice(vectors, &row[from..][..$lanes])
+            }
+            #[inline(always)]
+            fn weighed<V: Simd>(
+                vectors: V,
+                weights: &[u16],
+                row: &[$sum; PADDED],
+                from: usize,
+            ) -> $vector<V> {
+                let r = weights.len() / 2;
+                let mut sum = near(vectors, row, from + r) * <$sum>::from(weights[r]);
+                for i in 0..r {
+                    let pair = near(vectors, row, from + i) + near(vectors, row, from + 2 * r - i);
+                    sum += pair * <$sum>::from(weights[i]);
+                }
+                sum
+            }
+            let from = MARGIN - weights.len() / 2;
+            for (at, blurred) in (from..).step_by($lanes).zip(blurred.chunks_exact_mut($lanes)) {
+                let carried = (weighed(vectors, weights, low, at) + Self::HALF) >> 8_u32;
+                (weighed(vectors, weights, high, at) + carried).store_slice(blurred);
+            }
+        }
+    };
 }
 
 impl Sample for u8 {
     type Sum = u16;
     const HALF: u16 = 128;
+    #[inline(always)]
     fn split(sum: u16) -> (u16, u16) {
         (sum >> 8, sum & 0xff)
     }
     fn narrow(sum: u32) -> u16 {
         u16::try_from(sum).unwrap_or(u16::MAX)
     }
+    #[inline(always)]
+    fn some_above<V: Simd>(vectors: V, rows: &[&[u8; COLUMNS]; ROWS], limit: u32) -> bool {
+        let limit = u8::try_from(limit).unwrap_or(u8::MAX);
+        let mut maximum = u8x64::from_slice(vectors, rows[0]);
+        for row in &rows[1..] {
+            maximum = maximum.max(u8x64::from_slice(vectors, *row));
+        }
+        maximum.simd_gt(limit).any_true()
+    }
+    along!(u16x32, u16, 32);
+    #[inline(always)]
+    fn above<V: Simd>(vectors: V, sums: &[u16; 64], threshold: u16) -> u64 {
+        let left = u16x32::from_slice(vectors, &sums[..32]).simd_gt(threshold).to_bitmask();
+        let right = u16x32::from_slice(vectors, &sums[32..]).simd_gt(threshold).to_bitmask();
+        left | right << 32
+    }
 }
 
 impl Sample for u16 {
     type Sum = u32;
     const HALF: u32 = 128;
+    #[inline(always)]
     fn split(sum: u32) -> (u32, u32) {
         (sum >> 8, sum & 0xff)
     }
     fn narrow(sum: u32) -> u32 {
         sum
+    }
+    #[inline(always)]
+    fn some_above<V: Simd>(vectors: V, rows: &[&[u16; COLUMNS]; ROWS], limit: u32) -> bool {
+        let limit = u16::try_from(limit).unwrap_or(u16::MAX);
+        let mut maximum = u16x32::from_slice(vectors, &rows[0][..COLUMNS / 2]);
+        for row in rows {
+            maximum = maximum.max(u16x32::from_slice(vectors, &row[..COLUMNS / 2]));
+            maximum = maximum.max(u16x32::from_slice(vectors, &row[COLUMNS / 2..]));
+        }
+        maximum.simd_gt(limit).any_true()
+    }
+    along!(u32x16, u32, 16);
+    #[inline(always)]
+    fn above<V: Simd>(vectors: V, sums: &[u32; 64], threshold: u32) -> u64 {
+        let mut bits = 0;
+        for (i, sums) in sums.as_chunks::<16>().0.iter().enumerate() {
+            bits |= u32x16::from_slice(vectors, sums).simd_gt(threshold).to_bitmask() << (16 * i);
+        }
+        bits
     }
 }
 
@@ -179,86 +269,158 @@ pub fn blurred_at<S: Sample>(plane: &Plane<'_, S>, kernel: &Kernel, x: usize, y:
     (sum + UNITS / 2) / UNITS
 }
 
-/// Scratch space of [`blur_span`], kept between calls.
-#[derive(Debug, Default)]
-pub struct Scratch<T> {
-    /// Sums of the first pass, divided by 256, and their remainders.
-    high: Vec<T>,
-    low: Vec<T>,
-    /// What the second pass makes of the remainders.
-    carried: Vec<T>,
+/// Columns and rows of a tile: one cache line of bytes.
+pub const COLUMNS: usize = 64;
+/// Rows of a tile.
+pub const ROWS: usize = 8;
+/// Largest radius of a blur.
+pub const MAX_RADIUS: usize = 15;
+/// Columns to either side of a tile that are held with it: whole strips make a row.
+const MARGIN: usize = 16;
+/// A row of a tile and its margins.
+pub const PADDED: usize = COLUMNS + 2 * MARGIN;
+/// Samples that are worked on side by side.
+const STRIP: usize = 32;
+
+/// A tile and what the kernel reaches around it; scratch space that is kept between tiles.
+#[derive(Debug)]
+pub struct TileBlur<S: Sample> {
+    rows: Box<[[S; PADDED]; ROWS + 2 * MAX_RADIUS]>,
+    /// Sums of the first pass, divided by 256, and their remainders, row by row.
+    high: [[S::Sum; PADDED]; ROWS],
+    low: [[S::Sum; PADDED]; ROWS],
 }
 
-/// Blurs the samples `x0..x1` of row `y` into `out[x0..x1]`: columns first, then along the row.
-///
-/// The second pass weighs quotients and remainders of the first pass's sums by 256 apart: `Σ w·s / 256 =
-/// Σ w·⌊s/256⌋ + Σ w·(s mod 256) / 256`. Both stay in the narrow integers that vector units are fastest with.
-pub fn blur_span<S: Sample>(
-    plane: &Plane<'_, S>,
-    kernel: &Kernel,
-    (y, x0, x1): (usize, usize, usize),
-    scratch: &mut Scratch<S::Sum>,
-    out: &mut [S::Sum],
-) {
-    let r = kernel.radius();
-    let Scratch { high, low, carried } = scratch;
-    let padded = x1 - x0 + 2 * r;
-    high.resize(padded, S::Sum::default());
-    low.resize(padded, S::Sum::default());
-    carried.resize(x1 - x0, S::Sum::default());
-    let (from, to) = (x0.saturating_sub(r), (x1 + r).min(plane.width));
-    let inner = from + r - x0..to + r - x0;
-    let row = |i: usize| &plane.row((y + i).saturating_sub(r).min(plane.height - 1))[from..to];
-    let sums = &mut high[inner.clone()];
-    weigh_centre(kernel, row(r), sums);
+impl<S: Sample> Default for TileBlur<S> {
+    fn default() -> Self {
+        Self {
+            rows: Box::new([[S::default(); PADDED]; ROWS + 2 * MAX_RADIUS]),
+            high: [[S::Sum::default(); PADDED]; ROWS],
+            low: [[S::Sum::default(); PADDED]; ROWS],
+        }
+    }
+}
+
+impl<S: Sample> TileBlur<S> {
+    /// Blurs the tile whose top-left sample is (x, y) into `out`, an image of the plane's size: columns first, then
+    /// along the rows.
+    ///
+    /// The second pass weighs quotients and remainders of the first pass's sums by 256 apart: `Σ w·s / 256 =
+    /// Σ w·⌊s/256⌋ + Σ w·(s mod 256) / 256`. Both stay in the narrow integers that vector units are fastest with.
+    #[inline(always)]
+    pub fn blur<V: Simd>(
+        &mut self,
+        vectors: V,
+        (plane, kernel): (&Plane<'_, S>, &Kernel),
+        (x, y): (usize, usize),
+        out: &mut [S::Sum],
+    ) {
+        match kernel.radius() {
+            // The paper's radius: a fixed length unrolls.
+            3 => self.blur_by::<3, V>(vectors, (plane, kernel), (x, y), out),
+            _ => self.blur_by::<0, V>(vectors, (plane, kernel), (x, y), out),
+        }
+    }
+
+    /// The same for radius R, or any radius when R is 0.
+    #[inline(always)]
+    fn blur_by<const R: usize, V: Simd>(
+        &mut self,
+        vectors: V,
+        (plane, kernel): (&Plane<'_, S>, &Kernel),
+        (x, y): (usize, usize),
+        out: &mut [S::Sum],
+    ) {
+        let r = if R > 0 { R } else { kernel.radius() };
+        let weights = &kernel.weights()[..2 * r + 1];
+        let (width, height) = (COLUMNS.min(plane.width - x), ROWS.min(plane.height - y));
+        self.take(plane, (x, y), height + 2 * r, r);
+        // All rows before the second pass: what was just stored cannot be read again at other places at once.
+        for k in 0..ROWS {
+            let near = &self.rows[k..k + 2 * r + 1];
+            for strip in (0..PADDED).step_by(STRIP) {
+                let sums = down::<R, S>(weights, near, strip);
+                for (i, &sum) in sums.iter().enumerate() {
+                    (self.high[k][strip + i], self.low[k][strip + i]) = S::split(sum);
+                }
+            }
+        }
+        for k in 0..height {
+            let mut blurred = [S::Sum::default(); COLUMNS];
+            S::along(vectors, weights, (&self.high[k], &self.low[k]), &mut blurred);
+            let out = &mut out[(y + k) * plane.width + x..];
+            match out.first_chunk_mut() {
+                Some(out) if width == COLUMNS => *out = blurred,
+                _ => out[..width].copy_from_slice(&blurred[..width]),
+            }
+        }
+    }
+
+    /// Takes the samples that the tile's blur reads; beyond the border the nearest is repeated.
+    #[inline(always)]
+    fn take(&mut self, plane: &Plane<'_, S>, (x, y): (usize, usize), rows: usize, r: usize) {
+        let is_inside = x >= MARGIN && x + COLUMNS + MARGIN <= plane.width;
+        for (i, padded) in self.rows[..rows].iter_mut().enumerate() {
+            let row = plane.row((y + i).saturating_sub(r).min(plane.height - 1));
+            if is_inside {
+                padded.copy_from_slice(&row[x - MARGIN..][..PADDED]);
+            } else {
+                for (j, sample) in padded.iter_mut().enumerate() {
+                    *sample = row[(x + j).saturating_sub(MARGIN).min(plane.width - 1)];
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn strip_of<T>(row: &[T; PADDED], from: usize) -> &[T; STRIP] {
+    row[from..].first_chunk().expect("a strip lies within the padded row")
+}
+
+/// The first pass for a strip of columns: Σ weight · sample over rows. Two at the same distance from the centre share a
+/// weight.
+#[inline(always)]
+fn down<const R: usize, S: Sample>(
+    weights: &[u16],
+    rows: &[[S; PADDED]],
+    strip: usize,
+) -> [S::Sum; STRIP] {
+    let r = if R > 0 { R } else { weights.len() / 2 };
+    let weight = |i: usize| S::Sum::from_weight(weights[i]);
+    let mut sums = [S::Sum::default(); STRIP];
+    let (by, centre) = (weight(r), strip_of(&rows[r], strip));
+    for (sum, &sample) in sums.iter_mut().zip(centre) {
+        *sum = by * sample.into();
+    }
     for i in 0..r {
-        weigh_pair(kernel.weights[i], row(i), row(2 * r - i), sums);
+        let (by, above, below) =
+            (weight(i), strip_of(&rows[i], strip), strip_of(&rows[2 * r - i], strip));
+        for j in 0..STRIP {
+            let (above, below): (S::Sum, S::Sum) = (above[j].into(), below[j].into());
+            sums[j] = sums[j] + by * (above + below);
+        }
     }
-    let (first, last) = (high[inner.start], high[inner.end - 1]);
-    high[..inner.start].fill(first);
-    high[inner.end..].fill(last);
-    for (high, low) in high.iter_mut().zip(low.iter_mut()) {
-        (*high, *low) = S::split(*high);
-    }
-    let out = &mut out[x0..x1];
-    along_row(kernel, high, out);
-    along_row(kernel, low, carried);
-    for (out, carried) in out.iter_mut().zip(carried) {
-        *out = *out + S::split(*carried + S::HALF).0;
-    }
-}
-
-fn along_row<T: Number>(kernel: &Kernel, padded: &[T], out: &mut [T]) {
-    let (r, length) = (kernel.radius(), out.len());
-    weigh_centre::<T, T>(kernel, &padded[r..][..length], out);
-    for i in 0..r {
-        weigh_pair::<T, T>(
-            kernel.weights[i],
-            &padded[i..][..length],
-            &padded[2 * r - i..][..length],
-            out,
-        );
-    }
-}
-
-fn weigh_centre<T: Number, S: Copy + Into<T>>(kernel: &Kernel, samples: &[S], out: &mut [T]) {
-    let weight = T::from_weight(kernel.weights[kernel.radius()]);
-    for (out, &sample) in out.iter_mut().zip(samples) {
-        *out = weight * sample.into();
-    }
-}
-
-/// Two samples at the same distance from the centre share a weight.
-fn weigh_pair<T: Number, S: Copy + Into<T>>(weight: u16, left: &[S], right: &[S], out: &mut [T]) {
-    let weight = T::from_weight(weight);
-    for ((out, &left), &right) in out.iter_mut().zip(left).zip(right) {
-        *out = *out + weight * (left.into() + right.into());
-    }
+    sums
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scanner::stripe::vectors::{Vectors, Work};
+
+    struct BlurTile<'a>(&'a Plane<'a, u16>, &'a Kernel, &'a mut [u32]);
+
+    impl Work for BlurTile<'_> {
+        type Output = ();
+        fn run<V: Simd>(self, vectors: V) {
+            TileBlur::default().blur(vectors, (self.0, self.1), (0, 0), self.2);
+        }
+    }
+
+    fn blur_tile(plane: &Plane<'_, u16>, kernel: &Kernel, out: &mut [u32]) {
+        Vectors::widest().run(BlurTile(plane, kernel, out));
+    }
 
     #[test]
     fn the_papers_kernel_is_a_gaussian_of_1_4_px() {
@@ -318,8 +480,8 @@ mod tests {
         let white = vec![u16::MAX; 64];
         let plane = Plane { width: 8, height: 8, stride: 8, samples: &white };
         assert_eq!(blurred_at(&plane, &kernel, 4, 4), u32::from(u16::MAX) * UNITS);
-        let mut out = vec![0; 8];
-        blur_span(&plane, &kernel, (4, 0, 8), &mut Scratch::default(), &mut out);
-        assert_eq!(out, vec![u32::from(u16::MAX) * UNITS; 8]);
+        let mut out = vec![0; 64];
+        blur_tile(&plane, &kernel, &mut out);
+        assert_eq!(out, vec![u32::from(u16::MAX) * UNITS; 64]);
     }
 }

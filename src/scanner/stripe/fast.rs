@@ -3,6 +3,8 @@
 use super::{
     Centerline,
     blur::{Kernel, Sample},
+    broad::BroadRuns,
+    columns::Columns,
     lanes::{LANES, Sections},
     load::Loader,
     measure::Assembler,
@@ -10,11 +12,13 @@ use super::{
     segment::Regions,
     select::Selector,
     tiles::BlurredTiles,
+    vectors::{Vectors, Work},
 };
 use crate::scanner::{
     channel::Plane,
     params::{ExtractionParams, StripeDirection},
 };
+use fearless_simd::Simd;
 
 /// Extracts frame after frame without allocating once the first of a size has been seen.
 #[derive(Debug)]
@@ -24,12 +28,13 @@ pub struct FastExtractor<S: Sample> {
     direction: StripeDirection,
     tiles: BlurredTiles<S>,
     regions: Regions,
-    /// Candidates that may still grow, one a line while runs arrive row by row; `count` 0: none.
-    open: Vec<Candidate>,
+    columns: Columns,
     found: Vec<Found>,
     selector: Selector,
     chosen: Vec<Found>,
     sections: Sections,
+    runs: BroadRuns,
+    vectors: Vectors,
 }
 
 impl<S: Sample> FastExtractor<S> {
@@ -41,11 +46,13 @@ impl<S: Sample> FastExtractor<S> {
             direction,
             tiles: BlurredTiles::default(),
             regions: Regions::default(),
-            open: Vec::new(),
+            columns: Columns::default(),
             found: Vec::new(),
             selector: Selector::new(params),
             chosen: Vec::new(),
             sections: Sections::default(),
+            runs: BroadRuns::default(),
+            vectors: Vectors::widest(),
         }
     }
 
@@ -59,7 +66,7 @@ impl<S: Sample> FastExtractor<S> {
     ) {
         self.find(plane, full_scale);
         self.selector.select(&self.found, &mut self.chosen);
-        let Self { kernel, params, direction, tiles, chosen, sections, .. } = self;
+        let Self { kernel, params, direction, tiles, chosen, sections, runs, vectors, .. } = self;
         let levels = Levels::new(params, kernel, full_scale);
         let length = match direction {
             StripeDirection::Horizontal => plane.height,
@@ -69,65 +76,131 @@ impl<S: Sample> FastExtractor<S> {
         let mut loader = Loader { plane, kernel, tiles, direction: *direction };
         let mut rest = &chosen[..];
         while let Some(next) = rest.first() {
-            if next.candidate.is_broad() {
-                assembler.push_broad(next, &loader.broad(next), &levels);
-                rest = &rest[1..];
-                continue;
-            }
-            let count = rest.iter().take(LANES).take_while(|f| !f.candidate.is_broad()).count();
+            let is_broad = next.candidate.is_broad();
+            let alike = (0..).zip(rest).take_while(|(i, found)| {
+                let is_next = !is_broad || found.line == next.line + i;
+                found.candidate.is_broad() == is_broad && is_next
+            });
+            let count = alike.take(if is_broad { usize::MAX } else { LANES }).count();
             let (batch, behind) = rest.split_at(count);
-            loader.load(batch, &levels, sections);
-            assembler.push(batch, sections, &levels);
             rest = behind;
+            if is_broad {
+                vectors.run(AddUp { loader: &loader, batch, runs });
+                for (i, found) in batch.iter().enumerate() {
+                    assembler.push_broad(found, &loader.broad(found, (i, runs)), &levels);
+                }
+            } else {
+                vectors.run(Load { loader: &mut loader, batch, levels: &levels, sections });
+                vectors.run(Measure {
+                    assembler: &mut assembler,
+                    batch,
+                    levels: &levels,
+                    sections,
+                });
+            }
         }
     }
 
     /// All candidates, in order of their lines and of their positions.
     fn find(&mut self, plane: &Plane<'_, S>, full_scale: u32) {
         let threshold = Levels::new(&self.params, &self.kernel, full_scale).segment_threshold;
-        self.tiles.compute(plane, &self.kernel, threshold);
-        self.tiles.segment(threshold, &mut self.regions);
         self.found.clear();
-        match self.direction {
-            StripeDirection::Horizontal => self.find_in_columns(plane.width),
-            StripeDirection::Vertical => self.find_in_rows(),
+        self.vectors.run(Find { extractor: self, plane, threshold });
+        if self.direction == StripeDirection::Horizontal {
+            self.columns.finish(&mut self.found);
         }
     }
 
     /// The candidates of a vertical stripe: the kept runs themselves.
+    #[inline(always)]
     fn find_in_rows(&mut self) {
         let Self { tiles, regions, found, params, .. } = self;
         found.extend(regions.larger_than(params.min_segment_area).map(|run| {
-            let samples = (run.start..run.end).map(|x| tiles.known(x as usize, run.row as usize));
-            let peak = samples.max().unwrap_or(0);
-            let candidate = Candidate { first: run.start, last: run.end - 1, peak, count: 1 };
+            let samples = &tiles.row(run.row as usize)[run.start as usize..run.end as usize];
+            let peak = samples.iter().fold(S::Sum::default(), |peak, &sample| peak.max(sample));
+            let candidate =
+                Candidate { first: run.start, last: run.end - 1, peak: peak.into(), count: 1 };
             Found { line: run.row, candidate }
         }));
     }
 
     /// The candidates of a horizontal stripe: what the kept runs make in every column.
+    #[inline(always)]
     fn find_in_columns(&mut self, columns: usize) {
-        let Self { tiles, regions, open, found, params, .. } = self;
-        open.clear();
-        open.resize(columns, Candidate::default());
+        let Self { tiles, regions, found, params, .. } = self;
+        self.columns.clear(columns);
         for run in regions.larger_than(params.min_segment_area) {
-            for x in run.start..run.end {
-                let level = tiles.known(x as usize, run.row as usize);
-                let open = &mut open[x as usize];
-                if open.count > 0 && open.last + 1 == run.row {
-                    open.last = run.row;
-                    open.peak = open.peak.max(level);
-                } else {
-                    let new = Candidate { first: run.row, last: run.row, peak: level, count: 1 };
-                    let candidate = std::mem::replace(open, new);
-                    found.extend((candidate.count > 0).then_some(Found { line: x, candidate }));
-                }
-            }
+            let samples = &tiles.row(run.row as usize)[run.start as usize..run.end as usize];
+            self.columns.add((run.row, run.start), samples, found);
         }
-        for (line, &candidate) in (0..).zip(&*open) {
-            found.extend((candidate.count > 0).then_some(Found { line, candidate }));
+    }
+}
+
+/// Steps 3 and 4.
+struct Find<'a, 'p, S: Sample> {
+    extractor: &'a mut FastExtractor<S>,
+    plane: &'a Plane<'p, S>,
+    threshold: u32,
+}
+
+impl<S: Sample> Work for Find<'_, '_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run<V: Simd>(self, vectors: V) {
+        let Self { extractor, plane, threshold } = self;
+        extractor.tiles.compute(vectors, plane, &extractor.kernel, threshold);
+        extractor.tiles.segment(vectors, threshold, &mut extractor.regions);
+        match extractor.direction {
+            StripeDirection::Horizontal => extractor.find_in_columns(plane.width),
+            StripeDirection::Vertical => extractor.find_in_rows(),
         }
-        found.sort_unstable_by_key(|found| (found.line, found.candidate.first));
+    }
+}
+
+/// Takes a batch of cross-sections.
+struct Load<'a, 'p, S: Sample> {
+    loader: &'a mut Loader<'p, S>,
+    batch: &'a [Found],
+    levels: &'a Levels<'a>,
+    sections: &'a mut Sections,
+}
+
+impl<S: Sample> Work for Load<'_, '_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run<V: Simd>(self, vectors: V) {
+        self.loader.load(vectors, self.batch, self.levels, self.sections);
+    }
+}
+
+/// Adds up candidates too long for cross-sections.
+struct AddUp<'a, 'p, S: Sample> {
+    loader: &'a Loader<'p, S>,
+    batch: &'a [Found],
+    runs: &'a mut BroadRuns,
+}
+
+impl<S: Sample> Work for AddUp<'_, '_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run<V: Simd>(self, _: V) {
+        self.loader.add_up(self.batch, self.runs);
+    }
+}
+
+/// Steps 5 to 8 on a batch of cross-sections.
+struct Measure<'a, 'c> {
+    assembler: &'a mut Assembler<'c>,
+    batch: &'a [Found],
+    levels: &'a Levels<'a>,
+    sections: &'a Sections,
+}
+
+impl Work for Measure<'_, '_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<V: Simd>(self, _: V) {
+        self.assembler.push(self.batch, self.sections, self.levels);
     }
 }
 
@@ -137,8 +210,8 @@ mod tests {
     use crate::scanner::{
         params::{Method, PeakSelection, Window},
         stripe::{
+            blur::{COLUMNS, ROWS},
             reference,
-            tiles::{COLUMNS, ROWS},
         },
     };
     use proptest::prelude::*;
@@ -243,14 +316,19 @@ mod tests {
 
     fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPlane<S>]) {
         for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
-            // One extractor for all: what an earlier frame left behind must not show.
-            let mut fast = FastExtractor::new(params, direction);
+            // One extractor for all: what an earlier frame left behind must not show. One for every level of vectors.
+            let mut fast: Vec<_> = Vectors::all()
+                .into_iter()
+                .map(|vectors| FastExtractor { vectors, ..FastExtractor::new(params, direction) })
+                .collect();
             let mut centerline = Centerline::default();
             for (width, height, stride, samples) in planes {
                 let plane = Plane { width: *width, height: *height, stride: *stride, samples };
-                fast.extract(&plane, (3, 7), full_scale, &mut centerline);
                 let expected = reference::extract(&plane, (3, 7), &params, direction, full_scale);
-                assert_equal(&centerline, &expected);
+                for fast in &mut fast {
+                    fast.extract(&plane, (3, 7), full_scale, &mut centerline);
+                    assert_equal(&centerline, &expected);
+                }
             }
         }
     }

@@ -28,7 +28,9 @@ pub mod fractional;
 pub mod select;
 pub mod measure;
 pub mod reference;
+pub mod vectors;
 pub mod tiles;
+pub mod columns;
 pub mod load;
 pub mod fast;
 #[cfg(test)]
