@@ -12,6 +12,8 @@ mod recordings;
 
 mod accuracy;
 mod bright_scene;
+mod labelled_scenes;
+mod alternating_exposures;
 mod allocation;
 mod cli;
 mod determinism;
