@@ -90,7 +90,7 @@ impl CameraParams {
             ));
         }
         let smoothed = self.scanner.extraction.smoothing_columns;
-        if smoothed % 2 == 0 {
+        if smoothed.is_multiple_of(2) {
             return conflict(format!(
                 "{} is {smoothed}: a point and as many neighbours to either side are an odd number",
                 name("extraction.smoothing_columns")

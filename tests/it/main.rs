@@ -14,6 +14,7 @@ mod accuracy;
 mod bright_scene;
 mod labelled_scenes;
 mod alternating_exposures;
+mod smoothing;
 mod allocation;
 mod cli;
 mod determinism;
