@@ -39,7 +39,7 @@ pub enum Pairing {
     },
     /// The frame before is missing, was refused or has another size: the line is this frame's alone.
     Alone,
-    /// The two exposures do not differ clearly: the line is this frame's alone.
+    /// The two exposures do not differ clearly, or have too few lines in common: the line is this frame's alone.
     Alike,
 }
 
@@ -118,13 +118,16 @@ impl ExposurePairs {
     }
 }
 
-/// Grey level of one frame for one of the other; `None` when they do not differ clearly.
+/// Grey level of one frame for one of the other; `None` when they do not differ clearly or hardly meet.
 fn ratio(own: Points<'_>, before: Points<'_>, ratios: &mut Vec<f32>) -> Option<f32> {
     // Saturated in one of the two, a line gives a bound only: better than nothing.
+    let mut num_common = 0;
     for max_saturated in [0, 1] {
         ratios.clear();
+        num_common = 0;
         join(own, before, |_, pair| {
             let (Some(a), Some(b)) = pair else { return };
+            num_common += 1;
             let saturated = [own.has(a, flag::SATURATED), before.has(b, flag::SATURATED)];
             let num_saturated = saturated.into_iter().filter(|&is| is).count();
             let ratio = own.intensity(a) / before.intensity(b);
@@ -137,6 +140,9 @@ fn ratio(own: Points<'_>, before: Points<'_>, ratios: &mut Vec<f32>) -> Option<f
             let (_, median, _) = ratios.select_nth_unstable_by(middle, f32::total_cmp);
             return Some(*median).filter(|ratio| ratio.max(1.0 / ratio) >= MIN_RATIO);
         }
+    }
+    if num_common < MIN_COMMON {
+        return None;
     }
     let [num_own, num_before] = [own, before].map(|points| points.num_with(flag::SATURATED));
     let is_clear = |more: usize, fewer: usize| more >= 2 * fewer + MIN_COMMON;

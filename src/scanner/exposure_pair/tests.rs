@@ -106,10 +106,10 @@ fn lines_that_are_saturated_in_the_long_one_alone_tell_too() {
     // At least 255/100 as long.
     assert!((merged.intensity[20] - 255.0).abs() < 0.01 && merged.len() == 30);
     // Saturated in both: the one with fewer such points is the short one.
-    let few: Vec<_> = (20..25).map(|column| (column, 10.6, 255.0, flag::SATURATED)).collect();
-    let many: Vec<_> = (10..30).map(|column| (column, 10.5, 255.0, flag::SATURATED)).collect();
+    let few: Vec<_> = (20..28).map(|column| (column, 10.6, 255.0, flag::SATURATED)).collect();
+    let many: Vec<_> = (5..30).map(|column| (column, 10.5, 255.0, flag::SATURATED)).collect();
     let (merged, _) = merge([&line(&many), &line(&few)], FOLLOWS);
-    assert_eq!((merged.v_px[9], merged.v_px[10], merged.v_px[15]), (10.5, 10.6, 10.5));
+    assert_eq!((merged.v_px[14], merged.v_px[15], merged.v_px[23]), (10.5, 10.6, 10.5));
 }
 
 #[test]

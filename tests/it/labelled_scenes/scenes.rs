@@ -8,6 +8,7 @@ use libm::{cos, exp, fabs, floor, hypot, sin};
 
 use super::render::{Colour, Lit, Scene};
 
+#[expect(clippy::unnecessary_wraps, reason = "a stripe's function returns it")]
 fn lit(center_px: f64, amplitude: f64, sigma_px: f64, surface: &'static str) -> Option<Lit> {
     Some(Lit { section: CrossSection { center_px, amplitude, sigma_px }, surface })
 }
