@@ -1,9 +1,9 @@
 //! Short and long exposures in turn: every frame's centreline takes what it lacks from the frame before.
 //!
 //! Each frame is paired with the one that directly precedes it. The longer exposed of the two sees dark surfaces, the
-//! shorter one is not saturated on bright ones. The line is the long one's; where that is saturated, and where it has
-//! no point, stands the short one's point with its own position, width, σ and flags. A short one's point that is
-//! flagged `LOW_CONTRAST` replaces none.
+//! shorter one is not saturated on bright ones. The line is the long one's; where that is saturated or too broad
+//! for a stripe (`LOW_CONTRAST`), and where it has no point, stands the short one's point with its own position, width,
+//! σ and flags. A short one's point that is `LOW_CONTRAST` itself replaces none.
 //!
 //! - Which is the long one the picture tells: the median ratio of the grey levels at the centre over the lines that
 //!   both have found. Where those are saturated in both, the number of saturated points decides.
@@ -104,8 +104,8 @@ impl ExposurePairs {
         let mut writer = Writer::new(merged, [long, short], scales);
         join(long, short, |surface, pair| match pair {
             (Some(at_long), Some(at_short)) => {
-                let takes_short =
-                    long.has(at_long, flag::SATURATED) && !short.has(at_short, flag::LOW_CONTRAST);
+                let takes_short = long.has(at_long, flag::SATURATED | flag::LOW_CONTRAST)
+                    && !short.has(at_short, flag::LOW_CONTRAST);
                 let at = if takes_short { at_short } else { at_long };
                 writer.push(surface, usize::from(takes_short), at);
             }

@@ -20,13 +20,13 @@ impl<'a> Points<'a> {
         Self { line, along_px, across_px }
     }
 
-    /// Whether a point has that bit of [`flag`].
-    pub(super) fn has(self, at: usize, bit: u8) -> bool {
-        self.line.flags[at] & bit != 0
+    /// Whether a point has one of those flags.
+    pub(super) fn has(self, at: usize, flags: u8) -> bool {
+        self.line.flags[at] & flags != 0
     }
 
-    pub(super) fn num_with(self, bit: u8) -> usize {
-        self.line.flags.iter().filter(|&flags| flags & bit != 0).count()
+    pub(super) fn num_with(self, flag: u8) -> usize {
+        self.line.flags.iter().filter(|&flags| flags & flag != 0).count()
     }
 
     pub(super) fn intensity(self, at: usize) -> f32 {
