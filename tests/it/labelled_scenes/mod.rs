@@ -72,10 +72,11 @@ fn labelled_lines_are_found_with_the_parameters_beside_them() {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
-/// Every method and every selection on every scene: none may break, and the table tells which suits what.
+/// What is stripe does not depend on how its centre is estimated: every method finds about the same lines.
 #[test]
-fn methods_and_selections_side_by_side() {
-    for (name, _) in LIMITS {
+fn every_method_finds_the_lines_of_every_scene() {
+    let mut complaints = Vec::new();
+    for (name, [_, within, outliers]) in LIMITS {
         let scene = Labelled::open(name);
         for method in Method::NAMES {
             let score = scene.score(|params| ExtractionParams {
@@ -83,17 +84,33 @@ fn methods_and_selections_side_by_side() {
                 ..params
             });
             eprintln!("{name:15} {method:16} {score}");
-            score.check(name);
+            if score.found_3px < within - 0.03 || score.outliers > outliers + 0.03 {
+                complaints.push(format!("{name}: {method}: {score}"));
+            }
         }
+    }
+    assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+}
+
+/// The selection in a scene's parameters is as good as any other.
+#[test]
+fn no_other_selection_finds_more() {
+    let mut complaints = Vec::new();
+    for (name, _) in LIMITS {
+        let scene = Labelled::open(name);
+        let own = scene.score(|params| params);
         for selection in PeakSelection::NAMES {
             let score = scene.score(|params| ExtractionParams {
                 peak_selection: PeakSelection::from_name(selection).unwrap(),
                 ..params
             });
             eprintln!("{name:15} {selection:16} {score}");
-            score.check(name);
+            if score.found_3px > own.found_3px + 0.02 {
+                complaints.push(format!("{name}: {selection} finds more: {score}"));
+            }
         }
     }
+    assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
 /// The score itself: a line that is right, one that is 2 px off and one that is not there.

@@ -83,10 +83,11 @@ fn bright_ambient() -> Scene {
         colours: gray(background),
         stripe: vec![Box::new(move |line| {
             let row = f64::from(line);
-            if row < 150.0 {
+            // The disk hides the rest of the wall.
+            let center_px = 131.0 + 0.93 * (row - 150.0);
+            if row < 190.0 && !is_disk([center_px, row]) {
                 return lit(131.3 - 0.004 * row, 105.0, 0.85, "wall");
             }
-            let center_px = 131.0 + 0.93 * (row - 150.0);
             if is_marker([center_px, row]) {
                 return None;
             }
@@ -169,7 +170,9 @@ fn halo_and_wall() -> Scene {
         ],
         stray: vec![
             // Glossy below: there the halo is nearly as bright as full scale.
-            Box::new(move |line| object(line, if line < 160 { 90.0 } else { 175.0 }, 10.0)),
+            Box::new(move |line| {
+                object(line, 90.0 + 85.0 * (f64::from(line) / 40.0 - 3.6).clamp(0.0, 1.0), 10.0)
+            }),
             Box::new(move |line| wall(line, 38.0, 6.0)),
         ],
         speckle: (0.2, 1.2),

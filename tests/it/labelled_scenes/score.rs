@@ -115,13 +115,6 @@ impl Score {
             num_points: points.len(),
         }
     }
-
-    /// Fails on what no extraction may say.
-    pub(crate) fn check(&self, name: &str) {
-        let shares = [self.found_1px, self.found_3px, self.outliers];
-        assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)), "{name}: {self:?}");
-        assert!(self.found_1px <= self.found_3px, "{name}: {self:?}");
-    }
 }
 
 impl fmt::Display for Score {
