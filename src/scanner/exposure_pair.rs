@@ -37,7 +37,8 @@ pub enum Pairing {
         /// How many of them the frame before gave.
         from_before: u32,
     },
-    /// The frame before is missing, was refused or has another size: the line is this frame's alone.
+    /// The frame before is missing, was refused, has another size or belongs to another scan: the line is this frame's
+    /// alone.
     Alone,
     /// The two exposures do not differ clearly, or have too few lines in common: the line is this frame's alone.
     Alike,

@@ -105,17 +105,22 @@ impl Pipeline {
     /// Ends the scan: its last slice and its height map. Of the frames after the last good one, `frames_missing` never
     /// arrived and `frames_rejected` were refused. The next frame lies at position 0 again.
     pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
-        self.motion.restart();
+        self.restart();
         self.scan.finish(frames_missing, frames_rejected)
     }
 
     /// Throws the open scan away. The next frame lies at position 0 again.
     pub fn discard(&mut self) {
+        self.restart();
+        self.scan.discard();
+    }
+
+    /// What comes does not go on from what came: not its positions, and not its exposures.
+    fn restart(&mut self) {
         self.motion.restart();
         if let Some(pairs) = &mut self.pairs {
             pairs.restart();
         }
-        self.scan.discard();
     }
 
     /// Whether frames give profiles.

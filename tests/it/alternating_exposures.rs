@@ -58,10 +58,7 @@ impl Result {
     }
 }
 
-/// Measures all frames with these exposure times in turn.
-fn measure(factors: &str, exposure: Exposure) -> Result {
-    let yaml = SCENE.replacen("seed: 5", &format!("seed: 5\nexposure_factors: {factors}"), 1);
-    let scenario = Scenario::from_yaml(&yaml).unwrap();
+fn alternating() -> Params {
     let defaults = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner;
     let extraction = ExtractionParams {
         min_segment_area: 60,
@@ -70,7 +67,14 @@ fn measure(factors: &str, exposure: Exposure) -> Result {
         width_threshold: 15.0,
         ..defaults.extraction
     };
-    let mut pipeline = Pipeline::new(Params { exposure, extraction, ..defaults }, None);
+    Params { exposure: Exposure::Alternating, extraction, ..defaults }
+}
+
+/// Measures all frames with these exposure times in turn.
+fn measure(factors: &str, exposure: Exposure) -> Result {
+    let yaml = SCENE.replacen("seed: 5", &format!("seed: 5\nexposure_factors: {factors}"), 1);
+    let scenario = Scenario::from_yaml(&yaml).unwrap();
+    let mut pipeline = Pipeline::new(Params { exposure, ..alternating() }, None);
     let mut rendered = RenderedFrame::default();
     let mut result = Result::default();
     for number in 0..scenario.frames {
@@ -127,4 +131,35 @@ fn equal_exposures_are_left_alone_and_said_to_be() {
     assert_eq!(alternating.errors_px, single.errors_px);
     assert!(alternating.pairings[1..].iter().all(|&pairing| pairing == Pairing::Alike));
     assert!(single.pairings.is_empty());
+}
+
+/// What becomes of a long frame after a short one when `between` happens in between.
+fn pairing_after(between: impl FnOnce(&mut Pipeline, &mut FrameIndex)) -> Pairing {
+    let yaml = SCENE.replacen("seed: 5", "seed: 5\nexposure_factors: [0.15, 1.0]", 1);
+    let scenario = Scenario::from_yaml(&yaml).unwrap();
+    let mut pipeline = Pipeline::new(alternating(), None);
+    let mut rendered = RenderedFrame::default();
+    let mut process = |pipeline: &mut Pipeline, index: FrameIndex| {
+        scenario.render(index.frame_number as u32, &mut rendered);
+        let image = Image::new(320, 96, 320, PixelFormat::Mono8, &rendered.samples).unwrap();
+        let frame = Frame { stamp_ns: index.frame_number as i64, image };
+        pipeline.process(&frame, index, |_| ()).unwrap().pairing.unwrap()
+    };
+    assert_eq!(process(&mut pipeline, FrameIndex::default()), Pairing::Alone);
+    let mut next = FrameIndex { frame_number: 1, ..FrameIndex::default() };
+    between(&mut pipeline, &mut next);
+    process(&mut pipeline, next)
+}
+
+#[test]
+fn nothing_is_merged_over_a_break() {
+    assert!(matches!(pairing_after(|_, _| ()), Pairing::Merged { .. }));
+    assert_eq!(pairing_after(|_, next| next.frames_missing = 1), Pairing::Alone);
+    assert_eq!(pairing_after(|_, next| next.frames_rejected = 1), Pairing::Alone);
+    assert_eq!(pairing_after(|pipeline, _| pipeline.discard()), Pairing::Alone);
+    assert_eq!(pairing_after(|pipeline, _| pipeline.reconfigure(alternating())), Pairing::Alone);
+    let finish = |pipeline: &mut Pipeline, _: &mut FrameIndex| {
+        pipeline.finish(0, 0);
+    };
+    assert_eq!(pairing_after(finish), Pairing::Alone);
 }
