@@ -40,12 +40,22 @@ struct Point {
     line: i32,
     across_px: f64,
     sigma_px: f64,
+    /// 1/σ²; 0 for points whose uncertainty nobody knows: they have no part in the smoothing.
+    weight: f64,
 }
 
 impl Point {
-    /// Points whose uncertainty nobody knows have no part in the smoothing.
-    fn is_usable(&self) -> bool {
-        self.across_px.is_finite() && self.sigma_px.is_finite() && self.sigma_px > 0.0
+    fn new(line: i32, across_px: f64, sigma_px: f64) -> Self {
+        let is_usable = across_px.is_finite() && sigma_px.is_finite() && sigma_px > 0.0;
+        if is_usable {
+            Self { line, across_px, sigma_px, weight: 1.0 / (sigma_px * sigma_px) }
+        } else {
+            Self { line, across_px: 0.0, sigma_px: 0.0, weight: 0.0 }
+        }
+    }
+
+    const fn is_usable(&self) -> bool {
+        self.weight > 0.0
     }
 }
 
@@ -104,7 +114,7 @@ impl Smoother {
         self.load(centerline);
         let scatter = self.scatter(&centerline.stripe_start);
         for point in &mut self.points {
-            point.sigma_px *= scatter;
+            *point = Point::new(point.line, point.across_px, scatter * point.sigma_px);
         }
         for stripe in 0..centerline.stripe_start.len() {
             self.smooth_stripe(
@@ -121,10 +131,8 @@ impl Smoother {
         };
         self.points.clear();
         let places = along.iter().zip(across).zip(&centerline.sigma_px);
-        self.points.extend(places.map(|((&along, &across), &sigma)| Point {
-            line: along as i32,
-            across_px: f64::from(across),
-            sigma_px: f64::from(sigma),
+        self.points.extend(places.map(|((&along, &across), &sigma)| {
+            Point::new(along as i32, f64::from(across), f64::from(sigma))
         }));
     }
 
@@ -211,18 +219,17 @@ impl Smoother {
         let centre = self.points[at];
         let residual = |point: &Point| {
             let x = f64::from(point.line - centre.line);
-            (point.across_px - centre.across_px - offset_px - slope * x) / point.sigma_px
+            point.across_px - centre.across_px - offset_px - slope * x
         };
-        let usable = self.points[window].iter().filter(|point| point.is_usable());
-        let chi_square: f64 = usable.map(|point| residual(point).powi(2)).sum();
+        let points = self.points[window].iter();
+        let chi_square: f64 = points.map(|point| point.weight * residual(point).powi(2)).sum();
         Some(Fit { offset_px, misfit: chi_square / self.limits[sums.num] })
     }
 
     fn sums(&self, at: usize, window: Range<usize>) -> Sums {
         let centre = self.points[at];
-        let usable = self.points[window].iter().filter(|point| point.is_usable());
-        usable.fold(Sums::default(), |sums, point| {
-            let weight = 1.0 / (point.sigma_px * point.sigma_px);
+        self.points[window].iter().fold(Sums::default(), |sums, point| {
+            let weight = point.weight;
             let (x, y) = (f64::from(point.line - centre.line), point.across_px - centre.across_px);
             Sums {
                 weight: sums.weight + weight,
@@ -230,7 +237,7 @@ impl Smoother {
                 xx: sums.xx + weight * x * x,
                 y: sums.y + weight * y,
                 xy: sums.xy + weight * x * y,
-                num: sums.num + 1,
+                num: sums.num + usize::from(point.is_usable()),
             }
         })
     }
@@ -241,9 +248,10 @@ impl Smoother {
         let determinant = sums.determinant();
         let first = self.points[at].line - self.half;
         self.shares.fill(0.0);
-        for point in self.points[window].iter().filter(|point| point.is_usable()) {
+        for point in &self.points[window] {
             let x = f64::from(point.line - self.points[at].line);
-            let share = (sums.xx - sums.x * x) / (determinant * point.sigma_px);
+            // Weight times σ.
+            let share = (sums.xx - sums.x * x) * point.weight * point.sigma_px / determinant;
             self.shares[(point.line - first) as usize] = share;
         }
         self.correlation.variance(&self.shares).sqrt()
