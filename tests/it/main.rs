@@ -12,6 +12,9 @@ mod recordings;
 
 mod accuracy;
 mod bright_scene;
+mod labelled_scenes;
+mod alternating_exposures;
+mod smoothing;
 mod allocation;
 mod cli;
 mod determinism;
