@@ -210,8 +210,8 @@ mod tests {
     use crate::scanner::{
         params::{Method, PeakSelection, Window},
         stripe::{
-            blur::{COLUMNS, ROWS},
             reference,
+            tile_blur::{COLUMNS, ROWS},
         },
     };
     use proptest::prelude::*;

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | 1 crop | [`channel::window`](super::channel::window) |
 //! | 2 grey | [`channel::Decoder::decode`](super::channel::Decoder::decode) |
-//! | 3 blur | [`blur::blurred_at`]; fast: [`blur::blur_span`], where [`tiles`] says that it matters |
+//! | 3 blur | [`blur::blurred_at`]; fast: [`tile_blur::TileBlur`], where [`tiles`] says that it matters |
 //! | 4 segment | [`segment::Regions`]; of several candidates in a cross-section [`select::Selected`] takes one |
 //! | 5 coarse peak | [`gaussian_fit::coarse_peak`] |
 //! | 6 width D | [`gravity::width_samples`] |
@@ -31,6 +31,7 @@ pub mod correlation;
 pub mod smooth;
 pub mod reference;
 pub mod vectors;
+pub mod tile_blur;
 pub mod tiles;
 pub mod columns;
 pub mod load;

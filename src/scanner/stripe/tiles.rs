@@ -5,8 +5,9 @@
 //! one read of the image; everything after it grows with the stripe, not with the frame.
 
 use super::{
-    blur::{COLUMNS, Kernel, ROWS, Sample, TileBlur, UNITS},
+    blur::{Kernel, Sample, UNITS},
     segment::Regions,
+    tile_blur::{COLUMNS, ROWS, TileBlur},
 };
 use crate::scanner::channel::Plane;
 use fearless_simd::Simd;
@@ -97,13 +98,12 @@ impl<S: Sample> BlurredTiles<S> {
         let mut start = None;
         for (tile, _) in tiles.iter().enumerate().filter(|&(_, &is_blurred)| is_blurred) {
             let x = tile * COLUMNS;
-            let mask = match row[x..].first_chunk() {
-                Some(sums) => S::above(vectors, sums, threshold),
-                None => {
-                    let mut sums = [S::Sum::default(); COLUMNS];
-                    sums[..row.len() - x].copy_from_slice(&row[x..]);
-                    S::above(vectors, &sums, threshold)
-                }
+            let mask = if let Some(sums) = row[x..].first_chunk() {
+                S::above(vectors, sums, threshold)
+            } else {
+                let mut sums = [S::Sum::default(); COLUMNS];
+                sums[..row.len() - x].copy_from_slice(&row[x..]);
+                S::above(vectors, &sums, threshold)
             };
             // Bits that differ from the one before them: where runs begin and end.
             let mut changes = mask ^ (mask << 1 | u64::from(start.is_some()));
@@ -228,13 +228,4 @@ impl<S: Sample> BlurredTiles<S> {
             }
         }
     }
-}
-
-/// The next consecutive tiles that are set, at or after `from`.
-#[inline(always)]
-fn next_span(tiles: &[bool], from: usize) -> Option<Range<usize>> {
-    let start = from + tiles[from..].iter().position(|&set| set)?;
-    let end =
-        tiles[start..].iter().position(|&set| !set).map_or(tiles.len(), |length| start + length);
-    Some(start..end)
 }
