@@ -17,6 +17,9 @@ pub fn centre(section: &Section<'_>, levels: &Levels<'_>) -> Centre {
     match levels.method {
         Method::GrayGravity => gray_gravity(section, &levels.noise),
         Method::GaussianFit => gaussian_fit(section, &levels.noise),
+        Method::GaussianMl | Method::LogGaussian | Method::FirPeak | Method::Steger => {
+            gaussian_fit(section, &levels.noise)
+        }
         Method::ImprovedGravity => {
             let coarse_px = coarse_peak(section);
             let half_length_px =
@@ -59,9 +62,7 @@ impl<'a> Assembler<'a> {
     }
 
     /// Measures the cross-section of line `line` (a column of the region for a horizontal stripe) and adds its point.
-    ///
-    /// `raw` are the unblurred samples of the candidate's positions with one neighbour to either side where there is one.
-    pub fn push(&mut self, line: usize, section: &Section<'_>, raw: &Raw<'_>, levels: &Levels<'_>) {
+    pub fn push(&mut self, line: usize, section: &Section<'_>, levels: &Levels<'_>) {
         let candidate = section.candidate;
         let centre = centre(section, levels);
         if !self.continues(line, candidate) {
@@ -69,7 +70,7 @@ impl<'a> Assembler<'a> {
         }
         self.previous = Some((line, candidate));
         let mut flags = 0;
-        if raw.samples.iter().any(|&sample| sample >= levels.full_scale) {
+        if near(section).iter().any(|&sample| sample >= levels.full_scale) {
             flags |= flag::SATURATED;
         }
         if candidate.count > 1 {
@@ -88,7 +89,7 @@ impl<'a> Assembler<'a> {
         self.centerline
             .width_px
             .push(full_width_half_maximum(section, levels.noise.kernel.variance_px2()) as f32);
-        self.centerline.intensity.push(raw.at(centre.position_px));
+        self.centerline.intensity.push(raw_at(section, centre.position_px));
         self.centerline.sigma_px.push(centre.sigma_px as f32);
         self.centerline.flags.push(flags);
     }
@@ -103,32 +104,28 @@ impl<'a> Assembler<'a> {
     }
 }
 
-/// Unblurred samples about a candidate.
-#[derive(Clone, Copy, Debug)]
-pub struct Raw<'a> {
-    /// Samples of consecutive positions.
-    pub samples: &'a [u32],
-    /// Position of `samples[0]`.
-    pub origin: u32,
+/// Unblurred samples of the candidate and of one neighbour to either side.
+fn near<'a>(section: &Section<'a>) -> &'a [u32] {
+    let first = (section.candidate.first - section.origin) as usize;
+    let end = first + section.candidate.length() as usize + 1;
+    &section.raw[first.saturating_sub(1)..end.min(section.raw.len())]
 }
 
-impl Raw<'_> {
-    /// Level at a place between samples, linear.
-    fn at(&self, position_px: f64) -> f32 {
-        let at = (position_px - f64::from(self.origin)).clamp(0.0, (self.samples.len() - 1) as f64);
-        let left = at.floor() as usize;
-        let right = (left + 1).min(self.samples.len() - 1);
-        let share = at - left as f64;
-        (f64::from(self.samples[left]) * (1.0 - share) + f64::from(self.samples[right]) * share)
-            as f32
-    }
+/// Unblurred level at a place between samples, linear.
+fn raw_at(section: &Section<'_>, position_px: f64) -> f32 {
+    let raw = section.raw;
+    let at = (position_px - f64::from(section.origin)).clamp(0.0, (raw.len() - 1) as f64);
+    let left = at.floor() as usize;
+    let right = (left + 1).min(raw.len() - 1);
+    let share = at - left as f64;
+    (f64::from(raw[left]) * (1.0 - share) + f64::from(raw[right]) * share) as f32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scanner::{
-        params::{ExtractionParams, PeakSelection},
+        params::ExtractionParams,
         stripe::blur::{Kernel, UNITS},
     };
     use proptest::prelude::*;
@@ -165,11 +162,8 @@ mod tests {
                         window,
                         blur_radius,
                         segment_threshold: f64::from(threshold),
-                        min_segment_area: 0,
                         width_threshold: f64::from(width_threshold),
-                        peak_selection: PeakSelection::Brightest,
-                        read_noise: 2.0,
-                        shot_gain: 0.1,
+                        ..ExtractionParams::default()
                     };
                     let levels = Levels::new(&params, &kernel, 255);
                     let Some(candidate) = longest_run(&samples, levels.segment_threshold) else {
@@ -181,7 +175,7 @@ mod tests {
                         .map(|(at, &sample)| if held.contains(&at) { sample } else { 0 })
                         .collect();
                     let [expected, actual] = [&samples, &others]
-                        .map(|samples| centre(&Section { samples, origin: 0, candidate }, &levels));
+                        .map(|samples| centre(&Section { samples, raw: samples, origin: 0, candidate }, &levels));
                     prop_assert_eq!(expected, actual);
                     prop_assert!(actual.position_px.is_finite() && actual.sigma_px.is_finite());
                 }

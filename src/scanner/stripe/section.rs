@@ -33,12 +33,23 @@ impl Candidate {
     }
 }
 
+/// A candidate and the cross-section in which it was found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Found {
+    /// Column of the searched region for a horizontal stripe, row for a vertical one.
+    pub line: u32,
+    /// Where it lies in that line.
+    pub candidate: Candidate,
+}
+
 /// Blurred samples of a cross-section: the candidate and what lies around it.
 #[derive(Clone, Copy, Debug)]
 pub struct Section<'a> {
     /// Blurred samples, blurred units, of consecutive positions.
     pub samples: &'a [u32],
-    /// Position of `samples[0]`.
+    /// Unblurred samples at the same positions, sample units.
+    pub raw: &'a [u32],
+    /// Position of `samples[0]` and `raw[0]`.
     pub origin: u32,
     /// The run of stripe pixels; it lies within `samples`, whose margin only the border cuts short.
     pub candidate: Candidate,

@@ -1,0 +1,109 @@
+//! Cross-sections side by side, one a lane, so that one instruction serves many of them.
+//!
+//! Every lane is computed by the same operations in the same order, whatever its neighbours hold: what a lane gives
+//! depends on its own samples only, not on where the batch's rows begin or on how wide the machine's registers are.
+//! Estimators keep to two rules for that: rows outside a lane's window count nothing, and places are counted from the
+//! candidate's first sample.
+
+use super::section::Section;
+
+/// Cross-sections in a batch: one 512-bit register of `f32`.
+pub const LANES: usize = 16;
+/// Longest window of a lane, rows.
+pub const MAX_ROWS: usize = 192;
+
+/// One number a lane.
+pub type Lane = [f32; LANES];
+
+/// Up to [`LANES`] cross-sections. Row i of a lane lies i positions across the stripe from its row 0.
+#[derive(Clone, Debug)]
+pub struct Sections {
+    /// Lanes in use, from lane 0; the others have an empty window.
+    pub count: usize,
+    /// Unblurred samples, sample units, row by row; as many rows as the longest reach of a window.
+    pub raw: Vec<Lane>,
+    /// Blurred samples without background, grey levels in sample units, row by row.
+    pub blurred: Vec<Lane>,
+    /// First row of each lane's window: the candidate and its margin.
+    pub start: Lane,
+    /// Row behind the last one of each lane's window.
+    pub end: Lane,
+    /// Row of the first sample of each lane's candidate.
+    pub first: Lane,
+    /// Row of the last sample of each lane's candidate.
+    pub last: Lane,
+    /// Largest blurred sample of each lane's candidate, as in [`blurred`](Self::blurred).
+    pub peak: Lane,
+}
+
+/// What an estimator says of every lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Centres {
+    /// Centre, pixels from the candidate's first sample.
+    pub position_px: Lane,
+    /// One standard deviation of it, pixels.
+    pub sigma_px: Lane,
+}
+
+impl Default for Sections {
+    fn default() -> Self {
+        let none = [0.0; LANES];
+        Self {
+            count: 0,
+            raw: Vec::new(),
+            blurred: Vec::new(),
+            start: none,
+            end: none,
+            first: none,
+            last: none,
+            peak: none,
+        }
+    }
+}
+
+impl Sections {
+    /// Rows held.
+    pub fn rows(&self) -> usize {
+        self.raw.len()
+    }
+
+    /// Place of row `i` in every lane, pixels from the candidate's first sample.
+    #[inline(always)]
+    pub fn place(&self, i: usize) -> Lane {
+        std::array::from_fn(|lane| i as f32 - self.first[lane])
+    }
+
+    /// Whether row `i` lies in the lane's window: 1 or 0.
+    #[inline(always)]
+    pub fn is_inside(&self, i: usize) -> Lane {
+        let i = i as f32;
+        std::array::from_fn(
+            |lane| {
+                if i >= self.start[lane] && i < self.end[lane] { 1.0 } else { 0.0 }
+            },
+        )
+    }
+
+    /// Replaces all lanes by these sections, each with its whole samples as window.
+    ///
+    /// # Panics
+    /// More than [`LANES`] of them.
+    pub fn load<'a>(&mut self, sections: impl ExactSizeIterator<Item = Section<'a>> + Clone) {
+        assert!(sections.len() <= LANES, "{} sections", sections.len());
+        let rows = sections.clone().map(|section| section.samples.len()).max().unwrap_or(0);
+        *self = Self { count: sections.len(), ..Self::default() };
+        self.raw.resize(rows, [0.0; LANES]);
+        self.blurred.resize(rows, [0.0; LANES]);
+        for (lane, section) in sections.enumerate() {
+            for (i, (&raw, &blurred)) in section.raw.iter().zip(section.samples).enumerate() {
+                self.raw[i][lane] = raw as f32;
+                self.blurred[i][lane] = super::section::grey(blurred) as f32;
+            }
+            let first = section.candidate.first - section.origin;
+            self.first[lane] = first as f32;
+            self.last[lane] = (first + section.candidate.length() - 1) as f32;
+            self.end[lane] = section.samples.len() as f32;
+            self.peak[lane] = super::section::grey(section.candidate.peak) as f32;
+        }
+    }
+}
