@@ -32,6 +32,8 @@ named_enum! {
         Locking = "locking",
         /// Columns that a step spoils: [`super::edge`].
         Edge = "edge",
+        /// Noise and resolution over the points smoothed together: [`super::smoothing`].
+        Smoothing = "smoothing",
     }
 }
 
@@ -121,7 +123,7 @@ impl Experiment {
     /// What is varied, and its unit.
     pub const fn axis(self) -> &'static str {
         match self {
-            Self::Reference | Self::Locking | Self::Edge => "",
+            Self::Reference | Self::Locking | Self::Edge | Self::Smoothing => "",
             Self::Noise => "read noise [grey levels]",
             Self::Width => "standard deviation of the stripe [px]",
             Self::Saturation => "light [times full scale]",
@@ -130,7 +132,7 @@ impl Experiment {
         }
     }
 
-    /// The scenes; none for [`Experiment::Locking`] and [`Experiment::Edge`], which ask something else.
+    /// The scenes; none for locking, edge and smoothing, which ask something else.
     pub fn cases(self, seed: u64) -> Vec<Case> {
         let mut cases = match self {
             Self::Reference => reference(),
@@ -148,7 +150,7 @@ impl Experiment {
                 speckle: Some(Speckle { contrast, grain_px: GRAIN_PX }),
                 ..on_wave(light(120.0, 2.3, 2.0))
             }),
-            Self::Locking | Self::Edge => Vec::new(),
+            Self::Locking | Self::Edge | Self::Smoothing => Vec::new(),
         };
         cases.iter_mut().for_each(|case| case.scene.stripe.seed = seed);
         cases

@@ -9,7 +9,7 @@
 //! | [`statistics`] | errors as a few numbers |
 //! | [`bound`] | the Cramér–Rao bound of the centre |
 //! | [`scene`], [`trial`] | a stripe with known centres, and the methods on it |
-//! | [`experiment`], [`locking`], [`edge`] | what is varied, and what is asked |
+//! | [`experiment`], [`locking`], [`edge`], [`smoothing`] | what is varied, and what is asked |
 //! | [`paper`], [`table3`], [`added_noise`] | the protocol of the paper, its numbers, its noise |
 
 pub mod statistics;
@@ -20,6 +20,7 @@ pub mod trial;
 pub mod experiment;
 pub mod locking;
 pub mod edge;
+pub mod smoothing;
 pub mod table3;
 pub mod paper;
 pub mod added_noise;
