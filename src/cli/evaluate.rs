@@ -81,10 +81,7 @@ struct Report {
 /// [`Usage`](super::Usage) when the request cannot be followed, else whatever cannot be read or written.
 pub fn run(args: EvaluateArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     match args.question {
-        Question::Truth(args) => {
-            let output = args.output.clone();
-            write(&truth::report(args, ros)?, &output, out)
-        }
+        Question::Truth(args) => write(&truth::report(&args, ros)?, &args.output, out),
         Question::Paper(args) => {
             let output = args.output.clone();
             write(&paper::report(args, ros)?, &output, out)

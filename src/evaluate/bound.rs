@@ -5,7 +5,8 @@
 //! v(μ) = read² + shot · μ, is rounded to an integer and clipped to 0 … full scale.
 //!
 //! The Fisher matrix is J = Σ I(μₖ) ∇μₖ ∇μₖᵀ over the pixels, the bound √((J⁻¹)cc) (Kay, Estimation Theory, 1993, eqs. 3.20
-//! and 3.31). For white noise and fine sampling it becomes σ_c ≥ √(2/√π) · (σ_n/A) · √s = 1.062 · (σ_n/A) · √s.
+//! and 3.31). For white noise and fine sampling it becomes
+//! `σ_c ≥ √(2/√π) · (σ_n/A) · √s = 1.062 · (σ_n/A) · √s`.
 
 use nalgebra::{Matrix4, Vector4};
 

@@ -152,7 +152,9 @@ impl Experiment {
             }),
             Self::Locking | Self::Edge | Self::Smoothing => Vec::new(),
         };
-        cases.iter_mut().for_each(|case| case.scene.stripe.seed = seed);
+        for case in &mut cases {
+            case.scene.stripe.seed = seed;
+        }
         cases
     }
 

@@ -32,6 +32,15 @@ pub struct Protocol {
 }
 
 impl Protocol {
+    /// Takes several columns.
+    pub fn of(columns_px: &[[f64; 3]]) -> Self {
+        let mut protocol = Self::default();
+        for &positions_px in columns_px {
+            protocol.add(positions_px);
+        }
+        protocol
+    }
+
     /// Takes the positions of the three methods in one column, pixels.
     pub fn add(&mut self, positions_px: [f64; 3]) {
         let reference = positions_px.iter().sum::<f64>() / 3.0;
@@ -65,8 +74,7 @@ mod tests {
 
     #[test]
     fn table_3_gives_the_printed_deviations_and_another_table_4() {
-        let mut protocol = Protocol::default();
-        table3::ROWS_PX.into_iter().for_each(|row| protocol.add(row));
+        let protocol = Protocol::of(&table3::ROWS_PX);
         assert_eq!(protocol.points(), 21);
         let rounded = |value: f64, digits: usize| format!("{value:.digits$}");
         let found = protocol.deviations();

@@ -5,6 +5,9 @@ use serde::Serialize;
 /// A point further from the truth than this has found something else, pixels.
 pub const WRONG_PX: f64 = 2.0;
 
+/// Resolution of median and percentile, pixels.
+pub const BIN_PX: f64 = 0.0005;
+
 /// Neighbours further apart are taken to share no noise, columns.
 const MAX_LAG: usize = 64;
 
@@ -34,6 +37,10 @@ pub struct Accuracy {
     pub bias_px: f64,
     /// Root of the mean squared error, every point counted, the wrong ones too, pixels.
     pub rms_px: f64,
+    /// Size of the error that half of the points stay below, pixels, to ±[`BIN_PX`] / 2; infinite beyond [`WRONG_PX`].
+    pub median_px: f64,
+    /// Size of the error that 95 % of the points stay below, pixels, likewise.
+    pub p95_px: f64,
     /// Share of the points within one stated standard deviation of the truth; 0.683 if that is true.
     pub within_1_sigma: f64,
     /// Share of the points within two stated standard deviations of the truth; 0.954 if that is true.
@@ -41,7 +48,7 @@ pub struct Accuracy {
 }
 
 /// Sums over points, as they come.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Tally {
     columns: u64,
     points: u64,
@@ -52,6 +59,25 @@ pub struct Tally {
     with_sigma: u64,
     within_1: u64,
     within_2: u64,
+    /// Points by the size of their error, [`BIN_PX`] wide up to [`WRONG_PX`].
+    sizes: Vec<u64>,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self {
+            columns: 0,
+            points: 0,
+            false_points: 0,
+            wrong: 0,
+            sum_px: 0.0,
+            sum_squares_px2: 0.0,
+            with_sigma: 0,
+            within_1: 0,
+            within_2: 0,
+            sizes: vec![0; (WRONG_PX / BIN_PX) as usize],
+        }
+    }
 }
 
 impl Tally {
@@ -62,6 +88,9 @@ impl Tally {
         self.points += 1;
         self.sum_px += error_px;
         self.sum_squares_px2 += error_px * error_px;
+        if let Some(bin) = self.sizes.get_mut((error_px.abs() / BIN_PX) as usize) {
+            *bin += 1;
+        }
         self.wrong += u64::from(error_px.abs() > WRONG_PX);
         if sigma_px.is_finite() {
             self.with_sigma += 1;
@@ -73,6 +102,20 @@ impl Tally {
     /// Takes a point where there is nothing to be found.
     pub const fn add_false_point(&mut self) {
         self.false_points += 1;
+    }
+
+    /// The size of error that such a share of the points stay below, the middle of its bin.
+    fn size_below(&self, share: f64) -> f64 {
+        if self.points == 0 {
+            return f64::NAN;
+        }
+        let wanted = share * self.points as f64;
+        let mut below = 0;
+        let reached = self.sizes.iter().position(|count| {
+            below += count;
+            below as f64 >= wanted
+        });
+        reached.map_or(f64::INFINITY, |bin| (bin as f64 + 0.5) * BIN_PX)
     }
 
     /// What it comes to.
@@ -87,6 +130,8 @@ impl Tally {
             wrong: share(self.wrong, self.points),
             bias_px: self.sum_px / points,
             rms_px: (self.sum_squares_px2 / points).sqrt(),
+            median_px: self.size_below(0.5),
+            p95_px: self.size_below(0.95),
             within_1_sigma: share(self.within_1, self.with_sigma),
             within_2_sigma: share(self.within_2, self.with_sigma),
         }
@@ -156,6 +201,9 @@ mod tests {
         close(accuracy.wrong, 0.2);
         close(accuracy.bias_px, 0.68);
         close(accuracy.rms_px, (9.14_f64 / 5.0).sqrt());
+        // Sizes in order: 0, 0.1, 0.2, 0.3, 3; the third is the median, the last is beyond.
+        assert!((accuracy.median_px - 0.2).abs() <= BIN_PX, "{accuracy:?}");
+        assert!(accuracy.p95_px.is_infinite());
         // Of four with a sigma, -0.1 and 0 lie within it, 0.3 within twice as much.
         close(accuracy.within_1_sigma, 0.5);
         close(accuracy.within_2_sigma, 0.75);

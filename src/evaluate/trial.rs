@@ -13,6 +13,9 @@ use super::{
     statistics::{Accuracy, Deviation, Tally, columns_averaged},
 };
 
+/// Columns at either border that do not count: a blur or a ridge finds no more image there, which is a matter of its own.
+pub const BORDER_COLUMNS: usize = 16;
+
 /// What is tried.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -82,17 +85,19 @@ pub fn centerlines(
     }
 }
 
-/// Accuracy of each method, and how many columns it averages.
+/// Accuracy of each method, and how many columns it averages; without the [`BORDER_COLUMNS`].
 pub fn run(plan: &Plan, scene: &Scene) -> Vec<(Accuracy, f64)> {
     let mut tallies = vec![Tally::default(); plan.methods.len()];
     let mut errors: Vec<Vec<Vec<f64>>> = vec![Vec::new(); plan.methods.len()];
+    let counted = BORDER_COLUMNS..(scene.stripe.width as usize).saturating_sub(BORDER_COLUMNS);
     centerlines(plan, scene, plan.frames, |_, method, points| {
-        let found = (0..)
-            .zip(points)
-            .map(|(column, &point)| deviation(point, scene.course.center_px(f64::from(column))));
-        let found: Vec<_> = found.collect();
-        found.iter().for_each(|&found| tallies[method].add(found));
-        errors[method].push(found.iter().map(|d| d.map_or(f64::NAN, |d| d.error_px)).collect());
+        let mut row = Vec::with_capacity(counted.len());
+        for column in counted.clone() {
+            let found = deviation(points[column], scene.course.center_px(column as f64));
+            tallies[method].add(found);
+            row.push(found.map_or(f64::NAN, |found| found.error_px));
+        }
+        errors[method].push(row);
     });
     let averaged = errors.iter().map(|frames| columns_averaged(&differences(frames)));
     tallies.iter().map(Tally::accuracy).zip(averaged).collect()
@@ -137,7 +142,7 @@ pub(crate) mod tests {
     #[test]
     fn a_blur_of_seven_columns_is_told_and_one_column_is_one() {
         let stripe =
-            StripeScene { width: 1500, height: 256, read_noise: 4.0, ..StripeScene::default() };
+            StripeScene { width: 1532, height: 256, read_noise: 4.0, ..StripeScene::default() };
         let scene = Scene { stripe, course: Course::Wave, speckle: None };
         let blurred = plan(&[Method::ImprovedGravity], 4);
         let (accuracy, columns) = run(&blurred, &scene)[0];

@@ -107,7 +107,7 @@ fn printed_parameters_are_a_parameter_file() {
 
 #[test]
 fn a_reader_that_leaves_early_is_no_failure() {
-    for verb in ["parameters", "--help", "info bags/film_defects"] {
+    for verb in ["parameters", "--help", "info bags/film_defects", "evaluate paper"] {
         let pipe = format!("\"$0\" {verb} | head -c 1 >/dev/null; exit ${{PIPESTATUS[0]}}");
         let mut command = Command::new("bash");
         command.args(["-c", &pipe, env!("CARGO_BIN_EXE_laser_profiler")]);

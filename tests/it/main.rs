@@ -11,6 +11,7 @@ mod live;
 mod recordings;
 
 mod accuracy;
+mod evaluate;
 mod bright_scene;
 mod allocation;
 mod cli;

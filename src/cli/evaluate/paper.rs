@@ -142,8 +142,7 @@ pub(super) fn report(args: PaperArgs, ros: RosArguments) -> anyhow::Result<Repor
 }
 
 fn of_table_3() -> Report {
-    let mut protocol = Protocol::default();
-    table3::ROWS_PX.into_iter().for_each(|row| protocol.add(row));
+    let protocol = Protocol::of(&table3::ROWS_PX);
     let methods = figures(&protocol);
     let json = json!({
         "source": "table_3",

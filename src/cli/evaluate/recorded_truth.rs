@@ -183,9 +183,9 @@ impl Judge {
             by_line[line] = Some(center_px);
         }
         for (tally, points) in self.tallies.iter_mut().zip(&measured.points) {
-            for line in along.0..end {
+            for (line, truth_px) in by_line.iter().enumerate().skip(along.0) {
                 let point = points.get(line).copied().flatten();
-                match by_line[line] {
+                match *truth_px {
                     Some(center_px) if inside.contains(&center_px) => {
                         tally.add(deviation(point, center_px));
                     }

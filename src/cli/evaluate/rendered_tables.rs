@@ -10,6 +10,7 @@ use crate::evaluate::{
     locking::Locking,
     smoothing,
     statistics::WRONG_PX,
+    trial::BORDER_COLUMNS,
 };
 
 /// Below so many averaged columns a method looks at one column alone.
@@ -47,7 +48,8 @@ fn preface(study: &Study) -> Section {
             format!(
                 "Stripes are rendered about centres that are known exactly: a Gaussian of amplitude A (grey levels) and standard \
                  deviation s (pixels), integrated over each pixel, with Gaussian noise, rounded to 8 bits and clipped to 0 … 255, \
-                 over a black background. {} frames of each scene, seed {}. The methods know the camera's noise.",
+                 over a black background. {} frames of each scene, seed {}; {BORDER_COLUMNS} columns at either border do not count. The \
+                 methods know the camera's noise.",
                 study.frames, study.seed
             ),
             "RMS counts every point found, wrong ones too. The bound is the Cramér-Rao bound of one column for the samples as \

@@ -61,7 +61,7 @@ pub(super) struct TruthArgs {
 ///
 /// # Errors
 /// [`Usage`](crate::cli::Usage) when the request cannot be followed; a recording that cannot be read or carries no truth.
-pub(super) fn report(args: TruthArgs, ros: RosArguments) -> anyhow::Result<Report> {
+pub(super) fn report(args: &TruthArgs, ros: RosArguments) -> anyhow::Result<Report> {
     let methods = settings::methods(&args.methods)?;
     let experiments = rendered::experiments(&args.experiments)?;
     let settings = Settings::load(&args.settings, ros)?;

@@ -12,8 +12,7 @@ use crate::evaluate::{
 
 /// The protocol on the paper's own numbers.
 pub(in super::super) fn table_3_section() -> Section {
-    let mut protocol = Protocol::default();
-    table3::ROWS_PX.into_iter().for_each(|row| protocol.add(row));
+    let protocol = Protocol::of(&table3::ROWS_PX);
     let figures = figures(&protocol);
     let row = |label: &str, value: &dyn Fn(&Deviations) -> String| {
         let cells = figures.iter().map(|figure| value(&figure.deviations));
