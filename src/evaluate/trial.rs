@@ -117,10 +117,9 @@ fn differences(frames: &[Vec<f64>]) -> Vec<Vec<f64>> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::{super::scene::Course, *};
-    use crate::ros::{node_params::NodeParams, parameters::Parameters};
 
     pub(crate) fn plan(methods: &[Method], frames: u32) -> Plan {
-        let params = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner.extraction;
+        let params = ExtractionParams::default();
         Plan { params, methods: methods.to_vec(), seed: 1, frames }
     }
 

@@ -96,7 +96,10 @@ fn num_true_centers(name: &str) -> u64 {
 
 #[test]
 fn recordings_that_carry_their_truth_are_measured_against_it() {
-    for (name, limit_px) in [("film_defects", 0.05), ("saturated_vertical", 0.05)] {
+    // Limits of bags/README.md, which other code than this measures.
+    for (name, median_px, p95_px) in
+        [("film_defects", 0.008, 0.035), ("saturated_vertical", 0.02, 0.1)]
+    {
         let parameters = format!("bags/{name}.params.yaml");
         let bag = format!("bags/{name}");
         let methods = "improved_gravity,gray_gravity";
@@ -106,9 +109,9 @@ fn recordings_that_carry_their_truth_are_measured_against_it() {
         let methods = answer["methods"].as_array().unwrap();
         assert_eq!(methods[0]["method"], "improved_gravity");
         assert_eq!(methods[0]["columns"], num_true_centers(name), "{name}");
-        let rms: Vec<_> = column(&answer["methods"], "rms_px");
-        assert!(rms[0] < limit_px, "{name}: {rms:?}");
-        assert!(rms[0] < rms[1], "{name}: {rms:?}");
+        assert!(column(&answer["methods"], "median_px")[0] < median_px, "{answer}");
+        assert!(column(&answer["methods"], "p95_px")[0] < p95_px, "{answer}");
+        assert!(methods[0]["rms_px"].as_f64() < methods[1]["rms_px"].as_f64(), "{answer}");
     }
 }
 

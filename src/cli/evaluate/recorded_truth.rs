@@ -6,7 +6,7 @@ use anyhow::{Context, ensure};
 use serde::Serialize;
 
 use super::{
-    document::{Section, Table, percent, px},
+    document::{Section, Table, number, percent, px},
     progress_bar,
     recording::{Message, Read, Recording, Wanted},
 };
@@ -211,6 +211,8 @@ pub(super) fn section(name: &str, measured: &Measured) -> Section {
             method.method.to_owned(),
             px(accuracy.bias_px),
             px(accuracy.rms_px),
+            number(accuracy.median_px, 3),
+            number(accuracy.p95_px, 3),
             percent(accuracy.missing),
             percent(accuracy.wrong),
             accuracy.false_points.to_string(),
@@ -222,7 +224,7 @@ pub(super) fn section(name: &str, measured: &Measured) -> Section {
     Section {
         title: format!("Against truth: the recording {name}"),
         paragraphs: vec![format!(
-            "{} frames with {columns} true centres on {TRUTH_TOPIC}. Wrong: more than {WRONG_PX} px off. False: points in columns \
+            "{} frames with {columns} true centres on {TRUTH_TOPIC}. Median and 95 %: what the size of the error stays below. Wrong: more than {WRONG_PX} px off. False: points in columns \
              without a true centre.{passed}",
             measured.frames
         )],
@@ -232,6 +234,8 @@ pub(super) fn section(name: &str, measured: &Measured) -> Section {
                 "method",
                 "bias px",
                 "RMS px",
+                "median px",
+                "95 % px",
                 "missing %",
                 "wrong %",
                 "false",

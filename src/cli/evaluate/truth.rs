@@ -27,7 +27,7 @@ Experiments: reference (six scenes), noise, width, saturation, slope, speckle, l
 
 --json prints one object. Without BAG: source, seed, frames, methods, extraction, series: [{experiment, axis, scenes: [{scene,
 value, amplitude, sigma_px, read_noise, bound_px, simple_bound_px, speckle_centroid_px, methods: [{method, columns, points,
-false_points, missing, wrong, bias_px, rms_px, within_1_sigma, within_2_sigma, columns_averaged, over_bound,
+false_points, missing, wrong, bias_px, rms_px, median_px, p95_px, within_1_sigma, within_2_sigma, columns_averaged, over_bound,
 over_simple_bound}]}]}], locking, edge, smoothing. With BAG: source, topic, frames, rejected, unpaired, extraction, methods.
 Shares are 0 to 1; null is what there is not.";
 
