@@ -10,10 +10,9 @@ use super::{
 };
 use crate::simulate::stripe::StripeScene;
 
-/// Standard deviations of the stripes that are tried, pixels.
-pub const SIGMAS_PX: [f64; 2] = [0.95, 2.3];
-/// Height of the step, pixels.
-pub const STEP_PX: f64 = 7.0;
+/// What is tried: standard deviation of the stripe and height of the step, pixels. Across a high step a blur mixes two
+/// separate stripes, across a low one it makes a ramp of them.
+pub const CASES: [(f64, f64); 3] = [(0.95, 7.0), (2.3, 7.0), (2.3, 2.0)];
 /// A column further off than this is spoilt, pixels.
 pub const SPOILT_PX: f64 = 0.5;
 /// Sub-pixel phases of the stripe that the mean is over.
@@ -57,13 +56,13 @@ struct Sums {
     response: Vec<(f64, u32)>,
 }
 
-/// Measures a step of a stripe of that standard deviation.
-pub fn run(plan: &Plan, sigma_px: f64) -> Edge {
+/// Measures a step of that height of a stripe of that standard deviation.
+pub fn run(plan: &Plan, (sigma_px, step_px): (f64, f64)) -> Edge {
     let nothing = Sums { spoilt: 0, missing: 0, response: vec![(0.0, 0); SEEN.len()] };
     let mut sums = vec![nothing; plan.methods.len()];
     for phase in 0..NUM_PHASES {
         let start_px = 28.0 + f64::from(phase) / f64::from(NUM_PHASES);
-        let course = Course::Step { start_px, column: COLUMN, rise_px: STEP_PX };
+        let course = Course::Step { start_px, column: COLUMN, rise_px: step_px };
         let stripe = StripeScene {
             width: 2 * COLUMN,
             height: 64,
@@ -82,7 +81,7 @@ pub fn run(plan: &Plan, sigma_px: f64) -> Edge {
                 };
                 let error_px = position_px - course.center_px(f64::from(column));
                 sums.spoilt += u32::from(error_px.abs() > SPOILT_PX);
-                *place = (place.0 + (position_px - start_px) / STEP_PX, place.1 + 1);
+                *place = (place.0 + (position_px - start_px) / step_px, place.1 + 1);
             }
         });
     }
@@ -94,12 +93,7 @@ pub fn run(plan: &Plan, sigma_px: f64) -> Edge {
         response: sums.response.iter().map(|(sum, count)| sum / f64::from(*count)).collect(),
     });
     let columns_px = SEEN.map(|column| f64::from(column) - f64::from(COLUMN) + 0.5);
-    Edge {
-        sigma_px,
-        step_px: STEP_PX,
-        columns_px: columns_px.collect(),
-        methods: methods.collect(),
-    }
+    Edge { sigma_px, step_px, columns_px: columns_px.collect(), methods: methods.collect() }
 }
 
 #[cfg(test)]
@@ -117,7 +111,8 @@ mod tests {
             params: ExtractionParams { blur_radius: 0, ..blurred.params },
             ..blurred.clone()
         };
-        let [blurred, alone] = [blurred, alone].map(|plan| run(&plan, 2.3).methods.remove(0));
+        let [blurred, alone] =
+            [blurred, alone].map(|plan| run(&plan, (2.3, 7.0)).methods.remove(0));
         assert!((alone.spoilt_columns, alone.missing_columns) == (0.0, 0.0), "{alone:?}");
         // The kernel reaches three columns to either side.
         assert!(blurred.spoilt_columns > 0.5 && blurred.spoilt_columns <= 6.0, "{blurred:?}");

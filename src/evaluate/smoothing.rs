@@ -13,8 +13,8 @@ use crate::scanner::params::ExtractionParams;
 pub const COLUMNS: [u32; 5] = [1, 3, 5, 9, 17];
 /// The reference scene whose noise is smoothed.
 pub const SCENE: &str = "noisy";
-/// Standard deviation of the stripe at the step, pixels.
-pub const EDGE_SIGMA_PX: f64 = 2.3;
+/// Standard deviation of the stripe at the step and height of the step, pixels.
+pub const EDGE: (f64, f64) = (2.3, 2.0);
 
 /// All methods with one smoothing.
 #[derive(Clone, Debug, Serialize)]
@@ -45,7 +45,7 @@ pub fn run(plan: &Plan, smoothing_columns: u32) -> Smoothing {
     let cases = Experiment::Reference.cases(plan.seed);
     let noisy = cases.iter().find(|case| case.name == SCENE);
     let noise = noisy.map(|case| trial::run(&plan, &case.scene)).unwrap_or_default();
-    let edges = edge::run(&plan, EDGE_SIGMA_PX).methods;
+    let edges = edge::run(&plan, EDGE).methods;
     let methods =
         noise.iter().zip(edges).map(|((accuracy, columns_averaged), edge)| SmoothedMethod {
             method: edge.method,

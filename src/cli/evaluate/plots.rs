@@ -8,7 +8,9 @@ use plotters::{prelude::*, style::register_font};
 const FONT: &str = "sans-serif";
 const TITLE: (&str, i32) = (FONT, 20);
 const TEXT: (&str, i32) = (FONT, 15);
-const SIZE_PX: (u32, u32) = (860, 480);
+const SIZE_PX: (u32, u32) = (960, 460);
+/// Where the key begins, right of the chart.
+const KEY_PX: u32 = 760;
 
 /// The colours of Okabe and Ito, told apart with any colour vision; black is the bound's.
 const COLORS: [RGBColor; 7] = [
@@ -80,7 +82,8 @@ impl Plot {
         {
             let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
             root.fill(&WHITE)?;
-            let mut chart = ChartBuilder::on(&root)
+            let (left, key) = root.split_horizontally(KEY_PX);
+            let mut chart = ChartBuilder::on(&left)
                 .caption(&self.title, TITLE)
                 .margin(12)
                 .x_label_area_size(46)
@@ -97,24 +100,20 @@ impl Plot {
                 .x_label_formatter(&|&x| label(x))
                 .draw()?;
             let mut colors = COLORS.iter().cycle();
-            for (curve, points) in &curves {
+            for ((curve, points), row) in curves.iter().zip(0..) {
                 let color = if curve.is_bound { BLACK } else { *colors.next().unwrap_or(&BLACK) };
                 let style = color.stroke_width(2);
-                let legend = move |(x, y)| PathElement::new([(x, y), (x + 20, y)], style);
+                let points = points.iter().copied();
                 if curve.is_bound {
-                    let line = DashedLineSeries::new(points.iter().copied(), 6, 5, style);
-                    chart.draw_series(line)?.label(&curve.name).legend(legend);
+                    chart.draw_series(DashedLineSeries::new(points, 6, 5, style))?;
                 } else {
-                    let line = LineSeries::new(points.iter().copied(), style).point_size(2);
-                    chart.draw_series(line)?.label(&curve.name).legend(legend);
+                    chart.draw_series(LineSeries::new(points, style).point_size(2))?;
                 }
+                let y_px = 60 + 24 * row;
+                key.draw(&PathElement::new([(0, y_px), (22, y_px)], style))?;
+                let text = TextStyle::from(TEXT);
+                key.draw(&Text::new(curve.name.as_str(), (30, y_px - 8), text))?;
             }
-            chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::UpperLeft)
-                .label_font(TEXT)
-                .background_style(WHITE.mix(0.8))
-                .draw()?;
             root.present()?;
         }
         Ok(svg)

@@ -52,7 +52,7 @@ pub(super) fn study(
 ) -> Study {
     let num_steps = |experiment: &Experiment| match experiment {
         Experiment::Locking => locking::SIGMAS_PX.len(),
-        Experiment::Edge => edge::SIGMAS_PX.len(),
+        Experiment::Edge => edge::CASES.len(),
         Experiment::Smoothing => smoothing::COLUMNS.len(),
         varied => varied.cases(plan.seed).len(),
     };
@@ -75,7 +75,7 @@ pub(super) fn study(
                 study.locking = all.inspect(|_| bar.inc(1)).collect();
             }
             Experiment::Edge => {
-                let all = edge::SIGMAS_PX.iter().map(|&s| edge::run(plan, s));
+                let all = edge::CASES.iter().map(|&case| edge::run(plan, case));
                 study.edge = all.inspect(|_| bar.inc(1)).collect();
             }
             Experiment::Smoothing => {
@@ -103,9 +103,14 @@ pub(super) fn series_file(series: &Series) -> String {
     format!("accuracy_{}.svg", series.experiment)
 }
 
-/// File name of a plot about a stripe of that standard deviation.
-pub(super) fn stripe_file(experiment: Experiment, sigma_px: f64) -> String {
-    format!("accuracy_{}_{sigma_px}.svg", experiment.name())
+/// File name of the plot of a locking curve.
+pub(super) fn locking_file(locking: &Locking) -> String {
+    format!("accuracy_locking_s{}.svg", locking.sigma_px)
+}
+
+/// File name of the plot of a response to a step.
+pub(super) fn edge_file(edge: &Edge) -> String {
+    format!("accuracy_edge_s{}_step{}.svg", edge.sigma_px, edge.step_px)
 }
 
 fn series_plot(series: &Series) -> Plot {
@@ -139,7 +144,7 @@ fn locking_plot(locking: &Locking) -> Plot {
         Curve::method(curve.method, points.collect())
     };
     Plot {
-        file: stripe_file(Experiment::Locking, locking.sigma_px),
+        file: locking_file(locking),
         title: format!("Mean error over the sub-pixel phase, s = {} px", locking.sigma_px),
         x_label: "phase [px]",
         y_label: "mean error [px]",
@@ -154,7 +159,7 @@ fn edge_plot(edge: &Edge) -> Plot {
         Curve::method(response.method, points.collect())
     };
     Plot {
-        file: stripe_file(Experiment::Edge, edge.sigma_px),
+        file: edge_file(edge),
         title: format!("Response to a step of {} px, s = {} px", edge.step_px, edge.sigma_px),
         x_label: "columns from the step",
         y_label: "share of the step",

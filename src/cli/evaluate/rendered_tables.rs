@@ -2,7 +2,7 @@
 
 use super::{
     document::{Section, Table, number, percent, px},
-    rendered::{Study, series_file, stripe_file},
+    rendered::{Study, edge_file, locking_file, series_file},
 };
 use crate::evaluate::{
     edge::{Edge, SPOILT_PX},
@@ -168,7 +168,8 @@ fn varied(series: &Series) -> Section {
         [name.to_owned(), "1".to_owned()].into_iter().chain(cells).collect::<Vec<_>>()
     };
     let mut rms_rows = vec![line("bound", &|scene| scene.bound_px)];
-    if series.scenes.iter().any(|scene| scene.speckle_centroid_px.is_finite()) {
+    let is_speckle = series.scenes.iter().any(|scene| scene.speckle_centroid_px.is_finite());
+    if is_speckle {
         rms_rows.push(line("centroid, by speckle alone", &|scene| scene.speckle_centroid_px));
     }
     let rows = |cell: &dyn Fn(&MethodResult) -> String| -> Vec<Vec<String>> {
@@ -189,13 +190,16 @@ fn varied(series: &Series) -> Section {
         header: header("method", "averages"),
         rows,
     };
+    let mut tables = vec![table("RMS px", rms_rows)];
+    // Speckle is no noise of the camera's: nothing binds it to that bound.
+    if !is_speckle {
+        let ratios = rows(&|result| number(result.over_bound, 2));
+        tables.push(table("RMS ÷ bound of one column", ratios));
+    }
     Section {
         title: format!("Over {}", series.axis),
         paragraphs: vec![about(series.experiment).to_owned()],
-        tables: vec![
-            table("RMS px", rms_rows),
-            table("RMS ÷ bound of one column", rows(&|result| number(result.over_bound, 2))),
-        ],
+        tables,
         plots: vec![(series_file(series), format!("RMS error over {}", series.axis))],
     }
 }
@@ -245,7 +249,7 @@ fn locking_section(all: &[Locking]) -> Section {
     };
     let plot = |locking: &Locking| {
         let text = format!("Mean error over the sub-pixel phase, s = {} px", locking.sigma_px);
-        (stripe_file(Experiment::Locking, locking.sigma_px), text)
+        (locking_file(locking), text)
     };
     Section {
         title: "Pixel locking".to_owned(),
@@ -262,7 +266,7 @@ fn locking_section(all: &[Locking]) -> Section {
 fn edge_section(all: &[Edge]) -> Section {
     let mut header = texts(["method"]);
     for edge in all {
-        header.push(format!("s {} px: off", edge.sigma_px));
+        header.push(format!("s {}, step {}: off", edge.sigma_px, edge.step_px));
         header.push("missing".to_owned());
     }
     let rows = all.first().map_or(&[] as &[_], |first| first.methods.as_slice());
@@ -274,13 +278,13 @@ fn edge_section(all: &[Edge]) -> Section {
         std::iter::once(response.method.to_owned()).chain(cells).collect()
     };
     let plot = |edge: &Edge| {
-        let text = format!("Response to a step, s = {} px", edge.sigma_px);
-        (stripe_file(Experiment::Edge, edge.sigma_px), text)
+        let text = format!("Response to a step of {} px, s = {} px", edge.step_px, edge.sigma_px);
+        (edge_file(edge), text)
     };
     Section {
         title: "A step along the stripe".to_owned(),
         paragraphs: vec![format!(
-            "The stripe jumps by 7 px between two columns (A 183, noise 2). Columns more than {SPOILT_PX} px off and columns without a \
+            "The stripe jumps between two columns (A 183, noise 2; s and step in pixels). Columns more than {SPOILT_PX} px off and columns without a \
              point, means over 16 sub-pixel phases: the lateral resolution that goes with the figures above."
         )],
         tables: vec![Table {
@@ -310,10 +314,11 @@ fn smoothing_section(study: &Study) -> Section {
         title: "Smoothing along the stripe".to_owned(),
         paragraphs: vec![format!(
             "The parameter extraction.smoothing_columns from 1 (none, as in all figures above unless they say otherwise) to 17: RMS \
-             on the scene \"{}\", columns averaged there, and columns beside a step of 7 px that are more than {SPOILT_PX} px off \
-             (s {} px).",
+             on the scene \"{}\", columns averaged there, and columns beside a step of {} px that are more than {SPOILT_PX} px \
+             off (s {} px).",
             smoothing::SCENE,
-            smoothing::EDGE_SIGMA_PX
+            smoothing::EDGE.1,
+            smoothing::EDGE.0
         )],
         tables: vec![
             table("RMS px", &|method| px(method.rms_px)),
