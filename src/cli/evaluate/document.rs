@@ -136,7 +136,15 @@ pub(super) fn px(value: f64) -> String {
 
 /// A number with so many decimals; a dash where there is none.
 pub(super) fn number(value: f64, decimals: usize) -> String {
-    if value.is_finite() { format!("{value:.decimals$}") } else { "-".to_owned() }
+    if !value.is_finite() {
+        return "-".to_owned();
+    }
+    let text = format!("{value:.decimals$}");
+    // What rounds to zero has no sign.
+    match text.strip_prefix('-') {
+        Some(zero) if zero.chars().all(|letter| "0.".contains(letter)) => zero.to_owned(),
+        _ => text,
+    }
 }
 
 /// A share in percent; a dash where there is none.
@@ -186,6 +194,7 @@ mod tests {
     #[test]
     fn what_there_is_not_is_a_dash() {
         assert_eq!((px(0.012_34).as_str(), px(f64::NAN).as_str()), ("0.0123", "-"));
-        assert_eq!(percent(0.683), "68.3");
+        assert_eq!((percent(0.683).as_str(), px(-0.000_01).as_str()), ("68.3", "0.0000"));
+        assert_eq!(px(-0.012), "-0.0120");
     }
 }
