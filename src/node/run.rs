@@ -19,7 +19,7 @@ use super::{
 
 /// Frames that wait for the worker: enough to keep it busy, few enough to fit into memory. The bytes hold the largest
 /// frames that a recording is read with.
-pub const INPUT_BOUND: Bound = Bound { items: 4, bytes: 256 << 20 };
+pub const INPUT_BOUND: Bound = Bound { items: 2, bytes: 256 << 20 };
 
 /// Damaged places that are told one by one.
 const MAX_TOLD: u64 = 10;
