@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use super::RawMessage;
 use super::channels::Channels;
 use super::format::MessageHeader;
-use super::RawMessage;
 
 /// Which messages are read.
 #[derive(Clone, Debug, Default)]
