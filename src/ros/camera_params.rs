@@ -6,8 +6,9 @@ use crate::{
     msg::convert::cloud,
     scanner::{
         params::{
-            Channel, ExtractionParams, Method, MotionParams, MotionSource, Params, PeakSelection,
-            RegionOfInterest, StripeDirection, Window,
+            Background, Channel, Exposure, ExtractionParams, Method, MotionParams, MotionSource,
+            NoiseSource, Params, PeakSelection, RegionOfInterest, StripeDirection, Threshold,
+            Window,
         },
         scan::MAX_SLICE_POINTS,
     },
@@ -112,6 +113,7 @@ fn scanner(values: Section<'_>) -> Result<Params, ParameterError> {
             width: number("roi.width")?,
             height: number("roi.height")?,
         },
+        exposure: values.choice("exposure", Exposure::from_name)?,
         extraction: extraction(values)?,
         motion: MotionParams {
             source: values.choice("motion.source", MotionSource::from_name)?,
@@ -125,15 +127,32 @@ fn scanner(values: Section<'_>) -> Result<Params, ParameterError> {
 }
 
 fn extraction(values: Section<'_>) -> Result<ExtractionParams, ParameterError> {
+    let float = |name: &str| values.float(&format!("extraction.{name}"));
+    let number =
+        |name: &str| values.unsigned(&format!("extraction.{name}")).map(|value| value as u32);
     Ok(ExtractionParams {
         method: values.choice("extraction.method", Method::from_name)?,
         window: values.choice("extraction.window", Window::from_name)?,
-        blur_radius: values.unsigned("extraction.blur_radius")? as u32,
-        segment_threshold: values.float("extraction.segment_threshold")?,
-        min_segment_area: values.unsigned("extraction.min_segment_area")? as u32,
-        width_threshold: values.float("extraction.width_threshold")?,
+        blur_radius: number("blur_radius")?,
+        segment_threshold: float("segment_threshold")?,
+        min_segment_area: number("min_segment_area")?,
+        width_threshold: float("width_threshold")?,
         peak_selection: values.choice("extraction.peak_selection", PeakSelection::from_name)?,
-        read_noise: values.float("extraction.read_noise")?,
-        shot_gain: values.float("extraction.shot_gain")?,
+        background: values.choice("extraction.background", Background::from_name)?,
+        background_window_px: number("background_window")?,
+        threshold: values.choice("extraction.threshold", Threshold::from_name)?,
+        threshold_sigmas: float("threshold_sigmas")?,
+        min_contrast: float("min_contrast")?,
+        min_width_px: number("min_width")?,
+        max_width_px: number("max_width")?,
+        min_snr: float("min_snr")?,
+        max_stripes: number("max_stripes")?,
+        max_step_px: float("max_step")?,
+        tracking_margin_px: number("tracking_margin")?,
+        smoothing_columns: number("smoothing_columns")?,
+        ridge_sigma_px: float("ridge_sigma")?,
+        noise: values.choice("extraction.noise", NoiseSource::from_name)?,
+        read_noise: float("read_noise")?,
+        shot_gain: float("shot_gain")?,
     })
 }

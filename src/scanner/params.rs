@@ -67,6 +67,14 @@ named_enum! {
         GaussianFit = "gaussian_fit",
         /// Centroid in a window about that maximum, section 3 of Yao et al. 2023.
         ImprovedGravity = "improved_gravity",
+        /// Maximum likelihood for a pixel-integrated Gaussian over a background.
+        GaussianMl = "gaussian_ml",
+        /// Weighted least squares in the logarithm.
+        LogGaussian = "log_gaussian",
+        /// Zero crossing of a smoothed derivative.
+        FirPeak = "fir_peak",
+        /// Ridge of the image by its Hessian.
+        Steger = "steger",
     }
 }
 
@@ -91,6 +99,50 @@ named_enum! {
         Last = "last",
         /// The one with the most samples above the segment threshold.
         Widest = "widest",
+        /// The ones that together make the brightest unbroken line along the stripe.
+        Continuity = "continuity",
+    }
+}
+
+named_enum! {
+    /// What is taken off the blurred image before the stripe is searched in it.
+    Background {
+        /// Nothing: the background is black.
+        None = "none",
+        /// What is wider across the stripe than [`ExtractionParams::background_window_px`].
+        Local = "local",
+        /// A stored frame without laser.
+        Reference = "reference",
+    }
+}
+
+named_enum! {
+    /// Where the segment threshold comes from.
+    Threshold {
+        /// [`ExtractionParams::segment_threshold`], as in the paper.
+        Fixed = "fixed",
+        /// The noise of the frame itself, times [`ExtractionParams::threshold_sigmas`].
+        Adaptive = "adaptive",
+    }
+}
+
+named_enum! {
+    /// Where the noise model comes from.
+    NoiseSource {
+        /// [`ExtractionParams::read_noise`] and [`ExtractionParams::shot_gain`].
+        Stated = "stated",
+        /// The frame itself.
+        Estimated = "estimated",
+    }
+}
+
+named_enum! {
+    /// How frames of different exposure times follow one another.
+    Exposure {
+        /// All frames are exposed alike.
+        Single = "single",
+        /// A short one after each long one.
+        Alternating = "alternating",
     }
 }
 
@@ -134,10 +186,69 @@ pub struct ExtractionParams {
     pub width_threshold: f64,
     /// Choice among several candidates of a cross-section.
     pub peak_selection: PeakSelection,
-    /// Standard deviation of the camera's read noise, grey levels: for `sigma` only.
+    /// What is taken off before the search.
+    pub background: Background,
+    /// What is wider across the stripe than this is local background, pixels.
+    pub background_window_px: u32,
+    /// Where the segment threshold comes from.
+    pub threshold: Threshold,
+    /// Adaptive threshold, in standard deviations of the searched image's noise above its median.
+    pub threshold_sigmas: f64,
+    /// Candidates whose blurred peak is less than this above the background are no stripe, grey levels.
+    pub min_contrast: f64,
+    /// Candidates with fewer samples above the segment threshold are no stripe.
+    pub min_width_px: u32,
+    /// Candidates with more samples above the segment threshold are no stripe; 0: no limit.
+    pub max_width_px: u32,
+    /// Points whose amplitude is less than this many standard deviations of the noise are flagged.
+    pub min_snr: f64,
+    /// Surfaces a cross-section may show at most.
+    pub max_stripes: u32,
+    /// Farthest that a stripe moves from one line to the next, pixels: for [`PeakSelection::Continuity`].
+    pub max_step_px: f64,
+    /// How far from the last frame's stripe it is searched, pixels; 0: everywhere.
+    pub tracking_margin_px: u32,
+    /// Points that are smoothed together along the stripe; 1: none.
+    pub smoothing_columns: u32,
+    /// Standard deviation of the Gaussian of [`Method::Steger`], pixels.
+    pub ridge_sigma_px: f64,
+    /// Where the noise model comes from.
+    pub noise: NoiseSource,
+    /// Standard deviation of the camera's read noise, grey levels.
     pub read_noise: f64,
-    /// Variance of the shot noise per grey level, grey levels: for `sigma` only.
+    /// Variance of the shot noise per grey level, grey levels.
     pub shot_gain: f64,
+}
+
+impl Default for ExtractionParams {
+    /// The paper's values with the fractional window.
+    fn default() -> Self {
+        Self {
+            method: Method::ImprovedGravity,
+            window: Window::Fractional,
+            blur_radius: 3,
+            segment_threshold: 35.0,
+            min_segment_area: 500,
+            width_threshold: 50.0,
+            peak_selection: PeakSelection::Brightest,
+            background: Background::None,
+            background_window_px: 41,
+            threshold: Threshold::Fixed,
+            threshold_sigmas: 8.0,
+            min_contrast: 0.0,
+            min_width_px: 1,
+            max_width_px: 0,
+            min_snr: 3.0,
+            max_stripes: 1,
+            max_step_px: 3.0,
+            tracking_margin_px: 0,
+            smoothing_columns: 1,
+            ridge_sigma_px: 2.2,
+            noise: NoiseSource::Stated,
+            read_noise: 2.0,
+            shot_gain: 0.01,
+        }
+    }
 }
 
 /// How far the part moves between frames.
@@ -162,6 +273,8 @@ pub struct Params {
     pub full_scale: u32,
     /// Searched part of the image.
     pub roi: RegionOfInterest,
+    /// How frames of different exposure times follow one another.
+    pub exposure: Exposure,
     /// How the centreline is found.
     pub extraction: ExtractionParams,
     /// How the part moves.

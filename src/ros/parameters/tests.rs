@@ -1,7 +1,10 @@
 use std::fs;
 
 use super::*;
-use crate::ros::{arguments, node_params::NodeParams};
+use crate::{
+    ros::{arguments, node_params::NodeParams},
+    scanner::params::ExtractionParams,
+};
 
 /// The values that a command line gives; files are written to a directory of their own first.
 fn load(files: &[(&str, &str)], line: &str) -> Result<Parameters, String> {
@@ -22,6 +25,13 @@ fn threshold(files: &[&str], line: &str) -> f64 {
     let files: Vec<_> = names.into_iter().zip(files.iter().copied()).collect();
     let values = load(&files, line).unwrap();
     NodeParams::new(&values).unwrap().cameras[0].scanner.extraction.segment_threshold
+}
+
+#[test]
+fn the_tables_extraction_is_that_of_the_scanner() {
+    let values = load(&[], "").unwrap();
+    let extraction = NodeParams::new(&values).unwrap().cameras[0].scanner.extraction;
+    assert_eq!(extraction, ExtractionParams::default());
 }
 
 fn section(node: &str, value: &str) -> String {

@@ -4,7 +4,10 @@ use crate::{
     ros::node_params::ImageTransport,
     scanner::{
         image::MAX_SIDE_PX,
-        params::{Channel, Method, MotionSource, PeakSelection, StripeDirection, Window},
+        params::{
+            Background, Channel, Exposure, Method, MotionSource, NoiseSource, PeakSelection,
+            StripeDirection, Threshold, Window,
+        },
     },
 };
 
@@ -37,10 +40,15 @@ pub const CAMERA: &[Parameter] = &[
         "Searched columns; 0 reaches to the right border."),
     integer("roi.height", "px", (0, 0, MAX_SIDE),
         "Searched rows; 0 reaches to the lower border. Time grows with width x height."),
+    choice("exposure", "single", Exposure::NAMES,
+        "How frames of different exposure times follow one another. alternating: short and long ones in turn; points \
+         saturated in the long one are taken from the short one."),
     choice("extraction.method", "improved_gravity", Method::NAMES,
         "Estimator of the stripe's centre in a cross-section. improved_gravity: centroid in a window about a fitted \
-         maximum, the best of the three. gaussian_fit suits narrow, unsaturated stripes; gray_gravity is the plain \
-         centroid, which background pulls aside."),
+         maximum, the paper's. gaussian_fit suits narrow, unsaturated stripes; gray_gravity is the plain centroid, which \
+         background pulls aside. gaussian_ml: maximum likelihood, the most accurate of one cross-section alone, \
+         saturated or not. log_gaussian: its fast approximation. fir_peak: zero of the derivative, for stripes of \
+         uneven flanks. steger: ridge of the image, averages along the stripe."),
     choice("extraction.window", "fractional", Window::NAMES,
         "Window of improved_gravity. fractional: unbiased. rounded: as printed in the paper, locks to whole pixels; \
          only to compare with it."),
@@ -58,12 +66,49 @@ pub const CAMERA: &[Parameter] = &[
          of improved_gravity."),
     choice("extraction.peak_selection", "brightest", PeakSelection::NAMES,
         "Which of several candidates in a cross-section is the stripe. brightest suits most scenes; first or last \
-         when a reflection always lies on the other side."),
+         when a reflection always lies on the other side; continuity takes those that make one line, for scenes with \
+         bright clutter."),
+    choice("extraction.background", "none", Background::NAMES,
+        "What is taken off before the search. local: what is wider across the stripe than background_window. \
+         reference: background_file, a frame without laser from the same place."),
+    integer("extraction.background_window", "px", (41, 3, 1001),
+        "What is wider across the stripe than this is local background. Twice the widest stripe or more."),
+    text("extraction.background_file", "",
+        "Picture for background: reference, of the camera's size: PNG, TIFF or PGM. A relative path starts from the \
+         parameter file that sets it, or from the working directory when set by -p."),
+    choice("extraction.threshold", "fixed", Threshold::NAMES,
+        "Where the segment threshold comes from. fixed: segment_threshold. adaptive: threshold_sigmas times the noise of \
+         the searched image above its median, frame by frame; width_threshold moves along."),
+    float("extraction.threshold_sigmas", "standard deviations", (8.0, 1.0, 1000.0),
+        "Adaptive threshold: so many standard deviations of the searched image's noise above its median."),
+    float("extraction.min_contrast", "grey levels of an 8-bit scale", (0.0, 0.0, 255.0),
+        "Candidates whose blurred peak is less than this above the background are no stripe."),
+    integer("extraction.min_width", "px", (1, 1, MAX_SIDE),
+        "Candidates with fewer samples above the threshold are no stripe."),
+    integer("extraction.max_width", "px", (0, 0, MAX_SIDE),
+        "Candidates with more samples above the threshold are no stripe; 0: no limit."),
+    float("extraction.min_snr", "standard deviations", (3.0, 0.0, 1000.0),
+        "Points whose amplitude is less than so many standard deviations of the noise are flagged LOW_CONTRAST."),
+    integer("extraction.max_stripes", "stripes", (1, 1, 8),
+        "Surfaces that a cross-section may show: glass, a film over a part, a wall behind. Further ones follow as \
+         stripes of their own; the profile holds the first."),
+    float("extraction.max_step", "px", (3.0, 0.1, 1000.0),
+        "For peak_selection continuity: what moves further from one column to the next is a break in the line."),
+    integer("extraction.tracking_margin", "px", (0, 0, MAX_SIDE),
+        "Search only so far from the last frame's stripe, and everywhere again when it is lost. 0: everywhere."),
+    integer("extraction.smoothing_columns", "points", (1, 1, 255),
+        "Points that are smoothed together along the stripe, steps kept; 1: none. Less noise for less lateral \
+         resolution."),
+    float("extraction.ridge_sigma", "px", (2.2, 0.5, 10.0),
+        "Standard deviation of the Gaussian of the method steger: the stripe's standard deviation, about."),
+    choice("extraction.noise", "stated", NoiseSource::NAMES,
+        "Noise model of gaussian_ml and of the stated uncertainty. stated: read_noise and shot_gain. estimated: from \
+         the frame itself."),
     float("extraction.read_noise", "grey levels of an 8-bit scale", (2.0, 0.0, 100.0),
-        "Standard deviation of the camera's noise in the dark. Only for the stated uncertainty (sigma); measure it \
-         with the lens covered."),
+        "Standard deviation of the camera's noise in the dark, for gaussian_ml and for the stated uncertainty (sigma); \
+         measure it with the lens covered."),
     float("extraction.shot_gain", "grey levels of an 8-bit scale", (0.01, 0.0, 10.0),
-        "Variance of the shot noise per grey level: 255 / full-well electrons. Only for the stated uncertainty."),
+        "Variance of the shot noise per grey level: 255 / full-well electrons. For gaussian_ml and for sigma."),
     text("calibration_file", "",
         "Calibration of camera and laser plane. Empty: centrelines only, no metric profile. A relative path \
          starts from the parameter file that sets it, or from the working directory when set by -p."),

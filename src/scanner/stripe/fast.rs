@@ -3,15 +3,17 @@
 use super::{
     Centerline,
     blur::{Kernel, Sample},
-    measure::{Assembler, Raw},
-    section::{Candidate, Levels, Section},
-    segment::{Regions, Run},
-    select::Selected,
+    lanes::{LANES, Sections},
+    load::Loader,
+    measure::Assembler,
+    section::{Candidate, Found, Levels},
+    segment::Regions,
+    select::Selector,
     tiles::BlurredTiles,
 };
 use crate::scanner::{
     channel::Plane,
-    params::{ExtractionParams, PeakSelection, StripeDirection},
+    params::{ExtractionParams, StripeDirection},
 };
 
 /// Extracts frame after frame without allocating once the first of a size has been seen.
@@ -22,31 +24,12 @@ pub struct FastExtractor<S: Sample> {
     direction: StripeDirection,
     tiles: BlurredTiles<S>,
     regions: Regions,
-    lines: Vec<Line>,
-    cut: Cut,
-}
-
-/// Samples about one candidate.
-#[derive(Debug, Default)]
-struct Cut {
-    blurred: Vec<u32>,
-    raw: Vec<u32>,
-}
-
-/// What is known of one cross-section while runs arrive row by row.
-#[derive(Clone, Copy, Debug, Default)]
-struct Line {
-    /// The candidate that may still grow; `count` 0: none.
-    open: Candidate,
-    selected: Selected,
-}
-
-impl Line {
-    fn close(&mut self, selection: PeakSelection) {
-        if self.open.count > 0 {
-            self.selected.offer(std::mem::take(&mut self.open), selection);
-        }
-    }
+    /// Candidates that may still grow, one a line while runs arrive row by row; `count` 0: none.
+    open: Vec<Candidate>,
+    found: Vec<Found>,
+    selector: Selector,
+    chosen: Vec<Found>,
+    sections: Sections,
 }
 
 impl<S: Sample> FastExtractor<S> {
@@ -58,8 +41,11 @@ impl<S: Sample> FastExtractor<S> {
             direction,
             tiles: BlurredTiles::default(),
             regions: Regions::default(),
-            lines: Vec::new(),
-            cut: Cut::default(),
+            open: Vec::new(),
+            found: Vec::new(),
+            selector: Selector::new(params),
+            chosen: Vec::new(),
+            sections: Sections::default(),
         }
     }
 
@@ -71,85 +57,77 @@ impl<S: Sample> FastExtractor<S> {
         full_scale: u32,
         centerline: &mut Centerline,
     ) {
-        let Self { kernel, params, direction, tiles, regions, lines, cut } = self;
+        self.find(plane, full_scale);
+        self.selector.select(&self.found, &mut self.chosen);
+        let Self { kernel, params, direction, tiles, chosen, sections, .. } = self;
         let levels = Levels::new(params, kernel, full_scale);
-        tiles.compute(plane, kernel, levels.segment_threshold);
-        tiles.segment(levels.segment_threshold, regions);
-        let (count, length) = match direction {
-            StripeDirection::Horizontal => (plane.width, plane.height),
-            StripeDirection::Vertical => (plane.height, plane.width),
+        let length = match direction {
+            StripeDirection::Horizontal => plane.height,
+            StripeDirection::Vertical => plane.width,
         };
-        lines.clear();
-        lines.resize(count, Line::default());
-        choose(lines, regions, tiles, (params, *direction));
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
-        for (line, chosen) in lines.iter_mut().enumerate() {
-            let Some(candidate) = chosen.selected.take() else { continue };
-            let wide = candidate.reach(levels.margin(&candidate), length);
-            let near = candidate.reach(1, length);
-            let (wide_start, near_start) = (wide.start as u32, near.start as u32);
-            cut.raw.clear();
-            match direction {
-                StripeDirection::Horizontal => {
-                    tiles.column(plane, kernel, (line, wide), &mut cut.blurred);
-                    cut.raw.extend(near.map(|y| Into::<u32>::into(plane.at(line, y))));
-                }
-                StripeDirection::Vertical => {
-                    tiles.row(plane, kernel, (line, wide), &mut cut.blurred);
-                    cut.raw.extend(
-                        plane.row(line)[near].iter().map(|&sample| Into::<u32>::into(sample)),
-                    );
+        let mut loader = Loader { plane, kernel, tiles, direction: *direction };
+        let mut rest = &chosen[..];
+        while let Some(next) = rest.first() {
+            if next.candidate.is_broad() {
+                assembler.push_broad(next, &loader.broad(next), &levels);
+                rest = &rest[1..];
+                continue;
+            }
+            let count = rest.iter().take(LANES).take_while(|f| !f.candidate.is_broad()).count();
+            let (batch, behind) = rest.split_at(count);
+            loader.load(batch, &levels, sections);
+            assembler.push(batch, sections, &levels);
+            rest = behind;
+        }
+    }
+
+    /// All candidates, in order of their lines and of their positions.
+    fn find(&mut self, plane: &Plane<'_, S>, full_scale: u32) {
+        let threshold = Levels::new(&self.params, &self.kernel, full_scale).segment_threshold;
+        self.tiles.compute(plane, &self.kernel, threshold);
+        self.tiles.segment(threshold, &mut self.regions);
+        self.found.clear();
+        match self.direction {
+            StripeDirection::Horizontal => self.find_in_columns(plane.width),
+            StripeDirection::Vertical => self.find_in_rows(),
+        }
+    }
+
+    /// The candidates of a vertical stripe: the kept runs themselves.
+    fn find_in_rows(&mut self) {
+        let Self { tiles, regions, found, params, .. } = self;
+        found.extend(regions.larger_than(params.min_segment_area).map(|run| {
+            let samples = (run.start..run.end).map(|x| tiles.known(x as usize, run.row as usize));
+            let peak = samples.max().unwrap_or(0);
+            let candidate = Candidate { first: run.start, last: run.end - 1, peak, count: 1 };
+            Found { line: run.row, candidate }
+        }));
+    }
+
+    /// The candidates of a horizontal stripe: what the kept runs make in every column.
+    fn find_in_columns(&mut self, columns: usize) {
+        let Self { tiles, regions, open, found, params, .. } = self;
+        open.clear();
+        open.resize(columns, Candidate::default());
+        for run in regions.larger_than(params.min_segment_area) {
+            for x in run.start..run.end {
+                let level = tiles.known(x as usize, run.row as usize);
+                let open = &mut open[x as usize];
+                if open.count > 0 && open.last + 1 == run.row {
+                    open.last = run.row;
+                    open.peak = open.peak.max(level);
+                } else {
+                    let new = Candidate { first: run.row, last: run.row, peak: level, count: 1 };
+                    let candidate = std::mem::replace(open, new);
+                    found.extend((candidate.count > 0).then_some(Found { line: x, candidate }));
                 }
             }
-            let section = Section { samples: &cut.blurred, origin: wide_start, candidate };
-            let raw = Raw { samples: &cut.raw, origin: near_start };
-            assembler.push(line, &section, &raw, &levels);
         }
-    }
-}
-
-/// Finds every cross-section's candidates in the kept runs and chooses one.
-fn choose<S: Sample>(
-    lines: &mut [Line],
-    regions: &mut Regions,
-    tiles: &BlurredTiles<S>,
-    (params, direction): (&ExtractionParams, StripeDirection),
-) {
-    let selection = params.peak_selection;
-    for run in regions.larger_than(params.min_segment_area) {
-        match direction {
-            StripeDirection::Horizontal => add_across(lines, run, tiles, selection),
-            StripeDirection::Vertical => {
-                let row = run.row as usize;
-                let peak =
-                    (run.start..run.end).map(|x| tiles.known(x as usize, row)).max().unwrap_or(0);
-                let candidate = Candidate { first: run.start, last: run.end - 1, peak, count: 1 };
-                lines[row].selected.offer(candidate, selection);
-            }
+        for (line, &candidate) in (0..).zip(&*open) {
+            found.extend((candidate.count > 0).then_some(Found { line, candidate }));
         }
-    }
-    for line in lines {
-        line.close(selection);
-    }
-}
-
-/// Adds a run of one row to the columns it covers.
-fn add_across<S: Sample>(
-    lines: &mut [Line],
-    run: Run,
-    tiles: &BlurredTiles<S>,
-    selection: PeakSelection,
-) {
-    let columns = run.start as usize..run.end as usize;
-    for (x, line) in columns.clone().zip(&mut lines[columns]) {
-        let level = tiles.known(x, run.row as usize);
-        if line.open.count > 0 && line.open.last + 1 == run.row {
-            line.open.last = run.row;
-            line.open.peak = line.open.peak.max(level);
-        } else {
-            line.close(selection);
-            line.open = Candidate { first: run.row, last: run.row, peak: level, count: 1 };
-        }
+        found.sort_unstable_by_key(|found| (found.line, found.candidate.first));
     }
 }
 
@@ -157,7 +135,7 @@ fn add_across<S: Sample>(
 mod tests {
     use super::*;
     use crate::scanner::{
-        params::{Method, Window},
+        params::{Method, PeakSelection, Window},
         stripe::{
             reference,
             tiles::{COLUMNS, ROWS},
@@ -196,8 +174,7 @@ mod tests {
                     min_segment_area: area,
                     width_threshold: f64::from(width),
                     peak_selection,
-                    read_noise: 2.0,
-                    shot_gain: 0.1,
+                    ..ExtractionParams::default()
                 }
             },
         )
@@ -310,15 +287,9 @@ mod tests {
         let planes = [pattern(|x, y| (x + y) % 2 == 0), pattern(|x, y| x % 2 == 0 && y % 2 == 0)];
         for min_segment_area in [0, 1, 4549, 4550] {
             let params = ExtractionParams {
-                method: Method::ImprovedGravity,
-                window: Window::Fractional,
                 blur_radius: 0,
-                segment_threshold: 35.0,
                 min_segment_area,
-                width_threshold: 50.0,
-                peak_selection: PeakSelection::Brightest,
-                read_noise: 2.0,
-                shot_gain: 0.1,
+                ..ExtractionParams::default()
             };
             check(params, 255, &planes);
         }

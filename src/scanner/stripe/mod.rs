@@ -18,6 +18,10 @@
 pub mod blur;
 pub mod segment;
 pub mod section;
+pub mod lanes;
+pub mod logarithm;
+pub mod width;
+pub mod broad;
 pub mod gaussian_fit;
 pub mod gravity;
 pub mod fractional;
@@ -25,6 +29,7 @@ pub mod select;
 pub mod measure;
 pub mod reference;
 pub mod tiles;
+pub mod load;
 pub mod fast;
 #[cfg(test)]
 mod pictures;
@@ -97,13 +102,10 @@ impl Centerline {
 /// Extracts centrelines from 8-bit and 16-bit planes.
 ///
 /// ```
-/// use laser_profiler::{
-///     ros::{node_params::NodeParams, parameters::Parameters},
-///     scanner::{
-///         channel::{AnyPlane, Plane},
-///         params::{ExtractionParams, Method, StripeDirection},
-///         stripe::{Centerline, Extractor},
-///     },
+/// use laser_profiler::scanner::{
+///     channel::{AnyPlane, Plane},
+///     params::{ExtractionParams, Method, StripeDirection},
+///     stripe::{Centerline, Extractor},
 /// };
 ///
 /// let picture = [
@@ -119,14 +121,13 @@ impl Centerline {
 ///     blur_radius: 0,
 ///     segment_threshold: 5.0,
 ///     min_segment_area: 0,
-///     ..NodeParams::new(&Parameters::default())?.cameras[0].scanner.extraction
+///     ..ExtractionParams::default()
 /// };
 /// let mut line = Centerline::default();
 /// Extractor::new(params, StripeDirection::Horizontal).extract(&plane, (0, 0), 255, &mut line);
 /// assert_eq!(line.u_px, [0.0, 1.0, 3.0]);
 /// assert_eq!(line.v_px, [2.0, 2.5, 3.0]);
 /// assert_eq!(line.stripe_start, [0, 2]);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
 pub struct Extractor {

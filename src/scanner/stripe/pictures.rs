@@ -6,17 +6,17 @@ use crate::scanner::{
     params::{ExtractionParams, Method, PeakSelection, StripeDirection, Window},
 };
 
-const PLAIN: ExtractionParams = ExtractionParams {
-    method: Method::GrayGravity,
-    window: Window::Fractional,
-    blur_radius: 0,
-    segment_threshold: 1.0,
-    min_segment_area: 0,
-    width_threshold: 10.0,
-    peak_selection: PeakSelection::Brightest,
-    read_noise: 2.0,
-    shot_gain: 0.0,
-};
+fn plain() -> ExtractionParams {
+    ExtractionParams {
+        method: Method::GrayGravity,
+        blur_radius: 0,
+        segment_threshold: 1.0,
+        min_segment_area: 0,
+        width_threshold: 10.0,
+        shot_gain: 0.0,
+        ..ExtractionParams::default()
+    }
+}
 
 /// What both extractors find in rows of `width` samples, for a horizontal stripe.
 fn extract(width: usize, picture: &[u8], params: ExtractionParams) -> Centerline {
@@ -43,14 +43,14 @@ fn assert_close(actual: f32, expected: f64) {
 #[test]
 fn gray_gravity_is_the_centroid_of_what_exceeds_the_threshold() {
     // (1·10 + 2·30 + 3·20) / 60
-    assert_close(centre_px(&[0, 10, 30, 20, 1, 0], PLAIN), 130.0 / 60.0);
+    assert_close(centre_px(&[0, 10, 30, 20, 1, 0], plain()), 130.0 / 60.0);
     // (1·10 + 2·30 + 3·20 + 4·2) / 62: now the 2 exceeds it.
-    assert_close(centre_px(&[0, 10, 30, 20, 2, 0], PLAIN), 138.0 / 62.0);
+    assert_close(centre_px(&[0, 10, 30, 20, 2, 0], plain()), 138.0 / 62.0);
 }
 
 #[test]
 fn gaussian_fit_finds_the_maximum_of_a_gaussian() {
-    let params = ExtractionParams { method: Method::GaussianFit, ..PLAIN };
+    let params = ExtractionParams { method: Method::GaussianFit, ..plain() };
     // 128 · 2^(k·t - m·t²) is a Gaussian about k / 2m: every level is a whole number.
     for (column, expected) in [
         ([0, 8, 64, 128, 64, 8, 0], 3.0),
@@ -66,13 +66,13 @@ fn gaussian_fit_finds_the_maximum_of_a_gaussian() {
 /// Logarithms 1, 3, 2, 1 lie on no parabola: which one fits best depends on the weights. Solved in rational numbers.
 #[test]
 fn gaussian_fit_weighs_by_the_square_of_the_level() {
-    let params = ExtractionParams { method: Method::GaussianFit, ..PLAIN };
+    let params = ExtractionParams { method: Method::GaussianFit, ..plain() };
     assert_close(centre_px(&[0, 2, 8, 4, 2, 0], params), 581.0 / 258.0);
 }
 
 #[test]
 fn without_a_maximum_inside_the_brightest_sample_stands_in() {
-    let params = ExtractionParams { method: Method::GaussianFit, ..PLAIN };
+    let params = ExtractionParams { method: Method::GaussianFit, ..plain() };
     for (column, expected) in [
         (&[0, 50, 0, 0][..], 1.0),
         (&[0, 50, 60, 0], 2.0),
@@ -87,7 +87,7 @@ fn without_a_maximum_inside_the_brightest_sample_stands_in() {
 #[test]
 fn the_rounded_window_is_the_papers() {
     let params =
-        ExtractionParams { method: Method::ImprovedGravity, window: Window::Rounded, ..PLAIN };
+        ExtractionParams { method: Method::ImprovedGravity, window: Window::Rounded, ..plain() };
     let column = [0, 16, 128, 64, 2, 1, 0];
     // x_max = 2.25, taken as 2; D = 3 samples above 10, L = 2: (1·16 + 2·128 + 3·64 + 4·2) / 210
     assert_close(centre_px(&column, params), 472.0 / 210.0);
@@ -104,7 +104,7 @@ fn the_rounded_window_is_the_papers() {
 
 #[test]
 fn the_fractional_window_stands_still_on_the_middle_of_symmetric_levels() {
-    let params = ExtractionParams { method: Method::ImprovedGravity, ..PLAIN };
+    let params = ExtractionParams { method: Method::ImprovedGravity, ..plain() };
     assert_close(centre_px(&[0, 0, 20, 90, 160, 90, 20, 0, 0], params), 4.0);
     assert_close(centre_px(&[0, 0, 20, 90, 90, 20, 0, 0, 0], params), 3.5);
     assert_close(centre_px(&[7, 7, 20, 90, 90, 20, 7, 7, 7], params), 3.5);
@@ -113,7 +113,7 @@ fn the_fractional_window_stands_still_on_the_middle_of_symmetric_levels() {
 /// A window that reaches beyond both borders is the whole column, wherever its middle is.
 #[test]
 fn the_fractional_window_ends_at_the_border() {
-    let params = ExtractionParams { method: Method::ImprovedGravity, ..PLAIN };
+    let params = ExtractionParams { method: Method::ImprovedGravity, ..plain() };
     // Straight lines from 60 over 120 to 180: ∫ G = 30 + 120 + 90, ∫ x·G = 60/6 + 120 + 5·180/6.
     assert_close(centre_px(&[60, 120, 180], params), 280.0 / 240.0);
     assert_close(centre_px(&[200; 9], params), 4.0);
@@ -121,20 +121,20 @@ fn the_fractional_window_ends_at_the_border() {
 
 #[test]
 fn width_and_intensity_lie_between_samples() {
-    let triangle = extract(1, &[0, 64, 128, 64, 0], PLAIN);
+    let triangle = extract(1, &[0, 64, 128, 64, 0], plain());
     assert_close(triangle.width_px[0], 2.0);
     // Half of 120 lies 20/60 before row 1 and 60/80 behind row 3.
-    let skew = extract(1, &[20, 80, 120, 100, 20, 0], PLAIN);
+    let skew = extract(1, &[20, 80, 120, 100, 20, 0], plain());
     assert_close(skew.width_px[0], 2.0 + 20.0 / 60.0 + 40.0 / 80.0);
     // A quarter of the way from 128 to 64.
-    let params = ExtractionParams { method: Method::GaussianFit, ..PLAIN };
+    let params = ExtractionParams { method: Method::GaussianFit, ..plain() };
     assert_close(extract(1, &[0, 16, 128, 64, 2, 0], params).intensity[0], 112.0);
-    assert!(extract(1, &[128, 64, 0], PLAIN).width_px[0].is_nan(), "no edge above row 0");
+    assert!(extract(1, &[128, 64, 0], plain()).width_px[0].is_nan(), "no edge above row 0");
 }
 
 #[test]
 fn thresholds_and_areas_must_be_exceeded() {
-    let params = ExtractionParams { segment_threshold: 35.0, ..PLAIN };
+    let params = ExtractionParams { segment_threshold: 35.0, ..plain() };
     assert!(extract(1, &[0, 35, 35, 0], params).is_empty());
     assert_eq!(extract(1, &[0, 35, 36, 0], params).v_px, [2.0]);
     let column = [0, 90, 90, 90, 0];
@@ -151,7 +151,7 @@ fn of_equal_candidates_the_first_is_taken() {
         (PeakSelection::First, 1.0),
         (PeakSelection::Last, 8.5),
     ] {
-        let line = extract(1, &column, ExtractionParams { peak_selection, ..PLAIN });
+        let line = extract(1, &column, ExtractionParams { peak_selection, ..plain() });
         assert_close(line.v_px[0], expected);
         assert_eq!(line.flags, [flag::MULTIPLE_PEAKS]);
     }
@@ -165,7 +165,7 @@ fn corners_connect_a_stripe_and_gaps_part_it() {
         0, 0, 0, 9, 0, 0, //
         0, 0, 0, 0, 9, 9,
     ];
-    let line = extract(6, &picture, PLAIN);
+    let line = extract(6, &picture, plain());
     assert_eq!(line.u_px, [0.0, 1.0, 3.0, 4.0, 5.0]);
     assert_eq!(line.v_px, [0.0, 1.0, 2.0, 3.0, 0.0]);
     assert_eq!(line.stripe_start, [0, 2, 4]);
@@ -175,6 +175,6 @@ fn corners_connect_a_stripe_and_gaps_part_it() {
 
 #[test]
 fn full_scale_is_saturated_and_less_is_not() {
-    assert_eq!(extract(1, &[0, 90, 255, 90, 0], PLAIN).flags, [flag::SATURATED]);
-    assert_eq!(extract(1, &[0, 90, 254, 90, 0], PLAIN).flags, [0]);
+    assert_eq!(extract(1, &[0, 90, 255, 90, 0], plain()).flags, [flag::SATURATED]);
+    assert_eq!(extract(1, &[0, 90, 254, 90, 0], plain()).flags, [0]);
 }

@@ -3,9 +3,11 @@
 use super::{
     Centerline,
     blur::{Kernel, Sample, blurred_at},
-    measure::{Assembler, Raw},
-    section::{Candidate, Levels, Section},
-    select::Selected,
+    broad::Broad,
+    lanes::Sections,
+    measure::Assembler,
+    section::{Candidate, Found, Levels, Section},
+    select::Selector,
 };
 use crate::scanner::{
     channel::Plane,
@@ -36,32 +38,36 @@ pub fn extract<S: Sample>(
         StripeDirection::Horizontal => (line, position),
         StripeDirection::Vertical => (position, line),
     };
+    let mut found = Vec::new();
+    for line in 0..lines {
+        let sample = |position: usize| {
+            let (x, y) = pixel(line, position);
+            stripe[y * width + x].then(|| blurred[y * width + x])
+        };
+        let candidates = candidates(length, sample).into_iter();
+        found.extend(candidates.map(|candidate| Found { line: line as u32, candidate }));
+    }
+    let mut chosen = Vec::new();
+    Selector::new(*params).select(&found, &mut chosen);
+
     let mut centerline = Centerline::default();
     let mut assembler = Assembler::new(&mut centerline, direction, offset, length);
-    for line in 0..lines {
-        let at = |position: usize| {
-            let (x, y) = pixel(line, position);
-            y * width + x
-        };
-        let mut selected = Selected::default();
-        for candidate in
-            candidates(length, |position| stripe[at(position)].then(|| blurred[at(position)]))
-        {
-            selected.offer(candidate, params.peak_selection);
+    let mut alone = Sections::default();
+    for found in chosen {
+        let Found { line, candidate } = found;
+        let margin = if candidate.is_broad() { 0 } else { levels.margin(&candidate) };
+        let held = candidate.reach(margin, length);
+        let origin = held.start as u32;
+        let pixels: Vec<_> = held.map(|position| pixel(line as usize, position)).collect();
+        let samples: Vec<u32> = pixels.iter().map(|&(x, y)| blurred[y * width + x]).collect();
+        let raw: Vec<u32> = pixels.iter().map(|&(x, y)| plane.at(x, y).into()).collect();
+        let section = Section { samples: &samples, raw: &raw, origin, candidate };
+        if candidate.is_broad() {
+            assembler.push_broad(&found, &Broad::of(&section), &levels);
+        } else {
+            alone.load(std::iter::once(section));
+            assembler.push(&[found], &alone, &levels);
         }
-        let Some(candidate) = selected.take() else { continue };
-        let wide = candidate.reach(levels.margin(&candidate), length);
-        let near = candidate.reach(1, length);
-        let (blurred_origin, raw_origin) = (wide.start as u32, near.start as u32);
-        let samples: Vec<u32> = wide.map(|position| blurred[at(position)]).collect();
-        let section = Section { samples: &samples, origin: blurred_origin, candidate };
-        let raw: Vec<u32> = near
-            .map(|position| {
-                let (x, y) = pixel(line, position);
-                plane.at(x, y).into()
-            })
-            .collect();
-        assembler.push(line, &section, &Raw { samples: &raw, origin: raw_origin }, &levels);
     }
     centerline
 }
