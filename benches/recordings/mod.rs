@@ -21,23 +21,23 @@ const JPEG_QUALITY: u8 = 90;
 
 /// How images lie in the recording.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Payload {
+pub(crate) enum Payload {
     Raw,
     Jpeg,
 }
 
 /// What is recorded: so many frames in all, divided among the cameras.
 #[derive(Clone, Copy)]
-pub struct Recording {
-    pub size_px: (u32, u32),
-    pub payload: Payload,
-    pub cameras: &'static [&'static str],
-    pub num_frames: u32,
+pub(crate) struct Recording {
+    pub(crate) size_px: (u32, u32),
+    pub(crate) payload: Payload,
+    pub(crate) cameras: &'static [&'static str],
+    pub(crate) num_frames: u32,
 }
 
 impl Recording {
     /// Writes the bag, its calibration and its parameters into `directory`; returns the request that replays it.
-    pub fn write(&self, directory: &Path) -> anyhow::Result<ReplayRequest> {
+    pub(crate) fn write(&self, directory: &Path) -> anyhow::Result<ReplayRequest> {
         fs::create_dir_all(directory)?;
         let bag = directory.join("recording");
         self.record(&bag)?;
@@ -71,7 +71,7 @@ impl Recording {
     }
 
     /// The file of the bag in `directory`.
-    pub fn file(directory: &Path) -> PathBuf {
+    pub(crate) fn file(directory: &Path) -> PathBuf {
         directory.join("recording").join("recording_0.mcap")
     }
 
