@@ -11,6 +11,8 @@ mod live;
 mod recordings;
 
 mod accuracy;
+mod bound;
+mod estimators;
 mod bright_scene;
 mod allocation;
 mod cli;

@@ -1,10 +1,16 @@
 //! Steps 5 to 8 on one cross-section, and the points put together to a centreline.
 
 use super::{
-    Centerline, flag,
+    Centerline,
+    fir_peak::fir_peak,
+    flag,
     fractional::fractional_window_gravity,
     gaussian_fit::{coarse_peak, gaussian_fit},
+    gaussian_ml::gaussian_ml,
     gravity::{gray_gravity, rounded_window_gravity, width_samples, window_half_length_px},
+    lanes::{Centres, Sections},
+    log_gaussian::log_gaussian,
+    noise::PixelNoise,
     section::{Candidate, Centre, Levels, Section, full_width_half_maximum},
 };
 use crate::scanner::params::{Method, StripeDirection, Window};
@@ -16,10 +22,11 @@ use crate::scanner::params::{Method, StripeDirection, Window};
 pub fn centre(section: &Section<'_>, levels: &Levels<'_>) -> Centre {
     match levels.method {
         Method::GrayGravity => gray_gravity(section, &levels.noise),
-        Method::GaussianFit => gaussian_fit(section, &levels.noise),
-        Method::GaussianMl | Method::LogGaussian | Method::FirPeak | Method::Steger => {
-            gaussian_fit(section, &levels.noise)
-        }
+        // The ridge needs the picture, not a section.
+        Method::GaussianFit | Method::Steger => gaussian_fit(section, &levels.noise),
+        Method::GaussianMl => alone(gaussian_ml, section, levels),
+        Method::LogGaussian => alone(log_gaussian, section, levels),
+        Method::FirPeak => alone(fir_peak, section, levels),
         Method::ImprovedGravity => {
             let coarse_px = coarse_peak(section);
             let half_length_px =
@@ -33,6 +40,21 @@ pub fn centre(section: &Section<'_>, levels: &Levels<'_>) -> Centre {
                 }
             }
         }
+    }
+}
+
+/// An estimator of lanes on one cross-section.
+fn alone(
+    estimator: impl Fn(&Sections, PixelNoise, f32) -> Centres,
+    section: &Section<'_>,
+    levels: &Levels<'_>,
+) -> Centre {
+    let mut sections = Sections::default();
+    sections.load(std::iter::once(*section));
+    let centres = estimator(&sections, (&levels.noise).into(), levels.full_scale as f32);
+    Centre {
+        position_px: f64::from(section.candidate.first) + f64::from(centres.position_px[0]),
+        sigma_px: f64::from(centres.sigma_px[0]),
     }
 }
 
