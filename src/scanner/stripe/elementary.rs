@@ -29,23 +29,6 @@ pub fn exp(x: f32) -> f32 {
     series * power
 }
 
-/// ln x for a positive, normal x, to 10⁻⁷ of its value or of 1.
-///
-/// x = 2ⁿ m with m in √½ … √2; the series ln m = 2 (t + t³/3 + t⁵/5 + …), t = (m - 1) / (m + 1), |t| ≤ 0.172.
-#[inline(always)]
-pub fn ln(x: f32) -> f32 {
-    const ROOT_HALF_BITS: u32 = 0x3f35_04f3;
-    let above = x.to_bits().wrapping_sub(ROOT_HALF_BITS);
-    let n = (above as i32 >> 23) as f32;
-    let m = f32::from_bits((above & 0x007f_ffff) + ROOT_HALF_BITS);
-    let t = (m - 1.0) / (m + 1.0);
-    let square = t * t;
-    let series = 2.0
-        * t
-        * (1.0 + square * (1.0 / 3.0 + square * (0.2 + square * (1.0 / 7.0 + square / 9.0))));
-    n * std::f32::consts::LN_2 + series
-}
-
 /// The hazard λ(z) = φ(z) / Φ(-z) of a standard normal distribution: how fast ln Φ(-z) falls with z.
 ///
 /// For z ≥ 0, λ(z) - z is a ratio of polynomials that was fitted to it: off by 4·10⁻⁶ of its value. For z < 0,
@@ -74,11 +57,6 @@ mod tests {
             assert!((got / expected - 1.0).abs() < 2e-7, "exp({x})");
         }
         assert!(exp(f32::NEG_INFINITY) > 0.0 && exp(f32::NEG_INFINITY) < 1e-37);
-        for step in 1..200_000 {
-            let x = libm::exp(f64::from(step - 100_000) * 8e-4) as f32;
-            let (expected, got) = (libm::log(f64::from(x)), f64::from(ln(x)));
-            assert!((got - expected).abs() < 1e-7 * expected.abs().max(1.0), "ln({x})");
-        }
         for step in -12_000..12_000 {
             let z = (f64::from(step) / 1000.0) as f32;
             let at = f64::from(z);

@@ -3,8 +3,10 @@
 use super::{
     Centerline,
     blur::{Kernel, Sample},
+    lanes::{LANES, Sections},
+    load::Loader,
     measure::Assembler,
-    section::{Candidate, Found, Levels, Section},
+    section::{Candidate, Found, Levels},
     segment::Regions,
     select::Selector,
     tiles::BlurredTiles,
@@ -27,14 +29,7 @@ pub struct FastExtractor<S: Sample> {
     found: Vec<Found>,
     selector: Selector,
     chosen: Vec<Found>,
-    cut: Cut,
-}
-
-/// Samples about one candidate.
-#[derive(Debug, Default)]
-struct Cut {
-    blurred: Vec<u32>,
-    raw: Vec<u32>,
+    sections: Sections,
 }
 
 impl<S: Sample> FastExtractor<S> {
@@ -50,7 +45,7 @@ impl<S: Sample> FastExtractor<S> {
             found: Vec::new(),
             selector: Selector::new(params),
             chosen: Vec::new(),
-            cut: Cut::default(),
+            sections: Sections::default(),
         }
     }
 
@@ -64,31 +59,26 @@ impl<S: Sample> FastExtractor<S> {
     ) {
         self.find(plane, full_scale);
         self.selector.select(&self.found, &mut self.chosen);
-        let Self { kernel, params, direction, tiles, chosen, cut, .. } = self;
+        let Self { kernel, params, direction, tiles, chosen, sections, .. } = self;
         let levels = Levels::new(params, kernel, full_scale);
         let length = match direction {
             StripeDirection::Horizontal => plane.height,
             StripeDirection::Vertical => plane.width,
         };
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
-        for &Found { line, candidate } in &*chosen {
-            let line = line as usize;
-            let held = candidate.reach(levels.margin(&candidate), length);
-            let origin = held.start as u32;
-            cut.raw.clear();
-            match direction {
-                StripeDirection::Horizontal => {
-                    tiles.column(plane, kernel, (line, held.clone()), &mut cut.blurred);
-                    cut.raw.extend(held.map(|y| Into::<u32>::into(plane.at(line, y))));
-                }
-                StripeDirection::Vertical => {
-                    tiles.row(plane, kernel, (line, held.clone()), &mut cut.blurred);
-                    let row = &plane.row(line)[held];
-                    cut.raw.extend(row.iter().map(|&sample| Into::<u32>::into(sample)));
-                }
+        let mut loader = Loader { plane, kernel, tiles, direction: *direction };
+        let mut rest = &chosen[..];
+        while let Some(next) = rest.first() {
+            if next.candidate.is_broad() {
+                assembler.push_broad(next, &loader.broad(next), &levels);
+                rest = &rest[1..];
+                continue;
             }
-            let section = Section { samples: &cut.blurred, raw: &cut.raw, origin, candidate };
-            assembler.push(line, &section, &levels);
+            let count = rest.iter().take(LANES).take_while(|f| !f.candidate.is_broad()).count();
+            let (batch, behind) = rest.split_at(count);
+            loader.load(batch, &levels, sections);
+            assembler.push(batch, sections, &levels);
+            rest = behind;
         }
     }
 

@@ -12,9 +12,10 @@
 //! the distance at which its flat top ends, where alone it has a slope.
 
 use super::{
-    elementary::{bounded, exp, ln},
+    elementary::{bounded, exp},
     gaussian_ml::start::Start,
-    lanes::{Centres, LANES, Lane, Sections},
+    lanes::{Centres, LANES, Lane, Sections, each},
+    logarithm::ln,
     noise::PixelNoise,
 };
 
@@ -28,7 +29,7 @@ const CLIPPED_SHARE: f32 = 0.341;
 #[inline(always)]
 pub fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let start = Start::of(sections, noise, full_scale);
-    let base: Lane = std::array::from_fn(|lane| start.curve.centre_px[lane].floor());
+    let base: Lane = each(|lane| start.curve.centre_px[lane].floor());
     let responses = Responses::of(sections, &start, &base, (noise, full_scale));
     let mut centres = Centres { position_px: start.curve.centre_px, sigma_px: [0.0; LANES] };
     for (lane, &base) in base.iter().enumerate() {
@@ -129,7 +130,7 @@ impl Responses {
 /// 1/2w² of every lane.
 #[inline(always)]
 fn filter_rate(start: &Start, full_scale: f32) -> Lane {
-    std::array::from_fn(|lane| {
+    each(|lane| {
         let sigma = start.curve.sigma_px[lane];
         let times = (start.curve.amplitude[lane] / full_scale).max(1.0);
         let flat = 2.0 * ln(times);

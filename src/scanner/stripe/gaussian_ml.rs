@@ -16,7 +16,7 @@ pub(super) mod start;
 
 use super::{
     elementary::bounded,
-    lanes::{Centres, LANES, Lane, Sections},
+    lanes::{Centres, LANES, Lane, Sections, each},
     noise::PixelNoise,
 };
 use curve::Curve;
@@ -108,7 +108,7 @@ struct LanePrior {
 
 impl Prior {
     fn of(sections: &Sections, curve: &Curve, noise: PixelNoise) -> Self {
-        let centre_precision = std::array::from_fn(|lane| {
+        let centre_precision = each(|lane| {
             let half = 0.5 * (sections.last[lane] - sections.first[lane]) + 0.5;
             1.0 / (half * half)
         });

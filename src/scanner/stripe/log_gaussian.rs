@@ -11,9 +11,10 @@
 //! noise: there [`gaussian_ml`](super::gaussian_ml) is better by a quarter and more.
 
 use super::{
-    elementary::{exp, ln},
+    elementary::exp,
     gaussian_ml::start::{SIGMA_RANGE_PX, Start},
-    lanes::{Centres, LANES, Lane, Sections},
+    lanes::{Centres, LANES, Lane, Sections, each},
+    logarithm::ln,
     noise::PixelNoise,
 };
 
@@ -30,9 +31,9 @@ const BACKGROUND_SIGMAS: f32 = 3.2;
 pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let mut start = Start::of(sections, noise, full_scale);
     start.curve.background = background(sections, &start);
-    let length: Lane = std::array::from_fn(|lane| sections.last[lane] - sections.first[lane] + 1.0);
+    let length: Lane = each(|lane| sections.last[lane] - sections.first[lane] + 1.0);
     // Any place in the candidate: 1/√12 of its length.
-    let mut sigma_px: Lane = std::array::from_fn(|lane| 0.289 * length[lane]);
+    let mut sigma_px: Lane = each(|lane| 0.289 * length[lane]);
     for _ in 0..ROUNDS {
         let sums = Sums::of(sections, &start, noise, full_scale);
         for lane in 0..LANES {
@@ -79,9 +80,11 @@ fn background(sections: &Sections, start: &Start) -> Lane {
             rows[lane] += if counts { 1.0 } else { 0.0 };
         }
     }
-    std::array::from_fn(|lane| {
-        if rows[lane] > 0.0 { sum[lane] / rows[lane] } else { start.curve.background[lane] }
-    })
+    each(
+        |lane| {
+            if rows[lane] > 0.0 { sum[lane] / rows[lane] } else { start.curve.background[lane] }
+        },
+    )
 }
 
 /// Sums of the normal equations in t = (x - c)/s of the last round's curve; logarithms relative to its height.

@@ -19,6 +19,9 @@ pub mod blur;
 pub mod segment;
 pub mod section;
 pub mod lanes;
+pub mod logarithm;
+pub mod width;
+pub mod broad;
 pub mod elementary;
 pub mod noise;
 pub mod gaussian_fit;
@@ -31,6 +34,7 @@ pub mod select;
 pub mod measure;
 pub mod reference;
 pub mod tiles;
+pub mod load;
 pub mod fast;
 #[cfg(test)]
 mod pictures;

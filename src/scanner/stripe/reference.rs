@@ -3,6 +3,8 @@
 use super::{
     Centerline,
     blur::{Kernel, Sample, blurred_at},
+    broad::Broad,
+    lanes::Sections,
     measure::Assembler,
     section::{Candidate, Found, Levels, Section},
     select::Selector,
@@ -50,15 +52,22 @@ pub fn extract<S: Sample>(
 
     let mut centerline = Centerline::default();
     let mut assembler = Assembler::new(&mut centerline, direction, offset, length);
-    for Found { line, candidate } in chosen {
-        let line = line as usize;
-        let held = candidate.reach(levels.margin(&candidate), length);
+    let mut alone = Sections::default();
+    for found in chosen {
+        let Found { line, candidate } = found;
+        let margin = if candidate.is_broad() { 0 } else { levels.margin(&candidate) };
+        let held = candidate.reach(margin, length);
         let origin = held.start as u32;
-        let pixels: Vec<_> = held.map(|position| pixel(line, position)).collect();
-        let samples: Vec<_> = pixels.iter().map(|&(x, y)| blurred[y * width + x]).collect();
-        let raw: Vec<_> = pixels.iter().map(|&(x, y)| plane.at(x, y).into()).collect();
+        let pixels: Vec<_> = held.map(|position| pixel(line as usize, position)).collect();
+        let samples: Vec<u32> = pixels.iter().map(|&(x, y)| blurred[y * width + x]).collect();
+        let raw: Vec<u32> = pixels.iter().map(|&(x, y)| plane.at(x, y).into()).collect();
         let section = Section { samples: &samples, raw: &raw, origin, candidate };
-        assembler.push(line, &section, &levels);
+        if candidate.is_broad() {
+            assembler.push_broad(&found, &Broad::of(&section), &levels);
+        } else {
+            alone.load(std::iter::once(section));
+            assembler.push(&[found], &alone, &levels);
+        }
     }
     centerline
 }

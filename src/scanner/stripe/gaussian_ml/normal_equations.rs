@@ -5,7 +5,7 @@
 
 use super::{
     super::{
-        lanes::{LANES, Lane, Sections},
+        lanes::{LANES, Lane, Sections, each},
         noise::PixelNoise,
     },
     LanePrior, STILL_CENTRE, STILL_SHAPE,
@@ -52,7 +52,7 @@ impl NormalEquations {
         let none = [0.0; LANES];
         let mut equations =
             Self { matrix: [none; 10], right: [none; 4], amplitude: curve.amplitude };
-        let inverse: Lane = std::array::from_fn(|lane| 1.0 / curve.sigma_px[lane]);
+        let inverse: Lane = each(|lane| 1.0 / curve.sigma_px[lane]);
         let width: [PixelWidth; LANES] =
             std::array::from_fn(|lane| PixelWidth::of(curve.sigma_px[lane]));
         for i in start.rows(sections) {

@@ -2,8 +2,9 @@
 
 use super::{
     super::{
-        elementary::{bounded, exp, ln},
-        lanes::{LANES, Lane, Sections},
+        elementary::{bounded, exp},
+        lanes::{LANES, Lane, Sections, each},
+        logarithm::ln,
         noise::PixelNoise,
     },
     curve::Curve,
@@ -80,7 +81,7 @@ impl Start {
 /// Rows of each lane in which no neighbour lies: from the candidate outwards, up to the lowest sample before the blurred
 /// cross-section rises again by more than noise.
 fn own_rows(sections: &Sections, noise: PixelNoise) -> (Lane, Lane) {
-    let rise: Lane = std::array::from_fn(|lane| 0.12 * sections.peak[lane] + noise.constant.sqrt());
+    let rise: Lane = each(|lane| 0.12 * sections.peak[lane] + noise.constant.sqrt());
     let outwards = |rows: &mut dyn Iterator<Item = usize>,
                     is_outside: &dyn Fn(f32, usize) -> bool| {
         let mut lowest = [f32::MAX; LANES];
@@ -107,7 +108,7 @@ fn own_rows(sections: &Sections, noise: PixelNoise) -> (Lane, Lane) {
     });
     let from = |lane: usize| if below[lane] < 0.0 { sections.start[lane] } else { below[lane] };
     let to = |lane: usize| if above[lane] < 0.0 { sections.end[lane] } else { above[lane] + 1.0 };
-    (std::array::from_fn(from), std::array::from_fn(to))
+    (each(from), each(to))
 }
 
 /// Levels on which the stripe stands.
@@ -172,12 +173,12 @@ impl Sums {
             right: [none; 3],
             level: none,
             moment: none,
-            middle: std::array::from_fn(|lane| 0.5 * (sections.last[lane] - sections.first[lane])),
+            middle: each(|lane| 0.5 * (sections.last[lane] - sections.first[lane])),
         };
-        let base: Lane = std::array::from_fn(|lane| {
+        let base: Lane = each(|lane| {
             if floor.brightest[lane] >= full_scale { floor.raw[lane] } else { floor.blurred[lane] }
         });
-        let faintest: Lane = std::array::from_fn(|lane| 0.2 * (sections.peak[lane] - base[lane]));
+        let faintest: Lane = each(|lane| 0.2 * (sections.peak[lane] - base[lane]));
         for i in 0..sections.rows() {
             let place = sections.place(i);
             for lane in 0..LANES {
