@@ -83,10 +83,18 @@ impl<'a> Assembler<'a> {
     }
 
     /// Measures cross-sections, one a lane, in which these candidates were found, and adds their points.
+    /// `refine` may move the centres by what more of the picture tells.
     #[inline(always)]
-    pub fn push(&mut self, found: &[Found], sections: &Sections, levels: &Levels<'_>) {
+    pub fn push(
+        &mut self,
+        found: &[Found],
+        sections: &Sections,
+        levels: &Levels<'_>,
+        refine: impl FnOnce(&mut Centres),
+    ) {
         let brightest = brightest(sections);
-        let centres = centres(sections, &brightest, levels);
+        let mut centres = centres(sections, &brightest, levels);
+        refine(&mut centres);
         let width_px =
             full_width_half_maximum(sections, &brightest, levels.noise.kernel.variance_px2());
         let intensity = raw_at(sections, &centres.position_px);
