@@ -12,6 +12,8 @@ mod recordings;
 
 mod accuracy;
 mod evaluate;
+mod bound;
+mod estimators;
 mod bright_scene;
 mod labelled_scenes;
 mod alternating_exposures;

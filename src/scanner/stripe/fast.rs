@@ -6,14 +6,17 @@ use super::{
     lanes::{LANES, Sections},
     load::Loader,
     measure::Assembler,
+    noise_estimate::NoiseEstimator,
+    picture::Picture,
     section::{Candidate, Found, Levels},
     segment::Regions,
     select::Selector,
+    steger::Ridge,
     tiles::BlurredTiles,
 };
 use crate::scanner::{
     channel::Plane,
-    params::{ExtractionParams, StripeDirection},
+    params::{ExtractionParams, Method, NoiseSource, StripeDirection},
 };
 
 /// Extracts frame after frame without allocating once the first of a size has been seen.
@@ -30,6 +33,8 @@ pub struct FastExtractor<S: Sample> {
     selector: Selector,
     chosen: Vec<Found>,
     sections: Sections,
+    noise: NoiseEstimator,
+    ridge: Ridge,
 }
 
 impl<S: Sample> FastExtractor<S> {
@@ -46,6 +51,8 @@ impl<S: Sample> FastExtractor<S> {
             selector: Selector::new(params),
             chosen: Vec::new(),
             sections: Sections::default(),
+            noise: NoiseEstimator::default(),
+            ridge: Ridge::new(params.ridge_sigma_px),
         }
     }
 
@@ -59,12 +66,16 @@ impl<S: Sample> FastExtractor<S> {
     ) {
         self.find(plane, full_scale);
         self.selector.select(&self.found, &mut self.chosen);
-        let Self { kernel, params, direction, tiles, chosen, sections, .. } = self;
-        let levels = Levels::new(params, kernel, full_scale);
+        let Self { kernel, params, direction, tiles, chosen, sections, noise, ridge, .. } = self;
+        let mut levels = Levels::new(params, kernel, full_scale);
         let length = match direction {
             StripeDirection::Horizontal => plane.height,
             StripeDirection::Vertical => plane.width,
         };
+        let picture = Picture { plane, direction: *direction };
+        if params.noise == NoiseSource::Estimated {
+            noise.estimate(&picture, chosen, full_scale, &mut levels.noise);
+        }
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
         let mut loader = Loader { plane, kernel, tiles, direction: *direction };
         let mut rest = &chosen[..];
@@ -77,7 +88,11 @@ impl<S: Sample> FastExtractor<S> {
             let count = rest.iter().take(LANES).take_while(|f| !f.candidate.is_broad()).count();
             let (batch, behind) = rest.split_at(count);
             loader.load(batch, &levels, sections);
-            assembler.push(batch, sections, &levels);
+            assembler.push(batch, sections, &levels, |centres| {
+                if params.method == Method::Steger {
+                    ridge.refine(&picture, batch, (&levels.noise, full_scale), centres);
+                }
+            });
             rest = behind;
         }
     }
@@ -135,7 +150,7 @@ impl<S: Sample> FastExtractor<S> {
 mod tests {
     use super::*;
     use crate::scanner::{
-        params::{Method, PeakSelection, Window},
+        params::{PeakSelection, Window},
         stripe::{
             reference,
             tiles::{COLUMNS, ROWS},

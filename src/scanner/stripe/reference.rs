@@ -6,12 +6,15 @@ use super::{
     broad::Broad,
     lanes::Sections,
     measure::Assembler,
+    noise_estimate::NoiseEstimator,
+    picture::Picture,
     section::{Candidate, Found, Levels, Section},
     select::Selector,
+    steger::Ridge,
 };
 use crate::scanner::{
     channel::Plane,
-    params::{ExtractionParams, StripeDirection},
+    params::{ExtractionParams, Method, NoiseSource, StripeDirection},
 };
 
 /// The centreline of a plane whose top-left sample lies at `offset` (column, row) of the image.
@@ -23,7 +26,7 @@ pub fn extract<S: Sample>(
     full_scale: u32,
 ) -> Centerline {
     let kernel = Kernel::gaussian(params.blur_radius);
-    let levels = Levels::new(params, &kernel, full_scale);
+    let mut levels = Levels::new(params, &kernel, full_scale);
     let (width, height) = (plane.width, plane.height);
     let blurred: Vec<u32> =
         (0..width * height).map(|i| blurred_at(plane, &kernel, i % width, i / width)).collect();
@@ -50,6 +53,12 @@ pub fn extract<S: Sample>(
     let mut chosen = Vec::new();
     Selector::new(*params).select(&found, &mut chosen);
 
+    let picture = Picture { plane, direction };
+    if params.noise == NoiseSource::Estimated {
+        NoiseEstimator::default().estimate(&picture, &chosen, full_scale, &mut levels.noise);
+    }
+    let mut ridge = Ridge::new(params.ridge_sigma_px);
+
     let mut centerline = Centerline::default();
     let mut assembler = Assembler::new(&mut centerline, direction, offset, length);
     let mut alone = Sections::default();
@@ -66,7 +75,11 @@ pub fn extract<S: Sample>(
             assembler.push_broad(&found, &Broad::of(&section), &levels);
         } else {
             alone.load(std::iter::once(section));
-            assembler.push(&[found], &alone, &levels);
+            assembler.push(&[found], &alone, &levels, |centres| {
+                if params.method == Method::Steger {
+                    ridge.refine(&picture, &[found], (&levels.noise, full_scale), centres);
+                }
+            });
         }
     }
     centerline
