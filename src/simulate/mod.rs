@@ -12,4 +12,5 @@ pub mod noise;
 pub mod speckle;
 pub mod sensor;
 pub mod stripe;
+pub mod texture;
 pub mod world;
