@@ -81,7 +81,7 @@ impl Run<'_> {
         let started = Instant::now();
         let Run { source, chains, stop, on_message } = self;
         let is_packed = |chain: &Chain| chain.worker.unpacks_bytes().is_some();
-        let unpacker = &chains.iter().any(is_packed).then(Unpacker::new);
+        let unpacker = &chains.iter().any(is_packed).then(Unpacker::on_all_cores);
         let lanes: &Vec<_> = &chains.iter().map(|chain| chain.lane(unpacker.as_ref())).collect();
         let (fed, worked) = thread::scope(|scope| {
             if let Some(unpacker) = unpacker {

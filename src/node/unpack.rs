@@ -100,7 +100,7 @@ impl Ahead {
 
 impl Unpacker {
     /// One thread a core.
-    pub fn new() -> Self {
+    pub fn on_all_cores() -> Self {
         let num_threads = thread::available_parallelism().map_or(1, usize::from).min(MAX_THREADS);
         Self {
             jobs: Queue::new(Bound { items: num_threads, bytes: usize::MAX }, WhenFull::Wait),

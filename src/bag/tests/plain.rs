@@ -8,8 +8,14 @@ use super::*;
 const SIZES: [usize; 12] =
     [0, 1, 40, 16_353, 16_384, 16_385, 32_700, 32_768, 32_769, 131_072, 147_457, 300_000];
 
+/// Bytes that no other message holds.
 fn content(size: usize, seed: usize) -> Vec<u8> {
-    (0..size).map(|at| (at.wrapping_mul(31).wrapping_add(seed * 7) >> 3) as u8).collect()
+    let mut state = seed as u32 + 1;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    (0..size).map(|_| next()).collect()
 }
 
 fn entries(sizes: &[usize]) -> Vec<Entry> {

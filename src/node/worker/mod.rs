@@ -146,13 +146,13 @@ impl Worker {
             Input::Message(message, writer) => {
                 self.take_message(Unpacked { message, writer, picture: None }, spare, out)
             }
-            Input::Ahead(ahead) => match ahead.wait() {
-                Some(unpacked) => self.take_message(unpacked, spare, out),
-                None => {
-                    self.take_fault("the thread that unpacks images is gone");
-                    Ok(())
+            Input::Ahead(ahead) => {
+                if let Some(unpacked) = ahead.wait() {
+                    return self.take_message(unpacked, spare, out);
                 }
-            },
+                self.take_fault("the thread that unpacks images is gone");
+                Ok(())
+            }
             Input::Fault(what) => {
                 self.take_fault(&what);
                 Ok(())
