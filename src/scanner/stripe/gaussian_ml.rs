@@ -38,22 +38,22 @@ pub fn gaussian_ml(sections: &Sections, noise: PixelNoise, full_scale: f32) -> C
     let prior = Prior::of(sections, &start.curve, noise);
     let mut curve = start.curve;
     let mut sigma_px = [0.0; LANES];
-    let mut moves: [bool; LANES] = std::array::from_fn(|lane| lane < sections.count);
+    let mut moving = sections.in_use();
     for _ in 0..MAX_ROUNDS {
         let equations = NormalEquations::of(sections, &start, &curve, (noise, full_scale));
         for lane in 0..LANES {
             let solution = equations.solve(lane, &prior.of_lane(lane, &curve));
             let next = stepped(&curve, &solution, lane, sections.last[lane] - sections.first[lane]);
             let is_still = solution.still();
-            let goes = moves[lane];
+            let goes = moving[lane] > 0.0;
             curve.amplitude[lane] = if goes { next.amplitude } else { curve.amplitude[lane] };
             curve.centre_px[lane] = if goes { next.centre_px } else { curve.centre_px[lane] };
             curve.sigma_px[lane] = if goes { next.sigma_px } else { curve.sigma_px[lane] };
             curve.background[lane] = if goes { next.background } else { curve.background[lane] };
             sigma_px[lane] = if goes { next.uncertainty_px } else { sigma_px[lane] };
-            moves[lane] = goes && !is_still;
+            moving[lane] = if goes & !is_still { 1.0 } else { 0.0 };
         }
-        if moves == [false; LANES] {
+        if moving.iter().all(|&moves| moves <= 0.0) {
             break;
         }
     }

@@ -75,7 +75,7 @@ fn background(sections: &Sections, start: &Start) -> Lane {
         for lane in 0..LANES {
             let away = (place[lane] - start.curve.centre_px[lane]).abs();
             let far = away > BACKGROUND_SIGMAS * start.curve.sigma_px[lane];
-            let counts = far && start.holds(i as f32, lane);
+            let counts = far & start.holds(i as f32, lane);
             sum[lane] += if counts { sections.raw[i][lane] } else { 0.0 };
             rows[lane] += if counts { 1.0 } else { 0.0 };
         }
@@ -120,10 +120,10 @@ impl Sums {
                 let level = curve.amplitude[lane] * share;
                 let total = level + curve.background[lane];
                 let sample = sections.raw[i][lane];
-                let counts = level > FAINTEST * curve.amplitude[lane].min(full_scale)
-                    && start.holds(i as f32, lane)
-                    && sample < full_scale
-                    && total < bright.max(0.8 * full_scale);
+                let counts = (level > FAINTEST * curve.amplitude[lane].min(full_scale))
+                    & start.holds(i as f32, lane)
+                    & (sample < full_scale)
+                    & (total < bright.max(0.8 * full_scale));
                 let weight = if counts { level * level / noise.variance(total) } else { 0.0 };
                 // Noise may leave nothing to take the logarithm of.
                 let seen = (sample - curve.background[lane]).max(0.05 * level).max(1e-6);
