@@ -89,6 +89,13 @@ impl CameraParams {
                 name("motion.velocity")
             ));
         }
+        let smoothed = self.scanner.extraction.smoothing_columns;
+        if smoothed.is_multiple_of(2) {
+            return conflict(format!(
+                "{} is {smoothed}: a point and as many neighbours to either side are an odd number",
+                name("extraction.smoothing_columns")
+            ));
+        }
         let (slice, scan) = (self.scanner.slice_profiles, self.scanner.scan_max_profiles);
         if slice > scan {
             return conflict(format!(

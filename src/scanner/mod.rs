@@ -5,6 +5,7 @@
 pub mod image;
 pub mod channel;
 pub mod stripe;
+pub mod exposure_pair;
 pub mod calibration;
 pub mod pose;
 pub mod profile;
