@@ -28,6 +28,8 @@ const MAX_ROUNDS: u32 = 16;
 /// A lane stands still when its centre moves by less than this share of its uncertainty, and its shape by less than
 /// [`STILL_SHAPE`].
 const STILL_CENTRE: f32 = 0.01;
+/// The smallest uncertainty that is told: single precision knows no less, pixels.
+const LEAST_PX: f32 = 1e-5;
 /// Relative change of height and width.
 const STILL_SHAPE: f32 = 0.02;
 
@@ -57,7 +59,11 @@ pub fn gaussian_ml(sections: &Sections, noise: PixelNoise, full_scale: f32) -> C
             break;
         }
     }
-    Centres { position_px: curve.centre_px, sigma_px }
+    let length = sections.length();
+    Centres {
+        position_px: curve.centre_px,
+        sigma_px: each(|lane| bounded(sigma_px[lane], LEAST_PX, length[lane])),
+    }
 }
 
 /// One lane's curve after a step.
@@ -77,7 +83,7 @@ fn stepped(curve: &Curve, solution: &Solution, lane: usize, last: f32) -> Next {
     let (low, high) = SIGMA_RANGE_PX;
     let centre_px = curve.centre_px[lane] + sigma_px * bounded(by_centre, -1.0, 1.0);
     Next {
-        amplitude: amplitude * (1.0 + bounded(by_amplitude, -0.5, 1.0)),
+        amplitude: (amplitude * (1.0 + bounded(by_amplitude, -0.5, 1.0))).max(1e-3),
         centre_px: bounded(centre_px, -1.0, last + 1.0),
         sigma_px: bounded(sigma_px * (1.0 + bounded(by_sigma, -0.4, 0.6)), low, high),
         background: curve.background[lane] + amplitude * bounded(by_background, -0.5, 0.5),

@@ -49,7 +49,8 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
                 && next > -1.0
                 && next < length[lane]
                 && sigma > low
-                && sigma < high;
+                && sigma < high
+                && parabola.variance > 0.0;
             let curve = &mut start.curve;
             curve.centre_px[lane] = if is_peak { next } else { centre };
             curve.sigma_px[lane] = if is_peak { sigma } else { scale };
@@ -57,7 +58,7 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
                 curve.amplitude[lane] * exp(parabola.rise.min(1.0) - 1.0) * std::f32::consts::E;
             curve.amplitude[lane] = if is_peak { height } else { curve.amplitude[lane] };
             sigma_px[lane] = if is_peak {
-                (scale * parabola.variance.max(0.0).sqrt()).min(length[lane])
+                (scale * parabola.variance.sqrt()).min(length[lane])
             } else {
                 0.289 * length[lane]
             };

@@ -50,8 +50,9 @@ impl Start {
             let sigma_px = bounded(variance_px2, low * low, high * high).sqrt();
             // The blur keeps the area.
             let lost = if saturated { 1.0 } else { (fit.sigma_px / sigma_px).min(4.0) };
-            start.curve.amplitude[lane] = fit.amplitude * lost;
-            start.curve.centre_px[lane] = fit.centre_px;
+            start.curve.amplitude[lane] =
+                (fit.amplitude * lost.max(1.0)).max(noise.constant.sqrt());
+            start.curve.centre_px[lane] = bounded(fit.centre_px, -0.5, length - 0.5);
             start.curve.sigma_px[lane] = sigma_px;
             start.curve.background[lane] =
                 if saturated { floor.raw[lane] } else { floor.blurred[lane] + floor.offset[lane] };
