@@ -4,7 +4,7 @@ use crate::bound::bound_px;
 use laser_profiler::{
     scanner::{
         channel::{AnyPlane, Plane},
-        params::{ExtractionParams, Method, StripeDirection},
+        params::{ExtractionParams, Method, NoiseSource, StripeDirection},
         stripe::{Centerline, Extractor},
     },
     simulate::stripe::{StripeScene, render_stripe},
@@ -168,4 +168,33 @@ fn log_gaussian_meets_its_limits() {
 fn fir_peak_meets_its_limits() {
     let smooth = ["clean", "wide", "noise 9", "noise 30"];
     meets(Method::FirPeak, [0.019, 0.0145, 0.026, 0.125, 0.26, 0.018], &smooth);
+}
+
+/// Averages columns, so it may lie below the bound of one; its uncertainty is true where samples are many to a stripe's width.
+#[test]
+fn steger_meets_its_limits() {
+    let smooth = ["wide", "noise 9", "noise 30"];
+    meets(Method::Steger, [0.0136, 0.015, 0.015, 0.050, 0.110, 0.024], &smooth);
+}
+
+/// Whatever noise is stated, the estimated one is taken: coverage shows that it is the frame's.
+#[test]
+fn estimated_noise_makes_uncertainties_true() {
+    let lit = StripeScene { shot_gain: 0.3, background: 20.0, ..scene(183.0, 2.3, 2.0) };
+    let scenes = scenes().into_iter().chain([("shot noise", lit)]);
+    for (name, scene) in scenes {
+        let params = ExtractionParams {
+            method: Method::GaussianMl,
+            noise: NoiseSource::Estimated,
+            read_noise: 50.0,
+            shot_gain: 5.0,
+            ..ExtractionParams::default()
+        };
+        let found = extract(&scene, params);
+        let bound_px = bound_px(&scene);
+        tell(Method::GaussianMl, name, &found, bound_px);
+        assert!(found.rms_px <= 1.10 * bound_px, "{name}: {:.3}", found.rms_px / bound_px);
+        assert!((found.within[0] - 0.68).abs() <= 0.04, "{name}: {:?}", found.within);
+        assert!((found.within[1] - 0.95).abs() <= 0.02, "{name}: {:?}", found.within);
+    }
 }

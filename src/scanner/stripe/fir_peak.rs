@@ -40,13 +40,19 @@ pub fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Cent
         let is_found = crossing.place >= -1.0
             && crossing.place <= 2.0
             && crossing.slope < 0.0
+            && crossing.variance > 0.0
             && position > -1.0
             && position < length;
         let guessed = start.curve.centre_px[lane];
         centres.position_px[lane] = if is_found { position } else { guessed };
         let any = 0.289 * length;
-        let sigma = crossing.variance.max(0.0).sqrt() / -crossing.slope;
-        centres.sigma_px[lane] = if is_found { sigma.min(length) } else { any };
+        let sigma = (crossing.variance.max(0.0).sqrt() / -crossing.slope).min(length);
+        // A stripe that the border or a neighbour cuts is pulled away from there.
+        let reach = 1.5 * start.curve.sigma_px[lane];
+        let row = sections.first[lane] + position;
+        let is_cut = row - reach < start.from[lane] || row + reach > start.to[lane] - 1.0;
+        let sigma = if is_cut { sigma.max(any) } else { sigma };
+        centres.sigma_px[lane] = if is_found { sigma } else { any };
     }
     centres
 }

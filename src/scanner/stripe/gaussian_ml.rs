@@ -28,6 +28,8 @@ const MAX_ROUNDS: u32 = 16;
 /// A lane stands still when its centre moves by less than this share of its uncertainty, and its shape by less than
 /// [`STILL_SHAPE`].
 const STILL_CENTRE: f32 = 0.01;
+/// The smallest uncertainty that is told: single precision knows no less, pixels.
+const LEAST_PX: f32 = 1e-5;
 /// Relative change of height and width.
 const STILL_SHAPE: f32 = 0.02;
 
@@ -38,26 +40,30 @@ pub fn gaussian_ml(sections: &Sections, noise: PixelNoise, full_scale: f32) -> C
     let prior = Prior::of(sections, &start.curve, noise);
     let mut curve = start.curve;
     let mut sigma_px = [0.0; LANES];
-    let mut moves: [bool; LANES] = std::array::from_fn(|lane| lane < sections.count);
+    let mut moving = sections.in_use();
     for _ in 0..MAX_ROUNDS {
         let equations = NormalEquations::of(sections, &start, &curve, (noise, full_scale));
         for lane in 0..LANES {
             let solution = equations.solve(lane, &prior.of_lane(lane, &curve));
             let next = stepped(&curve, &solution, lane, sections.last[lane] - sections.first[lane]);
             let is_still = solution.still();
-            let goes = moves[lane];
+            let goes = moving[lane] > 0.0;
             curve.amplitude[lane] = if goes { next.amplitude } else { curve.amplitude[lane] };
             curve.centre_px[lane] = if goes { next.centre_px } else { curve.centre_px[lane] };
             curve.sigma_px[lane] = if goes { next.sigma_px } else { curve.sigma_px[lane] };
             curve.background[lane] = if goes { next.background } else { curve.background[lane] };
             sigma_px[lane] = if goes { next.uncertainty_px } else { sigma_px[lane] };
-            moves[lane] = goes && !is_still;
+            moving[lane] = if goes & !is_still { 1.0 } else { 0.0 };
         }
-        if moves == [false; LANES] {
+        if moving.iter().all(|&moves| moves <= 0.0) {
             break;
         }
     }
-    Centres { position_px: curve.centre_px, sigma_px }
+    let length = sections.length();
+    Centres {
+        position_px: curve.centre_px,
+        sigma_px: each(|lane| bounded(sigma_px[lane], LEAST_PX, length[lane])),
+    }
 }
 
 /// One lane's curve after a step.
@@ -77,7 +83,7 @@ fn stepped(curve: &Curve, solution: &Solution, lane: usize, last: f32) -> Next {
     let (low, high) = SIGMA_RANGE_PX;
     let centre_px = curve.centre_px[lane] + sigma_px * bounded(by_centre, -1.0, 1.0);
     Next {
-        amplitude: amplitude * (1.0 + bounded(by_amplitude, -0.5, 1.0)),
+        amplitude: (amplitude * (1.0 + bounded(by_amplitude, -0.5, 1.0))).max(1e-3),
         centre_px: bounded(centre_px, -1.0, last + 1.0),
         sigma_px: bounded(sigma_px * (1.0 + bounded(by_sigma, -0.4, 0.6)), low, high),
         background: curve.background[lane] + amplitude * bounded(by_background, -0.5, 0.5),

@@ -49,7 +49,8 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
                 && next > -1.0
                 && next < length[lane]
                 && sigma > low
-                && sigma < high;
+                && sigma < high
+                && parabola.variance > 0.0;
             let curve = &mut start.curve;
             curve.centre_px[lane] = if is_peak { next } else { centre };
             curve.sigma_px[lane] = if is_peak { sigma } else { scale };
@@ -57,7 +58,7 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
                 curve.amplitude[lane] * exp(parabola.rise.min(1.0) - 1.0) * std::f32::consts::E;
             curve.amplitude[lane] = if is_peak { height } else { curve.amplitude[lane] };
             sigma_px[lane] = if is_peak {
-                (scale * parabola.variance.max(0.0).sqrt()).min(length[lane])
+                (scale * parabola.variance.sqrt()).min(length[lane])
             } else {
                 0.289 * length[lane]
             };
@@ -75,7 +76,7 @@ fn background(sections: &Sections, start: &Start) -> Lane {
         for lane in 0..LANES {
             let away = (place[lane] - start.curve.centre_px[lane]).abs();
             let far = away > BACKGROUND_SIGMAS * start.curve.sigma_px[lane];
-            let counts = far && start.holds(i as f32, lane);
+            let counts = far & start.holds(i as f32, lane);
             sum[lane] += if counts { sections.raw[i][lane] } else { 0.0 };
             rows[lane] += if counts { 1.0 } else { 0.0 };
         }
@@ -120,10 +121,10 @@ impl Sums {
                 let level = curve.amplitude[lane] * share;
                 let total = level + curve.background[lane];
                 let sample = sections.raw[i][lane];
-                let counts = level > FAINTEST * curve.amplitude[lane].min(full_scale)
-                    && start.holds(i as f32, lane)
-                    && sample < full_scale
-                    && total < bright.max(0.8 * full_scale);
+                let counts = (level > FAINTEST * curve.amplitude[lane].min(full_scale))
+                    & start.holds(i as f32, lane)
+                    & (sample < full_scale)
+                    & (total < bright.max(0.8 * full_scale));
                 let weight = if counts { level * level / noise.variance(total) } else { 0.0 };
                 // Noise may leave nothing to take the logarithm of.
                 let seen = (sample - curve.background[lane]).max(0.05 * level).max(1e-6);

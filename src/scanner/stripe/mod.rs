@@ -42,6 +42,8 @@ pub mod tiles;
 pub mod load;
 pub mod fast;
 #[cfg(test)]
+mod bad_sections;
+#[cfg(test)]
 mod pictures;
 
 use super::{

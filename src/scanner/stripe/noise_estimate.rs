@@ -170,7 +170,7 @@ const fn cell(difference: u32) -> usize {
     if difference < 16 {
         return difference as usize;
     }
-    let octave = 31 - difference.leading_zeros();
+    let octave = difference.ilog2();
     let eighth = (difference >> (octave - 3)) & 7;
     16 + 8 * (octave as usize - 4) + eighth as usize
 }

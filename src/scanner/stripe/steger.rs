@@ -2,9 +2,9 @@
 //!
 //! The image is smoothed by a Gaussian and differentiated twice. Across the stripe the second derivative is most
 //! negative: that direction n is the eigenvector of the Hessian with the eigenvalue of largest magnitude (his section 3.2).
-//! Along it the derivative vanishes t = -(r_x n_x + r_y n_y) / (r_xx n_x² + 2 r_xy n_x n_y + r_yy n_y²) away
-//! (his eq. 19). The ridge runs at right angles to n, so it crosses the column t / n_y from the pixel's centre; that is
-//! reported, not the point t n, which lies in another column.
+//! Along it the derivative vanishes `t = -(r_x n_x + r_y n_y) / (r_xx n_x² + 2 r_xy n_x n_y + r_yy n_y²)` away
+//! (his eq. 19). The ridge runs at right angles to n, so it crosses the column `t / n_y` from the pixel's centre; that
+//! is reported, not the point `t n`, which lies in another column.
 //!
 //! The masks are the Gaussian and its derivatives integrated over pixels, as his eq. 10 to 12 have them. A stripe of
 //! even flanks is found without bias, whatever its width; his section 4 corrects lines whose two sides differ in brightness, by

@@ -34,9 +34,9 @@ impl Solution {
     #[inline(always)]
     pub(super) fn still(&self) -> bool {
         let [amplitude, sigma, _, centre] = self.step;
-        centre * centre < STILL_CENTRE * STILL_CENTRE * self.centre_variance
-            && amplitude.abs() < STILL_SHAPE
-            && sigma.abs() < STILL_SHAPE
+        (centre * centre < STILL_CENTRE * STILL_CENTRE * self.centre_variance)
+            & (amplitude.abs() < STILL_SHAPE)
+            & (sigma.abs() < STILL_SHAPE)
     }
 }
 
@@ -85,26 +85,21 @@ impl NormalEquations {
     fn add(&mut self, lane: usize, pixel: Pixel, evidence: Evidence) {
         let Pixel { level, by_centre, by_sigma } = pixel;
         let Evidence { score, information } = evidence;
-        let weighted = [information * level, information * by_sigma, information * by_centre];
-        let terms = [
-            weighted[0] * level,
-            weighted[0] * by_sigma,
-            weighted[0],
-            weighted[0] * by_centre,
-            weighted[1] * by_sigma,
-            weighted[1],
-            weighted[1] * by_centre,
-            information,
-            weighted[2],
-            weighted[2] * by_centre,
-        ];
-        for (sum, term) in self.matrix.iter_mut().zip(terms) {
-            sum[lane] += term;
-        }
-        let terms = [score * level, score * by_sigma, score, score * by_centre];
-        for (sum, term) in self.right.iter_mut().zip(terms) {
-            sum[lane] += term;
-        }
+        let weighted = (information * level, information * by_sigma, information * by_centre);
+        self.matrix[0][lane] += weighted.0 * level;
+        self.matrix[1][lane] += weighted.0 * by_sigma;
+        self.matrix[2][lane] += weighted.0;
+        self.matrix[3][lane] += weighted.0 * by_centre;
+        self.matrix[4][lane] += weighted.1 * by_sigma;
+        self.matrix[5][lane] += weighted.1;
+        self.matrix[6][lane] += weighted.1 * by_centre;
+        self.matrix[7][lane] += information;
+        self.matrix[8][lane] += weighted.2;
+        self.matrix[9][lane] += weighted.2 * by_centre;
+        self.right[0][lane] += score * level;
+        self.right[1][lane] += score * by_sigma;
+        self.right[2][lane] += score;
+        self.right[3][lane] += score * by_centre;
     }
 
     /// One lane's step, by the factorisation J = L D Lᵀ.
@@ -112,23 +107,24 @@ impl NormalEquations {
     pub(super) fn solve(&self, lane: usize, prior: &LanePrior) -> Solution {
         let amplitude = self.amplitude[lane];
         let square = amplitude * amplitude;
-        let m = self.matrix.map(|sum| sum[lane] * square);
+        let m = |k: usize| self.matrix[k][lane] * square;
+        let (m1, m2, m3, m5, m6, m8) = (m(1), m(2), m(3), m(5), m(6), m(8));
         let [p0, p1, p2, p3] = prior.precision;
-        let (a00, a11, a22, a33) = (m[0] + p0, m[4] + p1, m[7] + p2, m[9] + p3);
-        let r = self.right.map(|sum| sum[lane] * amplitude);
+        let (a00, a11, a22, a33) = (m(0) + p0, m(4) + p1, m(7) + p2, m(9) + p3);
+        let r = |k: usize| self.right[k][lane] * amplitude;
         let g = prior.gradient;
-        let b = [r[0] + g[0], r[1] + g[1], r[2] + g[2], r[3] + g[3]];
+        let b = [r(0) + g[0], r(1) + g[1], r(2) + g[2], r(3) + g[3]];
         // A pivot that rounding has eaten is held at what rounding can be.
         let pivot = |d: f32, of: f32| d.max(1e-6 * of);
         let d0 = 1.0 / a00;
-        let (l1, l2, l3) = (m[1] * d0, m[2] * d0, m[3] * d0);
-        let d1 = 1.0 / pivot(a11 - l1 * m[1], a11);
-        let (e2, e3) = (m[5] - l1 * m[2], m[6] - l1 * m[3]);
+        let (l1, l2, l3) = (m1 * d0, m2 * d0, m3 * d0);
+        let d1 = 1.0 / pivot(a11 - l1 * m1, a11);
+        let (e2, e3) = (m5 - l1 * m2, m6 - l1 * m3);
         let (k2, k3) = (e2 * d1, e3 * d1);
-        let d2 = 1.0 / pivot(a22 - l2 * m[2] - k2 * e2, a22);
-        let f3 = m[8] - l2 * m[3] - k2 * e3;
+        let d2 = 1.0 / pivot(a22 - l2 * m2 - k2 * e2, a22);
+        let f3 = m8 - l2 * m3 - k2 * e3;
         let j3 = f3 * d2;
-        let d3 = 1.0 / pivot(a33 - l3 * m[3] - k3 * e3 - j3 * f3, a33);
+        let d3 = 1.0 / pivot(a33 - l3 * m3 - k3 * e3 - j3 * f3, a33);
         let y1 = b[1] - l1 * b[0];
         let y2 = b[2] - l2 * b[0] - k2 * y1;
         let y3 = b[3] - l3 * b[0] - k3 * y1 - j3 * y2;

@@ -50,8 +50,9 @@ impl Start {
             let sigma_px = bounded(variance_px2, low * low, high * high).sqrt();
             // The blur keeps the area.
             let lost = if saturated { 1.0 } else { (fit.sigma_px / sigma_px).min(4.0) };
-            start.curve.amplitude[lane] = fit.amplitude * lost;
-            start.curve.centre_px[lane] = fit.centre_px;
+            start.curve.amplitude[lane] =
+                (fit.amplitude * lost.max(1.0)).max(noise.constant.sqrt());
+            start.curve.centre_px[lane] = bounded(fit.centre_px, -0.5, length - 0.5);
             start.curve.sigma_px[lane] = sigma_px;
             start.curve.background[lane] =
                 if saturated { floor.raw[lane] } else { floor.blurred[lane] + floor.offset[lane] };
@@ -63,10 +64,10 @@ impl Start {
         start
     }
 
-    /// Whether row `i` counts: 1 or 0.
+    /// Whether row `i` counts.
     #[inline(always)]
     pub(in super::super) fn holds(&self, i: f32, lane: usize) -> bool {
-        i >= self.from[lane] && i < self.to[lane]
+        (i >= self.from[lane]) & (i < self.to[lane])
     }
 
     /// The rows that count in some lane.
@@ -82,33 +83,41 @@ impl Start {
 /// cross-section rises again by more than noise.
 fn own_rows(sections: &Sections, noise: PixelNoise) -> (Lane, Lane) {
     let rise: Lane = each(|lane| 0.12 * sections.peak[lane] + noise.constant.sqrt());
-    let outwards = |rows: &mut dyn Iterator<Item = usize>,
-                    is_outside: &dyn Fn(f32, usize) -> bool| {
-        let mut lowest = [f32::MAX; LANES];
-        let mut at = [-1.0; LANES];
-        let mut cut = [-1.0; LANES];
-        for i in rows {
-            let row = &sections.blurred[i];
-            for lane in 0..LANES {
-                let counts = is_outside(i as f32, lane) && cut[lane] < 0.0;
-                let is_lower = counts && row[lane] < lowest[lane];
-                lowest[lane] = if is_lower { row[lane] } else { lowest[lane] };
-                at[lane] = if is_lower { i as f32 } else { at[lane] };
-                let rises = counts && row[lane] > lowest[lane] + rise[lane];
-                cut[lane] = if rises { at[lane] } else { cut[lane] };
-            }
-        }
-        cut
-    };
     let rows = sections.rows();
-    let above =
-        outwards(&mut (0..rows), &|i, lane| i > sections.last[lane] && i < sections.end[lane]);
-    let below = outwards(&mut (0..rows).rev(), &|i, lane| {
-        i < sections.first[lane] && i >= sections.start[lane]
+    let above = valley(sections, &rise, 0..rows, |i, lane| {
+        (i > sections.last[lane]) & (i < sections.end[lane])
+    });
+    let below = valley(sections, &rise, (0..rows).rev(), |i, lane| {
+        (i < sections.first[lane]) & (i >= sections.start[lane])
     });
     let from = |lane: usize| if below[lane] < 0.0 { sections.start[lane] } else { below[lane] };
     let to = |lane: usize| if above[lane] < 0.0 { sections.end[lane] } else { above[lane] + 1.0 };
     (each(from), each(to))
+}
+
+/// The lowest row before a rise, among those outside the candidate in the order given; -1: there is no rise.
+#[inline(always)]
+fn valley(
+    sections: &Sections,
+    rise: &Lane,
+    rows: impl Iterator<Item = usize>,
+    is_outside: impl Fn(f32, usize) -> bool,
+) -> Lane {
+    let mut lowest = [f32::MAX; LANES];
+    let mut at = [-1.0; LANES];
+    let mut cut = [-1.0; LANES];
+    for i in rows {
+        let row = &sections.blurred[i];
+        for lane in 0..LANES {
+            let counts = is_outside(i as f32, lane) & (cut[lane] < 0.0);
+            let is_lower = counts & (row[lane] < lowest[lane]);
+            lowest[lane] = if is_lower { row[lane] } else { lowest[lane] };
+            at[lane] = if is_lower { i as f32 } else { at[lane] };
+            let rises = counts & (row[lane] > lowest[lane] + rise[lane]);
+            cut[lane] = if rises { at[lane] } else { cut[lane] };
+        }
+    }
+    cut
 }
 
 /// Levels on which the stripe stands.
@@ -131,13 +140,13 @@ impl Floor {
             let at = i as f32;
             let (raw_row, blurred_row) = (&sections.raw[i], &sections.blurred[i]);
             for lane in 0..LANES {
-                let holds = at >= from[lane] && at < to[lane];
+                let holds = (at >= from[lane]) & (at < to[lane]);
                 let (r, b) = (raw_row[lane], blurred_row[lane]);
                 raw[lane] = if holds { raw[lane].min(r) } else { raw[lane] };
                 blurred[lane] = if holds { blurred[lane].min(b) } else { blurred[lane] };
                 offset[lane] += if holds { r - b } else { 0.0 };
                 rows[lane] += if holds { 1.0 } else { 0.0 };
-                let near = at >= sections.first[lane] - 1.0 && at <= sections.last[lane] + 1.0;
+                let near = (at >= sections.first[lane] - 1.0) & (at <= sections.last[lane] + 1.0);
                 brightest[lane] = if near { brightest[lane].max(r) } else { brightest[lane] };
             }
         }
@@ -186,14 +195,14 @@ impl Sums {
                 let is_flat = floor.brightest[lane] >= full_scale;
                 let margin = if is_flat { 2.0 } else { 0.0 };
                 let last = sections.last[lane] - sections.first[lane];
-                let near = x >= -margin && x <= last + margin;
+                let near = (x >= -margin) & (x <= last + margin);
                 let raw = sections.raw[i][lane];
                 let y = if is_flat { raw } else { sections.blurred[i][lane] } - base[lane];
-                let counts = near && y > faintest[lane] && y > 0.0;
+                let counts = near & (y > faintest[lane]) & (y > 0.0);
                 let summed = if counts { y } else { 0.0 };
                 sums.level[lane] += summed;
                 sums.moment[lane] += summed * (x - sums.middle[lane]);
-                let counts = counts && !(is_flat && raw > 0.98 * full_scale);
+                let counts = counts & !(is_flat & (raw > 0.98 * full_scale));
                 let relative = if counts { y / full_scale } else { 1.0 };
                 let weight = if counts { relative * relative } else { 0.0 };
                 let logarithm = ln(relative);
@@ -218,8 +227,8 @@ impl Sums {
     /// Gaussian with the same area.
     #[inline(always)]
     fn fit(&self, lane: usize, peak: f32, full_scale: f32, length: f32) -> Guess {
-        let [s0, s1, s2, s3, s4] = self.powers.map(|sums| sums[lane]);
-        let [r0, r1, r2] = self.right.map(|sums| sums[lane]);
+        let [s0, s1, s2, s3, s4] = [0, 1, 2, 3, 4].map(|k: usize| self.powers[k][lane]);
+        let [r0, r1, r2] = [0, 1, 2].map(|k: usize| self.right[k][lane]);
         let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
         let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
         let determinant = a11 * a22 - a12 * a12;
