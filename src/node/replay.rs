@@ -20,10 +20,11 @@ use crate::{
         parameters::{ParameterError, Parameters},
         value::Value,
     },
-    scanner::{calibration::Calibration, pipeline::Pipeline},
+    scanner::{calibration::Calibration, image::OwnedImage, pipeline::Pipeline},
 };
 
 use super::{
+    ambient_file::{self, AmbientFileError},
     calibration_file::{self, CalibrationFileError},
     camera::{self, CameraError},
     input::{self, ImageTopic, InputError},
@@ -103,6 +104,9 @@ pub enum ReplayError {
     /// The calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationFileError),
+    /// The frame without laser.
+    #[error(transparent)]
+    Ambient(#[from] AmbientFileError),
     /// A recording cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
@@ -122,7 +126,8 @@ impl ReplayError {
             Self::Bag(_)
             | Self::Run(_)
             | Self::Record(_)
-            | Self::Calibration(CalibrationFileError::Io { .. }) => false,
+            | Self::Calibration(CalibrationFileError::Io { .. })
+            | Self::Ambient(AmbientFileError::Io { .. }) => false,
             _ => true,
         }
     }
@@ -136,6 +141,7 @@ pub struct Replay {
     compression: Compression,
     camera: CameraParams,
     calibration: Option<(Calibration, String)>,
+    ambient: Option<OwnedImage>,
     bags: Vec<BagReader>,
     image_topic: ImageTopic,
 }
@@ -154,6 +160,7 @@ impl Replay {
         let camera = camera::choose(cameras, request.camera.as_deref(), &bags, &names)?;
         let calibration =
             camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
+        let ambient = ambient_file::load(&camera)?;
         let mut image_topic: Option<ImageTopic> = None;
         for (path, bag) in request.bags.iter().zip(&bags) {
             let found = choose(path, bag, &names, &camera)?;
@@ -173,7 +180,17 @@ impl Replay {
         let transport = Value::Text(image_topic.transport.name().to_owned());
         values.set(&camera.full_name("image_transport"), transport, "the recording")?;
         let compression = recording.compression;
-        Ok(Self { request, names, values, compression, camera, calibration, bags, image_topic })
+        Ok(Self {
+            request,
+            names,
+            values,
+            compression,
+            camera,
+            calibration,
+            ambient,
+            bags,
+            image_topic,
+        })
     }
 
     /// The topic that is taken.
@@ -243,7 +260,8 @@ impl Replay {
             max_frame_bytes: self.camera.max_frame_bytes,
             sends_images: self.request.with_images,
         };
-        let pipeline = Pipeline::new(scanner, calibration.cloned());
+        let pipeline =
+            Pipeline::new(scanner, calibration.cloned()).with_ambient(self.ambient.clone());
         Worker::new(options, pipeline, results, reporter)
     }
 

@@ -2,10 +2,11 @@
 //! (doi 10.3390/app13179831).
 
 use super::{
+    ambient::{Ambient, AmbientError},
     calibration::{Calibration, Lines},
     channel::{Decoder, RoiError, window},
     height_map::HeightMap,
-    image::Frame,
+    image::{Frame, OwnedImage},
     motion::Motion,
     params::Params,
     profile::Profile,
@@ -21,6 +22,7 @@ pub struct Pipeline {
     params: Params,
     calibration: Option<Calibration>,
     decoder: Decoder,
+    ambient: Ambient,
     extractor: Extractor,
     centerline: Centerline,
     profile: Profile,
@@ -35,6 +37,7 @@ impl Pipeline {
         let seed = calibration.as_ref().map(Calibration::id).unwrap_or_default();
         Self {
             decoder: Decoder::default(),
+            ambient: Ambient::default(),
             extractor: Extractor::new(params.extraction, params.stripe_direction),
             centerline: Centerline::default(),
             profile: Profile::default(),
@@ -44,6 +47,12 @@ impl Pipeline {
             params,
             calibration,
         }
+    }
+
+    /// The same with a frame without laser, which `background: reference` takes off.
+    #[must_use]
+    pub fn with_ambient(self, image: Option<OwnedImage>) -> Self {
+        Self { ambient: Ambient::new(image), ..self }
     }
 
     /// Measures one frame. `on_stage` hears of the end of every stage, so that somebody with a clock can time them.
@@ -60,6 +69,7 @@ impl Pipeline {
         let full_scale = self.params.full_scale_of(image.format())?;
         // Step 1: crop.
         let searched = window(self.params.roi, image.width(), image.height())?;
+        self.ambient.prepare(&image, &searched, &self.params, &mut self.extractor)?;
 
         // Step 2: one grey level a pixel.
         let plane = self.decoder.decode(&image, self.params.channel, &searched);
@@ -98,12 +108,14 @@ impl Pipeline {
     /// arrived and `frames_rejected` were refused. The next frame lies at position 0 again.
     pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
         self.motion.restart();
+        self.extractor.reset();
         self.scan.finish(frames_missing, frames_rejected)
     }
 
     /// Throws the open scan away. The next frame lies at position 0 again.
     pub fn discard(&mut self) {
         self.motion.restart();
+        self.extractor.reset();
         self.scan.discard();
     }
 
@@ -146,6 +158,7 @@ impl Pipeline {
             self.motion = Motion::new(params.motion);
         }
         self.extractor = Extractor::new(params.extraction, params.stripe_direction);
+        self.ambient.forget();
         self.scan.set_limits(params.scan_limits());
         self.params = params;
     }
@@ -194,6 +207,9 @@ pub enum FrameError {
     /// The region of interest does not fit.
     #[error(transparent)]
     Roi(#[from] RoiError),
+    /// The frame without laser does not fit.
+    #[error(transparent)]
+    Ambient(#[from] AmbientError),
     /// Saturation above what the image can hold.
     #[error("full_scale is {full_scale}, but samples of this encoding end at {max_level}")]
     FullScale {

@@ -103,6 +103,17 @@ impl<'a> Levels<'a> {
 }
 
 impl Levels<'_> {
+    /// The same with another segment threshold, blurred units; the width threshold keeps its proportion to it.
+    #[must_use]
+    pub fn with_segment_threshold(self, threshold: u32) -> Self {
+        let proportion = f64::from(self.width_threshold) / f64::from(self.segment_threshold.max(1));
+        Self {
+            segment_threshold: threshold,
+            width_threshold: (f64::from(threshold) * proportion).round() as u32,
+            ..self
+        }
+    }
+
     /// Positions to either side of a candidate that its section should hold: the window 2D/3 reaches at most so far, and
     /// half the peak of a faint stripe lies outside the candidate.
     pub const fn margin(&self, candidate: &Candidate) -> u32 {
