@@ -21,10 +21,9 @@ pub const REACH: u32 = 8;
 /// What a candidate at the segment threshold is worth.
 const WORTH: i64 = 256;
 /// A candidate so many times the threshold or brighter is worth as many times that: beyond, brightness says nothing.
-const MAX_TIMES: u64 = 2;
-/// The price of a break: what stands alone must be worth more than twice that to be taken on the way. Ten lines of a
-/// clear stripe.
-pub const BREAK: i64 = 20 * WORTH;
+const MAX_TIMES: u64 = 4;
+/// The price of a break: what stands alone is taken on the way when it is worth more. Six lines at the threshold.
+pub const BREAK: i64 = 6 * WORTH;
 /// The price of the largest step without a break; smaller ones cost in proportion.
 const LARGEST_STEP: i64 = WORTH;
 
@@ -135,7 +134,7 @@ mod tests {
         nodes.extend(stripe(60..100, 300, 200));
         assert_eq!(find(&mut nodes, 3.0).len(), 80);
         // In the gap: a few bright pixels that belong nowhere, and a piece that is long enough.
-        nodes.extend(stripe(45..50, 900, 400));
+        nodes.extend(stripe(45..47, 900, 200));
         assert_eq!(find(&mut nodes, 3.0).len(), 80);
         nodes.extend(stripe(42..58, 700, 400));
         assert_eq!(find(&mut nodes, 3.0).len(), 96);
