@@ -37,7 +37,9 @@ pub enum AmbientError {
         ambient_height: u32,
     },
     /// Grey levels that cannot be compared.
-    #[error("levels of the image end at {max_level}, but those of the frame without laser at {ambient_max_level}")]
+    #[error(
+        "levels of the image end at {max_level}, but those of the frame without laser at {ambient_max_level}"
+    )]
     Depth {
         /// Largest level of the image's encoding.
         max_level: u32,

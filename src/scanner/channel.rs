@@ -337,9 +337,12 @@ mod tests {
         {
             let rgb = [200, 100, 50];
             let data: Vec<u8> = (0..5 * 4).map(|i| rgb[colour_at(pattern, i % 5, i / 5)]).collect();
-            for (channel, level) in
-                [(Channel::Red, 200), (Channel::Green, 100), (Channel::Blue, 50), (Channel::RedExcess, 100)]
-            {
+            for (channel, level) in [
+                (Channel::Red, 200),
+                (Channel::Green, 100),
+                (Channel::Blue, 50),
+                (Channel::RedExcess, 100),
+            ] {
                 let plane = eight(PixelFormat::Bayer8(pattern), 5, 5, &data, channel);
                 assert_eq!(plane, vec![level; 20], "{pattern:?} {channel:?}");
             }

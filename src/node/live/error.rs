@@ -6,8 +6,8 @@ use thiserror::Error;
 
 use crate::{
     node::{
-        ambient_file::AmbientFileError, calibration_file::CalibrationFileError, lifecycle::server::ChangeError,
-        rosout::RosoutError, run::RunError,
+        ambient_file::AmbientFileError, calibration_file::CalibrationFileError,
+        lifecycle::server::ChangeError, rosout::RosoutError, run::RunError,
     },
     ros::{names::NameError, parameters::ParameterError, transport::TransportError},
 };
@@ -50,7 +50,8 @@ impl LiveError {
         match self {
             Self::Name(_) | Self::Parameter(_) => true,
             Self::Transport(error) => matches!(error, TransportError::Setting { .. }),
-            Self::Calibration(_) | Self::Ambient(_)
+            Self::Calibration(_)
+            | Self::Ambient(_)
             | Self::Rosout(_)
             | Self::Lifecycle(_)
             | Self::Thread(_)

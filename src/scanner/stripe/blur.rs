@@ -4,6 +4,7 @@
 //! bits ("blurred units": 256 a grey level). Both passes are exact; one rounding, half up, ends the second. Beyond the
 //! border the nearest sample is repeated.
 
+use super::lanes::{Lane, each};
 use crate::scanner::channel::Plane;
 use std::{
     fmt::Debug,
@@ -83,8 +84,8 @@ pub struct Kernel {
     weights: Vec<u16>,
     variance_px2: f64,
     noise_gain: f64,
-    /// [`Self::ramp_energy`] for whole lengths.
-    ramp_energy: Vec<f64>,
+    /// [`Self::ramp_energies`] for whole lengths.
+    ramp_energy: Vec<f32>,
 }
 
 /// Windows up to this length have their noise tabulated; in longer ones the blur hardly matters.
@@ -115,8 +116,9 @@ impl Kernel {
         let variance_px2 =
             weights.iter().enumerate().map(|(i, &w)| (i as f64 - r).powi(2) * share(w)).sum();
         let noise_gain = weights.iter().map(|&w| share(w).powi(2)).sum();
-        let ramp_energy =
-            (0..=TABULATED).map(|length| blurred_ramp_energy(&weights, length)).collect();
+        let ramp_energy = (0..=TABULATED + 1)
+            .map(|length| blurred_ramp_energy(&weights, length) as f32)
+            .collect();
         Self { weights, variance_px2, noise_gain, ramp_energy }
     }
 
@@ -140,15 +142,19 @@ impl Kernel {
         self.noise_gain
     }
 
-    /// Variance of Σ (i - c) G over a window of `length` pixels about c, when G is white noise of variance 1 that went
+    /// Variance of Σ (i - c) G over windows of `length` pixels about c, when G is white noise of variance 1 that went
     /// through this kernel across the window.
-    pub fn ramp_energy(&self, length: f64) -> f64 {
-        let length = length.max(0.0);
-        let at = length as usize;
-        match self.ramp_energy.get(at..at.saturating_add(2)) {
-            Some(near) => near[0] + (length - at as f64) * (near[1] - near[0]),
-            None => (length.powi(3) - length) / 12.0,
-        }
+    #[inline(always)]
+    pub fn ramp_energies(&self, length: &Lane) -> Lane {
+        each(|lane| {
+            let length = length[lane].max(0.0);
+            if length > TABULATED as f32 {
+                return (length * length * length - length) / 12.0;
+            }
+            let at = length as usize;
+            let (below, above) = (self.ramp_energy[at], self.ramp_energy[at + 1]);
+            below + (length - at as f32) * (above - below)
+        })
     }
 }
 

@@ -4,8 +4,10 @@ use super::{
     Centerline,
     background::BackgroundFilter,
     blur::{Kernel, Sample, blurred_at},
+    lanes::{LANES, Sections},
+    load::Loader,
     measure::Assembler,
-    section::{Candidate, Found, Levels, Section},
+    section::{Candidate, Found, Levels},
     segment::Regions,
     select::Selector,
     threshold::{NoiseThreshold, rounding_noise},
@@ -31,14 +33,7 @@ pub struct FastExtractor<S: Sample> {
     found: Vec<Found>,
     selector: Selector,
     chosen: Vec<Found>,
-    cut: Cut,
-}
-
-/// Samples about one candidate.
-#[derive(Debug, Default)]
-struct Cut {
-    blurred: Vec<u32>,
-    raw: Vec<u32>,
+    sections: Sections,
 }
 
 impl<S: Sample> FastExtractor<S> {
@@ -56,7 +51,7 @@ impl<S: Sample> FastExtractor<S> {
             found: Vec::new(),
             selector: Selector::new(params),
             chosen: Vec::new(),
-            cut: Cut::default(),
+            sections: Sections::default(),
         }
     }
 
@@ -79,7 +74,7 @@ impl<S: Sample> FastExtractor<S> {
         centerline: &mut Centerline,
     ) {
         let threshold = self.find(plane, full_scale);
-        let Self { kernel, params, direction, tiles, selector, found, chosen, cut, .. } = self;
+        let Self { kernel, params, direction, tiles, selector, found, chosen, sections, .. } = self;
         let mut levels = Levels::new(params, kernel, full_scale);
         if params.threshold == Threshold::Adaptive {
             levels = levels.with_segment_threshold(threshold);
@@ -94,24 +89,19 @@ impl<S: Sample> FastExtractor<S> {
             StripeDirection::Vertical => plane.width,
         };
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
-        for &Found { line, candidate } in &*chosen {
-            let line = line as usize;
-            let held = candidate.reach(levels.margin(&candidate), length);
-            let origin = held.start as u32;
-            cut.raw.clear();
-            match direction {
-                StripeDirection::Horizontal => {
-                    tiles.column(plane, kernel, (line, held.clone()), &mut cut.blurred);
-                    cut.raw.extend(held.map(|y| Into::<u32>::into(plane.at(line, y))));
-                }
-                StripeDirection::Vertical => {
-                    tiles.row(plane, kernel, (line, held.clone()), &mut cut.blurred);
-                    let row = &plane.row(line)[held];
-                    cut.raw.extend(row.iter().map(|&sample| Into::<u32>::into(sample)));
-                }
+        let mut loader = Loader { plane, kernel, tiles, direction: *direction };
+        let mut rest = &chosen[..];
+        while let Some(next) = rest.first() {
+            if next.candidate.is_broad() {
+                assembler.push_broad(next, &loader.broad(next), &levels);
+                rest = &rest[1..];
+                continue;
             }
-            let section = Section { samples: &cut.blurred, raw: &cut.raw, origin, candidate };
-            assembler.push(line, &section, &levels);
+            let count = rest.iter().take(LANES).take_while(|f| !f.candidate.is_broad()).count();
+            let (batch, behind) = rest.split_at(count);
+            loader.load(batch, &levels, sections);
+            assembler.push(batch, sections, &levels);
+            rest = behind;
         }
     }
 

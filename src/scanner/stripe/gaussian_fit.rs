@@ -1,103 +1,146 @@
 //! Step 5 of Yao et al. 2023: the coarse peak, the maximum of a Gaussian through the blurred cross-section.
 
-use super::section::{Centre, Noise, Section, grey};
-use nalgebra::{Matrix3, RowVector3, Vector3};
-use std::sync::LazyLock;
+use super::{
+    blur::UNITS,
+    lanes::{Centres, LANES, Lane, Sections, each},
+    logarithm::ln,
+    section::Noise,
+};
 
-/// Maximum of the Gaussian fitted to the candidate's samples, pixels.
+/// Maximum of the Gaussian fitted to the candidate's samples, pixels from the first of them.
 ///
 /// The logarithm of a Gaussian is a parabola: ln G(t) = p₀ + p₁t + p₂t². Least squares in the logarithm, each sample
 /// weighted by G² because noise of ln G is that of G divided by G (Guo 2011, doi 10.1109/MSP.2011.941846). The maximum
 /// lies at -p₁ / 2p₂; for a parabola that opens upwards, or a maximum outside the candidate, the brightest sample stands
 /// in.
-pub fn coarse_peak(section: &Section<'_>) -> f64 {
-    let brightest = brightest(section);
-    fit(section, brightest)
-        .map_or(f64::from(section.candidate.first) + brightest as f64, |fit| fit.position_px)
+#[inline(always)]
+pub fn coarse_peak(sections: &Sections, brightest: &Lane) -> Lane {
+    let fit = Fit::of(sections, brightest);
+    each(|lane| if fit.is_peak[lane] { fit.position_px[lane] } else { brightest[lane] })
 }
 
 /// The same as an estimator of its own, with its uncertainty: the derivative of the maximum by each sample times that
 /// sample's noise. Where the brightest sample stands in, the uncertainty is half the candidate.
-pub fn gaussian_fit(section: &Section<'_>, noise: &Noise<'_>) -> Centre {
-    let brightest = brightest(section);
-    let fitted = fit(section, brightest).and_then(|fit| Some((gradient(&fit)?, fit.position_px)));
-    let Some((gradient, position_px)) = fitted else {
-        return Centre {
-            position_px: f64::from(section.candidate.first) + brightest as f64,
-            sigma_px: f64::from(section.candidate.length()) / 2.0,
-        };
-    };
-    let by_sample = |i: usize| {
-        let t = i as f64 - brightest as f64;
-        (gradient * Vector3::new(1.0, t, t * t))[0] * grey(section.run()[i])
-    };
-    Centre { position_px, sigma_px: noise.weighted_sigma(section.run(), by_sample) }
-}
-
-/// How the maximum moves with the right-hand side of the normal equations: d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂².
-fn gradient(fit: &Fit) -> Option<RowVector3<f64>> {
-    let Fit { powers: [s0, s1, s2, s3, s4], slope, curvature, .. } = *fit;
-    let by_coefficient = RowVector3::new(0.0, -0.5 / curvature, 0.5 * slope / curvature.powi(2));
-    let inverse = Matrix3::new(s0, s1, s2, s1, s2, s3, s2, s3, s4).try_inverse()?;
-    Some(by_coefficient * inverse)
-}
-
-/// A parabola through the logarithms, t = 0 at the brightest sample.
-struct Fit {
-    /// Σ w tᵏ, k = 0 … 4: the normal equations, weights w = G².
-    powers: [f64; 5],
-    /// p₁ and p₂.
-    slope: f64,
-    curvature: f64,
-    /// Where the maximum lies, pixels; inside the candidate.
-    position_px: f64,
-}
-
-fn fit(section: &Section<'_>, brightest: usize) -> Option<Fit> {
-    let mut powers = [0.0; 5];
-    // Σ w tᵏ ln G
-    let mut right = [0.0; 3];
-    let peak = logarithm(section.candidate.peak);
-    for (i, &sample) in section.run().iter().enumerate() {
-        let t = i as f64 - brightest as f64;
-        let level = grey(sample);
-        // Relative to the peak, so that equal samples make an exactly level parabola.
-        let logarithm = logarithm(sample) - peak;
-        let weight = level * level;
-        let terms = [weight, weight * t, weight * t * t];
-        for k in 0..3 {
-            powers[k] += terms[k];
-            right[k] += terms[k] * logarithm;
-        }
-        powers[3] += terms[2] * t;
-        powers[4] += terms[2] * t * t;
+#[inline(always)]
+pub fn gaussian_fit(sections: &Sections, brightest: &Lane, noise: &Noise<'_>) -> Centres {
+    let fit = Fit::of(sections, brightest);
+    let sigma = fit.sigma(sections, brightest, noise);
+    let length = sections.length();
+    Centres {
+        position_px: each(
+            |lane| if fit.is_peak[lane] { fit.position_px[lane] } else { brightest[lane] },
+        ),
+        sigma_px: each(|lane| if fit.is_peak[lane] { sigma[lane] } else { length[lane] / 2.0 }),
     }
-    // p₀ eliminated: two equations for p₁ and p₂.
-    let [s0, s1, s2, s3, s4] = powers;
-    let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
-    let (b1, b2) = (right[1] - s1 * right[0] / s0, right[2] - s2 * right[0] / s0);
-    let determinant = a11 * a22 - a12 * a12;
-    let slope = (b1 * a22 - b2 * a12) / determinant;
-    let curvature = (b2 * a11 - b1 * a12) / determinant;
-    let (first, last) = (f64::from(section.candidate.first), f64::from(section.candidate.last));
-    let position_px = first + brightest as f64 - slope / (2.0 * curvature);
-    // Not so for too few samples either: the determinant is 0, the position not a number.
-    (curvature < 0.0 && (first..=last).contains(&position_px)).then_some(Fit {
-        powers,
-        slope,
-        curvature,
-        position_px,
-    })
 }
 
-/// Logarithm of a blurred sample's level; tabulated for 8-bit images, where it would take half of the fit's time.
-fn logarithm(sample: u32) -> f64 {
-    static TABLE: LazyLock<Box<[f64]>> =
-        LazyLock::new(|| (0..=u32::from(u16::MAX)).map(|sample| grey(sample).ln()).collect());
-    TABLE.get(sample as usize).copied().unwrap_or_else(|| grey(sample).ln())
+/// A parabola through the logarithms of every lane, t = 0 at the brightest sample, levels in shares of the peak.
+struct Fit {
+    /// Whether the parabola has its maximum inside the candidate.
+    is_peak: [bool; LANES],
+    /// Where the maximum lies, pixels from the candidate's first sample.
+    position_px: Lane,
+    /// How the maximum moves with the right-hand side Σ w tᵏ ln G of the normal equations, k = 0, 1, 2.
+    gradient: [Lane; 3],
 }
 
-/// Index of the (first) brightest sample in the candidate.
-fn brightest(section: &Section<'_>) -> usize {
-    section.run().iter().position(|&sample| sample == section.candidate.peak).unwrap_or(0)
+impl Fit {
+    #[inline(always)]
+    fn of(sections: &Sections, brightest: &Lane) -> Self {
+        // Σ w tᵏ, k = 0 … 4, and Σ w tᵏ ln G, k = 0 … 2: the normal equations, weights w = G².
+        let mut powers = [[0.0; LANES]; 5];
+        let mut right = [[0.0; LANES]; 3];
+        let last = sections.last_place();
+        for i in sections.candidate_rows() {
+            let (place, level) = (sections.place(i), sections.blurred[i]);
+            for lane in 0..LANES {
+                let is_inside = (place[lane] >= 0.0) & (place[lane] <= last[lane]);
+                // Relative to the peak, so that equal samples make an exactly level parabola.
+                let share = if is_inside { level[lane] / sections.peak[lane] } else { 1.0 };
+                let weight = if is_inside { share * share } else { 0.0 };
+                let t = place[lane] - brightest[lane];
+                let logarithm = ln(share);
+                let (first, second) = (weight * t, weight * t * t);
+                powers[0][lane] += weight;
+                powers[1][lane] += first;
+                powers[2][lane] += second;
+                powers[3][lane] += second * t;
+                powers[4][lane] += second * t * t;
+                right[0][lane] += weight * logarithm;
+                right[1][lane] += first * logarithm;
+                right[2][lane] += second * logarithm;
+            }
+        }
+        Self::solve(&powers, &right, brightest, &last)
+    }
+
+    #[inline(always)]
+    fn solve(powers: &[Lane; 5], right: &[Lane; 3], brightest: &Lane, last: &Lane) -> Self {
+        let none = [0.0; LANES];
+        let mut fit = Self { is_peak: [false; LANES], position_px: none, gradient: [none; 3] };
+        for lane in 0..LANES {
+            let [s0, s1, s2, s3, s4] = powers.map(|power| power[lane]);
+            let [r0, r1, r2] = right.map(|sum| sum[lane]);
+            // p₀ eliminated: two equations for p₁ and p₂.
+            let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
+            let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
+            let determinant = a11 * a22 - a12 * a12;
+            let slope = (b1 * a22 - b2 * a12) / determinant;
+            let curvature = (b2 * a11 - b1 * a12) / determinant;
+            let position_px = brightest[lane] - slope / (2.0 * curvature);
+            // Not so for too few samples either: the determinant is 0, the position not a number.
+            fit.is_peak[lane] =
+                (curvature < 0.0) & (position_px >= 0.0) & (position_px <= last[lane]);
+            fit.position_px[lane] = position_px;
+            // d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂², with p₁ and p₂ by b₁ and b₂, and those by the right-hand side.
+            let (by_slope, by_curvature) =
+                (-0.5 / curvature, 0.5 * slope / (curvature * curvature));
+            let by_b1 = (by_slope * a22 - by_curvature * a12) / determinant;
+            let by_b2 = (by_curvature * a11 - by_slope * a12) / determinant;
+            fit.gradient[0][lane] = -(by_b1 * s1 + by_b2 * s2) / s0;
+            fit.gradient[1][lane] = by_b1;
+            fit.gradient[2][lane] = by_b2;
+        }
+        fit
+    }
+
+    /// Standard deviation of the maximum: every raw sample's noise times what it moves, through the blur that has made
+    /// the noise of neighbours one.
+    #[inline(always)]
+    fn sigma(&self, sections: &Sections, brightest: &Lane, noise: &Noise<'_>) -> Lane {
+        let kernel = noise.kernel.weights();
+        let r = noise.kernel.radius();
+        let last = sections.last_place();
+        let rows = sections.candidate_rows();
+        let mut variance = [0.0; LANES];
+        // The raw sample at row `i - r` reaches the blurred samples up to r away.
+        for i in rows.start..rows.end + 2 * r {
+            let mut moved = [0.0; LANES];
+            for near in i.saturating_sub(2 * r).max(rows.start)..(i + 1).min(rows.end) {
+                let weight = f32::from(kernel[i - near]) / UNITS as f32;
+                let (place, level) = (sections.place(near), sections.blurred[near]);
+                for lane in 0..LANES {
+                    let is_inside = (place[lane] >= 0.0) & (place[lane] <= last[lane]);
+                    let t = place[lane] - brightest[lane];
+                    let [g0, g1, g2] = [0, 1, 2].map(|k| self.gradient[k][lane]);
+                    // d(w ln G) = w dG / G: the weight times what the maximum moves with the logarithm.
+                    let by_level = (g0 + t * (g1 + t * g2)) * level[lane];
+                    moved[lane] += if is_inside { by_level * weight } else { 0.0 };
+                }
+            }
+            for lane in 0..LANES {
+                // The level beyond the candidate is that of its end.
+                let row = (i as f32 - r as f32).max(sections.first[lane]).min(sections.last[lane]);
+                let level = sections.blurred[row as usize][lane];
+                variance[lane] += moved[lane]
+                    * moved[lane]
+                    * (noise.constant as f32 + noise.per_level as f32 * level);
+            }
+        }
+        let gain = noise.kernel.noise_gain() as f32;
+        each(|lane| {
+            let by_peak = sections.peak[lane] * sections.peak[lane];
+            (variance[lane] * gain).sqrt() / by_peak
+        })
+    }
 }

@@ -1,16 +1,32 @@
 //! Steps 6 to 8 as Yao et al. 2023 have them: the width, the window it sets, and the grey-level centre of gravity in
 //! whole pixels.
 
-use super::section::{Centre, Noise, Section, grey};
+use super::{
+    lanes::{Centres, LANES, Lane, Sections, each},
+    section::Noise,
+};
 
-/// Step 6: the width D, the number of the candidate's samples above the width threshold.
-pub fn width_samples(section: &Section<'_>, width_threshold: u32) -> u32 {
-    section.run().iter().filter(|&&sample| sample > width_threshold).count() as u32
+/// Step 6: the width D, the number of the candidate's samples above the width threshold, a grey level in sample units.
+#[inline(always)]
+pub fn width_samples(sections: &Sections, width_threshold: f32) -> Lane {
+    let mut width = [0.0; LANES];
+    let last = sections.last_place();
+    for i in sections.candidate_rows() {
+        let (place, level) = (sections.place(i), sections.blurred[i]);
+        for lane in 0..LANES {
+            let is_wide = (place[lane] >= 0.0)
+                & (place[lane] <= last[lane])
+                & (level[lane] > width_threshold);
+            width[lane] += if is_wide { 1.0 } else { 0.0 };
+        }
+    }
+    width
 }
 
 /// Step 7: how far the window reaches to either side of its centre, L = 2D/3, pixels.
-pub fn window_half_length_px(width_samples: u32) -> f64 {
-    2.0 * f64::from(width_samples) / 3.0
+#[inline(always)]
+pub fn window_half_length_px(width_samples: &Lane) -> Lane {
+    each(|lane| 2.0 * width_samples[lane] / 3.0)
 }
 
 /// Step 8 with the window as printed in the paper: the coarse peak rounded to a pixel, L rounded, but at least 1.
@@ -18,37 +34,53 @@ pub fn window_half_length_px(width_samples: u32) -> f64 {
 /// In the paper's example a coarse peak at 1165.115 is taken as 1165, and D = 7 makes L = 14/3 = 4.67, which it prints
 /// "rounded to 4"; the nearest is 5, and that is taken here. Locks the result to pixels (`rounded_window_locks_to_pixels`
 /// shows by how much); `window: fractional` does not.
+#[inline(always)]
 pub fn rounded_window_gravity(
-    section: &Section<'_>,
-    coarse_px: f64,
-    half_length_px: f64,
+    sections: &Sections,
+    coarse_px: &Lane,
+    half_length_px: &Lane,
     noise: &Noise<'_>,
-) -> Centre {
-    let reach = half_length_px.round().max(1.0) as usize;
-    let middle = coarse_px.round() as usize - section.origin as usize;
-    gravity(
-        section,
-        middle.saturating_sub(reach),
-        (middle + reach + 1).min(section.samples.len()),
-        noise,
-    )
+) -> Centres {
+    let reach = each(|lane| round(half_length_px[lane]).max(1.0));
+    let middle = each(|lane| round(coarse_px[lane]));
+    let from =
+        each(|lane| (middle[lane] - reach[lane]).max(sections.start[lane] - sections.first[lane]));
+    let to = each(|lane| {
+        (middle[lane] + reach[lane]).min(sections.end[lane] - 1.0 - sections.first[lane])
+    });
+    gravity(sections, &from, &to, noise)
 }
 
 /// Formula 7 over the whole candidate: the plain grey-level centre of gravity.
-pub fn gray_gravity(section: &Section<'_>, noise: &Noise<'_>) -> Centre {
-    let from = (section.candidate.first - section.origin) as usize;
-    gravity(section, from, from + section.candidate.length() as usize, noise)
+#[inline(always)]
+pub fn gray_gravity(sections: &Sections, noise: &Noise<'_>) -> Centres {
+    gravity(sections, &[0.0; LANES], &sections.last_place(), noise)
 }
 
-/// Formula 7, Σ i·G / Σ G, over the section's samples `from..to`.
-fn gravity(section: &Section<'_>, from: usize, to: usize, noise: &Noise<'_>) -> Centre {
-    let (mut level, mut moment) = (0.0, 0.0);
-    for (k, &sample) in section.samples[from..to].iter().enumerate() {
-        level += grey(sample);
-        moment += k as f64 * grey(sample);
+/// Formula 7, Σ i·G / Σ G, over the samples at the places `from..=to`.
+#[inline(always)]
+fn gravity(sections: &Sections, from: &Lane, to: &Lane, noise: &Noise<'_>) -> Centres {
+    let (mut level, mut moment) = ([0.0; LANES], [0.0; LANES]);
+    let row = |place: &Lane| each(|lane| sections.first[lane] + place[lane]);
+    for i in sections.reach(&row(from), &row(to)) {
+        let (place, sample) = (sections.place(i), sections.blurred[i]);
+        for lane in 0..LANES {
+            let is_inside = (place[lane] >= from[lane]) & (place[lane] <= to[lane]);
+            let grey = if is_inside { sample[lane] } else { 0.0 };
+            level[lane] += grey;
+            moment[lane] += place[lane] * grey;
+        }
     }
-    Centre {
-        position_px: f64::from(section.origin) + from as f64 + moment / level,
-        sigma_px: noise.ramp_sigma((to - from) as f64, level) / level,
+    let length = each(|lane| to[lane] - from[lane] + 1.0);
+    let sigma = noise.ramp_sigmas(&length, &level);
+    Centres {
+        position_px: each(|lane| moment[lane] / level[lane]),
+        sigma_px: each(|lane| sigma[lane] / level[lane]),
     }
+}
+
+/// The nearest whole number of one that is not negative, half up.
+#[inline(always)]
+fn round(number: f32) -> f32 {
+    (number + 0.5) as u32 as f32
 }

@@ -5,11 +5,12 @@
 //! Estimators keep to two rules for that: rows outside a lane's window count nothing, and places are counted from the
 //! candidate's first sample.
 
-use super::section::Section;
+use super::section::{Candidate, Section, grey};
+use std::ops::Range;
 
 /// Cross-sections in a batch: one 512-bit register of `f32`.
 pub const LANES: usize = 16;
-/// Longest window of a lane, rows.
+/// Longest candidate that an estimator is given, samples. Longer ones are no cross-section of a stripe.
 pub const MAX_ROWS: usize = 192;
 
 /// One number a lane.
@@ -61,6 +62,16 @@ impl Default for Sections {
     }
 }
 
+/// What `f` gives for every lane.
+#[inline(always)]
+pub fn each(f: impl Fn(usize) -> f32) -> Lane {
+    let mut lanes = [0.0; LANES];
+    for (lane, value) in lanes.iter_mut().enumerate() {
+        *value = f(lane);
+    }
+    lanes
+}
+
 impl Sections {
     /// Rows held.
     pub fn rows(&self) -> usize {
@@ -70,18 +81,75 @@ impl Sections {
     /// Place of row `i` in every lane, pixels from the candidate's first sample.
     #[inline(always)]
     pub fn place(&self, i: usize) -> Lane {
-        std::array::from_fn(|lane| i as f32 - self.first[lane])
+        each(|lane| i as f32 - self.first[lane])
+    }
+
+    /// Place of the candidate's last sample in every lane, pixels from its first.
+    #[inline(always)]
+    pub fn last_place(&self) -> Lane {
+        each(|lane| self.last[lane] - self.first[lane])
+    }
+
+    /// Samples of every lane's candidate.
+    #[inline(always)]
+    pub fn length(&self) -> Lane {
+        each(|lane| self.last[lane] - self.first[lane] + 1.0)
+    }
+
+    /// Which lanes are in use: 1 or 0.
+    #[inline(always)]
+    pub fn in_use(&self) -> Lane {
+        each(|lane| if lane < self.count { 1.0 } else { 0.0 })
     }
 
     /// Whether row `i` lies in the lane's window: 1 or 0.
     #[inline(always)]
     pub fn is_inside(&self, i: usize) -> Lane {
         let i = i as f32;
-        std::array::from_fn(
-            |lane| {
-                if i >= self.start[lane] && i < self.end[lane] { 1.0 } else { 0.0 }
-            },
-        )
+        each(|lane| if i >= self.start[lane] && i < self.end[lane] { 1.0 } else { 0.0 })
+    }
+
+    /// Rows in which some lane has a sample of its candidate.
+    #[inline(always)]
+    pub fn candidate_rows(&self) -> Range<usize> {
+        self.reach(&self.first, &self.last)
+    }
+
+    /// Rows that hold every place between `low` and `high` (rows, as numbers) of the lanes in use.
+    #[inline(always)]
+    pub fn reach(&self, low: &Lane, high: &Lane) -> Range<usize> {
+        let (mut from, mut to) = (f32::INFINITY, 0.0_f32);
+        for lane in 0..self.count {
+            from = from.min(low[lane]);
+            to = to.max(high[lane]);
+        }
+        let end = (to.max(0.0) as usize + 1).min(self.rows());
+        (from.max(0.0) as usize).min(end)..end
+    }
+
+    /// Makes room for `rows` rows of `count` lanes. Samples of earlier batches stay where they are: they lie in no window.
+    pub fn clear(&mut self, count: usize, rows: usize) {
+        self.count = count;
+        self.raw.resize(rows, [0.0; LANES]);
+        self.blurred.resize(rows, [0.0; LANES]);
+        let none = [0.0; LANES];
+        (self.start, self.end, self.first, self.last, self.peak) = (none, none, none, none, none);
+    }
+
+    /// Says where in a lane a candidate lies whose window `held` (positions) begins in row `start`.
+    pub fn place_lane(
+        &mut self,
+        lane: usize,
+        start: usize,
+        held: &Range<usize>,
+        candidate: &Candidate,
+    ) {
+        let first = start + (candidate.first as usize - held.start);
+        self.start[lane] = start as f32;
+        self.end[lane] = (start + held.len()) as f32;
+        self.first[lane] = first as f32;
+        self.last[lane] = (first + candidate.length() as usize - 1) as f32;
+        self.peak[lane] = grey(candidate.peak) as f32;
     }
 
     /// Replaces all lanes by these sections, each with its whole samples as window.
@@ -91,19 +159,14 @@ impl Sections {
     pub fn load<'a>(&mut self, sections: impl ExactSizeIterator<Item = Section<'a>> + Clone) {
         assert!(sections.len() <= LANES, "{} sections", sections.len());
         let rows = sections.clone().map(|section| section.samples.len()).max().unwrap_or(0);
-        *self = Self { count: sections.len(), ..Self::default() };
-        self.raw.resize(rows, [0.0; LANES]);
-        self.blurred.resize(rows, [0.0; LANES]);
+        self.clear(sections.len(), rows);
         for (lane, section) in sections.enumerate() {
             for (i, (&raw, &blurred)) in section.raw.iter().zip(section.samples).enumerate() {
                 self.raw[i][lane] = raw as f32;
-                self.blurred[i][lane] = super::section::grey(blurred) as f32;
+                self.blurred[i][lane] = grey(blurred) as f32;
             }
-            let first = section.candidate.first - section.origin;
-            self.first[lane] = first as f32;
-            self.last[lane] = (first + section.candidate.length() - 1) as f32;
-            self.end[lane] = section.samples.len() as f32;
-            self.peak[lane] = super::section::grey(section.candidate.peak) as f32;
+            let origin = section.origin as usize;
+            self.place_lane(lane, 0, &(origin..origin + section.samples.len()), &section.candidate);
         }
     }
 }

@@ -1,35 +1,41 @@
-//! Steps 5 to 8 on one cross-section, and the points put together to a centreline.
+//! Steps 5 to 8 on cross-sections side by side, and the points put together to a centreline.
 
 use super::{
-    Centerline, flag,
+    Centerline,
+    broad::Broad,
+    flag,
     fractional::fractional_window_gravity,
     gaussian_fit::{coarse_peak, gaussian_fit},
     gravity::{gray_gravity, rounded_window_gravity, width_samples, window_half_length_px},
-    section::{Candidate, Centre, Levels, Section, full_width_half_maximum},
+    lanes::{Centres, Lane, Sections},
+    section::{Candidate, Found, Levels},
+    width::{brightest, brightest_raw, full_width_half_maximum, raw_at},
 };
 use crate::scanner::params::{Method, StripeDirection, Window};
 
-/// Steps 5 to 8: the centre of a cross-section by the chosen method.
+/// Steps 5 to 8: the centres of cross-sections by the chosen method; `brightest` is the place of each one's peak.
 ///
-/// **A new estimator is one more arm here**: a function from a [`Section`] to a [`Centre`] in a file of its own, and its
+/// **A new estimator is one more arm here**: a function from [`Sections`] to [`Centres`] in a file of its own, and its
 /// name in [`Method`]. The parameter's choices and the property that fast equals reference follow from the name.
-pub fn centre(section: &Section<'_>, levels: &Levels<'_>) -> Centre {
+#[inline(always)]
+pub fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Centres {
+    let noise = &levels.noise;
     match levels.method {
-        Method::GrayGravity => gray_gravity(section, &levels.noise),
-        Method::GaussianFit => gaussian_fit(section, &levels.noise),
+        Method::GrayGravity => gray_gravity(sections, noise),
+        Method::GaussianFit => gaussian_fit(sections, brightest, noise),
         Method::GaussianMl | Method::LogGaussian | Method::FirPeak | Method::Steger => {
-            gaussian_fit(section, &levels.noise)
+            gaussian_fit(sections, brightest, noise)
         }
         Method::ImprovedGravity => {
-            let coarse_px = coarse_peak(section);
-            let half_length_px =
-                window_half_length_px(width_samples(section, levels.width_threshold));
+            let coarse_px = coarse_peak(sections, brightest);
+            let width_samples = width_samples(sections, levels.width_threshold);
+            let half_length_px = window_half_length_px(&width_samples);
             match levels.window {
                 Window::Rounded => {
-                    rounded_window_gravity(section, coarse_px, half_length_px, &levels.noise)
+                    rounded_window_gravity(sections, &coarse_px, &half_length_px, noise)
                 }
                 Window::Fractional => {
-                    fractional_window_gravity(section, coarse_px, half_length_px, &levels.noise)
+                    fractional_window_gravity(sections, &coarse_px, &half_length_px, noise)
                 }
             }
         }
@@ -45,8 +51,18 @@ pub struct Assembler<'a> {
     offset: (usize, usize),
     /// Positions across the stripe: rows of the region for a horizontal stripe.
     length_across: u32,
-    /// The cross-section pushed last: its line and its candidate.
-    previous: Option<(usize, Candidate)>,
+    /// The cross-section pushed last.
+    previous: Option<Found>,
+}
+
+/// What is measured of one cross-section.
+struct Point {
+    /// Pixels from the candidate's first sample.
+    position_px: f64,
+    sigma_px: f32,
+    width_px: f32,
+    intensity: f32,
+    flags: u8,
 }
 
 impl<'a> Assembler<'a> {
@@ -61,18 +77,52 @@ impl<'a> Assembler<'a> {
         Self { centerline, direction, offset, length_across: length_across as u32, previous: None }
     }
 
-    /// Measures the cross-section of line `line` (a column of the region for a horizontal stripe) and adds its point.
-    pub fn push(&mut self, line: usize, section: &Section<'_>, levels: &Levels<'_>) {
-        let candidate = section.candidate;
-        let centre = centre(section, levels);
-        if !self.continues(line, candidate) {
+    /// Measures cross-sections, one a lane, in which these candidates were found, and adds their points.
+    #[inline(always)]
+    pub fn push(&mut self, found: &[Found], sections: &Sections, levels: &Levels<'_>) {
+        let brightest = brightest(sections);
+        let centres = centres(sections, &brightest, levels);
+        let width_px =
+            full_width_half_maximum(sections, &brightest, levels.noise.kernel.variance_px2());
+        let intensity = raw_at(sections, &centres.position_px);
+        let brightest_raw = brightest_raw(sections);
+        for (lane, found) in found.iter().enumerate() {
+            let is_saturated = brightest_raw[lane] >= levels.full_scale as f32;
+            self.add(
+                found,
+                &Point {
+                    position_px: centres.position_px[lane].into(),
+                    sigma_px: centres.sigma_px[lane],
+                    width_px: width_px[lane],
+                    intensity: intensity[lane],
+                    flags: if is_saturated { flag::SATURATED } else { 0 },
+                },
+            );
+        }
+    }
+
+    /// Adds the point of a candidate that is too long for a cross-section of the stripe: its centre of gravity, which
+    /// may be anywhere in it.
+    pub fn push_broad(&mut self, found: &Found, broad: &Broad, levels: &Levels<'_>) {
+        let is_saturated = broad.brightest_raw >= levels.full_scale;
+        let point = Point {
+            position_px: broad.position_px,
+            // As if it were anywhere in the candidate.
+            sigma_px: (f64::from(found.candidate.length()) / 12.0_f64.sqrt()) as f32,
+            width_px: f32::NAN,
+            intensity: broad.intensity,
+            flags: flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 },
+        };
+        self.add(found, &point);
+    }
+
+    fn add(&mut self, found: &Found, point: &Point) {
+        let Found { line, candidate } = *found;
+        if !self.previous.is_some_and(|previous| continues(&previous, found)) {
             self.centerline.stripe_start.push(self.centerline.len() as u32);
         }
-        self.previous = Some((line, candidate));
-        let mut flags = 0;
-        if near(section).iter().any(|&sample| sample >= levels.full_scale) {
-            flags |= flag::SATURATED;
-        }
+        self.previous = Some(*found);
+        let mut flags = point.flags;
         if candidate.count > 1 {
             flags |= flag::MULTIPLE_PEAKS;
         }
@@ -80,45 +130,24 @@ impl<'a> Assembler<'a> {
             flags |= flag::CLIPPED;
         }
         let (x, y) = (self.offset.0 as f64, self.offset.1 as f64);
+        let position_px = f64::from(candidate.first) + point.position_px;
         let (u_px, v_px) = match self.direction {
-            StripeDirection::Horizontal => (x + line as f64, y + centre.position_px),
-            StripeDirection::Vertical => (x + centre.position_px, y + line as f64),
+            StripeDirection::Horizontal => (x + f64::from(line), y + position_px),
+            StripeDirection::Vertical => (x + position_px, y + f64::from(line)),
         };
         self.centerline.u_px.push(u_px as f32);
         self.centerline.v_px.push(v_px as f32);
-        self.centerline
-            .width_px
-            .push(full_width_half_maximum(section, levels.noise.kernel.variance_px2()) as f32);
-        self.centerline.intensity.push(raw_at(section, centre.position_px));
-        self.centerline.sigma_px.push(centre.sigma_px as f32);
+        self.centerline.width_px.push(point.width_px);
+        self.centerline.intensity.push(point.intensity);
+        self.centerline.sigma_px.push(point.sigma_px);
         self.centerline.flags.push(flags);
     }
-
-    /// Whether the candidate touches the one of the line before, corners included.
-    fn continues(&self, line: usize, candidate: Candidate) -> bool {
-        self.previous.is_some_and(|(previous_line, previous)| {
-            previous_line + 1 == line
-                && candidate.first <= previous.last + 1
-                && previous.first <= candidate.last + 1
-        })
-    }
 }
 
-/// Unblurred samples of the candidate and of one neighbour to either side.
-fn near<'a>(section: &Section<'a>) -> &'a [u32] {
-    let first = (section.candidate.first - section.origin) as usize;
-    let end = first + section.candidate.length() as usize + 1;
-    &section.raw[first.saturating_sub(1)..end.min(section.raw.len())]
-}
-
-/// Unblurred level at a place between samples, linear.
-fn raw_at(section: &Section<'_>, position_px: f64) -> f32 {
-    let raw = section.raw;
-    let at = (position_px - f64::from(section.origin)).clamp(0.0, (raw.len() - 1) as f64);
-    let left = at.floor() as usize;
-    let right = (left + 1).min(raw.len() - 1);
-    let share = at - left as f64;
-    (f64::from(raw[left]) * (1.0 - share) + f64::from(raw[right]) * share) as f32
+/// Whether a candidate touches that of the line before, corners included.
+const fn continues(previous: &Found, next: &Found) -> bool {
+    let (above, below): (&Candidate, &Candidate) = (&previous.candidate, &next.candidate);
+    previous.line + 1 == next.line && below.first <= above.last + 1 && above.first <= below.last + 1
 }
 
 #[cfg(test)]
@@ -126,7 +155,10 @@ mod tests {
     use super::*;
     use crate::scanner::{
         params::ExtractionParams,
-        stripe::blur::{Kernel, UNITS},
+        stripe::{
+            blur::{Kernel, UNITS},
+            section::Section,
+        },
     };
     use proptest::prelude::*;
 
@@ -174,10 +206,15 @@ mod tests {
                         .zip(&samples)
                         .map(|(at, &sample)| if held.contains(&at) { sample } else { 0 })
                         .collect();
-                    let [expected, actual] = [&samples, &others]
-                        .map(|samples| centre(&Section { samples, raw: samples, origin: 0, candidate }, &levels));
+                    let [expected, actual] = [&samples, &others].map(|samples| {
+                        let mut sections = Sections::default();
+                        let section = Section { samples, raw: samples, origin: 0, candidate };
+                        sections.load(std::iter::once(section));
+                        let centres = centres(&sections, &brightest(&sections), &levels);
+                        (centres.position_px[0], centres.sigma_px[0])
+                    });
                     prop_assert_eq!(expected, actual);
-                    prop_assert!(actual.position_px.is_finite() && actual.sigma_px.is_finite());
+                    prop_assert!(actual.0.is_finite() && actual.1.is_finite());
                 }
             }
         }

@@ -21,6 +21,9 @@ pub mod blur;
 pub mod segment;
 pub mod section;
 pub mod lanes;
+pub mod logarithm;
+pub mod width;
+pub mod broad;
 pub mod gaussian_fit;
 pub mod gravity;
 pub mod fractional;
@@ -33,6 +36,7 @@ pub mod select;
 pub mod measure;
 pub mod reference;
 pub mod tiles;
+pub mod load;
 pub mod fast;
 #[cfg(test)]
 mod pictures;

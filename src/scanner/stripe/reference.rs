@@ -4,6 +4,8 @@ use super::{
     Centerline,
     background::opened,
     blur::{Kernel, Sample, blurred_at},
+    broad::Broad,
+    lanes::Sections,
     measure::Assembler,
     section::{Candidate, Found, Levels, Section},
     select::Selector,
@@ -95,15 +97,22 @@ pub fn extract_next<S: Sample>(
 
     let mut centerline = Centerline::default();
     let mut assembler = Assembler::new(&mut centerline, direction, offset, length);
-    for Found { line, candidate } in chosen {
-        let line = line as usize;
-        let held = candidate.reach(levels.margin(&candidate), length);
+    let mut alone = Sections::default();
+    for found in chosen {
+        let Found { line, candidate } = found;
+        let margin = if candidate.is_broad() { 0 } else { levels.margin(&candidate) };
+        let held = candidate.reach(margin, length);
         let origin = held.start as u32;
-        let pixels: Vec<_> = held.map(|position| pixel(line, position)).collect();
-        let samples: Vec<_> = pixels.iter().map(|&(x, y)| blurred[y * width + x]).collect();
-        let raw: Vec<_> = pixels.iter().map(|&(x, y)| plane.at(x, y).into()).collect();
+        let pixels: Vec<_> = held.map(|position| pixel(line as usize, position)).collect();
+        let samples: Vec<u32> = pixels.iter().map(|&(x, y)| blurred[y * width + x]).collect();
+        let raw: Vec<u32> = pixels.iter().map(|&(x, y)| plane.at(x, y).into()).collect();
         let section = Section { samples: &samples, raw: &raw, origin, candidate };
-        assembler.push(line, &section, &levels);
+        if candidate.is_broad() {
+            assembler.push_broad(&found, &Broad::of(&section), &levels);
+        } else {
+            alone.load(std::iter::once(section));
+            assembler.push(&[found], &alone, &levels);
+        }
     }
     centerline
 }
@@ -121,9 +130,8 @@ fn local_background(
             blurred.chunks_exact(width).flat_map(|row| opened(row, window_px)).collect()
         }
         StripeDirection::Horizontal => {
-            let column = |x: usize| -> Vec<u32> {
-                blurred.chunks_exact(width).map(|row| row[x]).collect()
-            };
+            let column =
+                |x: usize| -> Vec<u32> { blurred.chunks_exact(width).map(|row| row[x]).collect() };
             let columns: Vec<_> = (0..width).map(|x| opened(&column(x), window_px)).collect();
             (0..blurred.len()).map(|i| columns[i % width][i / width]).collect()
         }

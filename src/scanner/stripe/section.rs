@@ -3,7 +3,10 @@
 //! Positions run across the stripe: rows for a horizontal stripe, columns for a vertical one, pixel centres at
 //! integers, counted from the border of the searched region.
 
-use super::blur::{Kernel, UNITS};
+use super::{
+    blur::{Kernel, UNITS},
+    lanes::{Lane, MAX_ROWS, each},
+};
 use crate::scanner::params::{ExtractionParams, Method, Window};
 use std::ops::Range;
 
@@ -26,6 +29,11 @@ impl Candidate {
         self.last - self.first + 1
     }
 
+    /// Whether it is too long for the cross-section of a stripe: no estimator is given it.
+    pub const fn is_broad(&self) -> bool {
+        self.length() as usize > MAX_ROWS
+    }
+
     /// Its positions and up to `margin` more to either side, within a cross-section of `length` positions.
     pub fn reach(&self, margin: u32, length: usize) -> Range<usize> {
         let from = self.first.saturating_sub(margin) as usize;
@@ -42,7 +50,7 @@ pub struct Found {
     pub candidate: Candidate,
 }
 
-/// Blurred samples of a cross-section: the candidate and what lies around it.
+/// One cross-section alone: the candidate's samples and what lies around it.
 #[derive(Clone, Copy, Debug)]
 pub struct Section<'a> {
     /// Blurred samples, blurred units, of consecutive positions.
@@ -55,14 +63,6 @@ pub struct Section<'a> {
     pub candidate: Candidate,
 }
 
-impl Section<'_> {
-    /// Samples of the candidate.
-    pub fn run(&self) -> &[u32] {
-        let from = (self.candidate.first - self.origin) as usize;
-        &self.samples[from..from + self.candidate.length() as usize]
-    }
-}
-
 /// The extraction's parameters in the units of the blurred samples of one image.
 #[derive(Clone, Copy, Debug)]
 pub struct Levels<'a> {
@@ -72,8 +72,8 @@ pub struct Levels<'a> {
     pub window: Window,
     /// A pixel is stripe above this, blurred units.
     pub segment_threshold: u32,
-    /// A sample counts towards the width above this, blurred units.
-    pub width_threshold: u32,
+    /// A sample counts towards the width above this, sample units.
+    pub width_threshold: f32,
     /// Full scale, sample units.
     pub full_scale: u32,
     /// Noise of a raw pixel.
@@ -90,7 +90,7 @@ impl<'a> Levels<'a> {
             method: params.method,
             window: params.window,
             segment_threshold: units(params.segment_threshold),
-            width_threshold: units(params.width_threshold),
+            width_threshold: grey(units(params.width_threshold)) as f32,
             full_scale,
             // Rounding to integers adds 1/12.
             noise: Noise {
@@ -106,12 +106,13 @@ impl Levels<'_> {
     /// The same with another segment threshold, blurred units; the width threshold keeps its proportion to it.
     #[must_use]
     pub fn with_segment_threshold(self, threshold: u32) -> Self {
-        let proportion = f64::from(self.width_threshold) / f64::from(self.segment_threshold.max(1));
-        Self {
-            segment_threshold: threshold,
-            width_threshold: (f64::from(threshold) * proportion).round() as u32,
-            ..self
-        }
+        let width_threshold = match self.segment_threshold {
+            0 => self.width_threshold,
+            segment => {
+                (f64::from(self.width_threshold) * f64::from(threshold) / f64::from(segment)) as f32
+            }
+        };
+        Self { segment_threshold: threshold, width_threshold, ..self }
     }
 
     /// Positions to either side of a candidate that its section should hold: the window 2D/3 reaches at most so far, and
@@ -139,64 +140,16 @@ pub struct Noise<'a> {
 }
 
 impl Noise<'_> {
-    /// Standard deviation of Σ (i - c) G over a window of `length` pixels about c that holds `level` = Σ G.
-    pub fn ramp_sigma(&self, length: f64, level: f64) -> f64 {
-        // Shot noise as if the mean level were everywhere: the window's ends, which count most, are darker.
-        let variance = self.constant + self.per_level * level / length.max(1.0);
-        (variance * self.kernel.noise_gain() * self.kernel.ramp_energy(length)).sqrt()
+    /// Standard deviation of Σ (i - c) G over windows of `length` pixels about c that hold `level` = Σ G each.
+    #[inline(always)]
+    pub fn ramp_sigmas(&self, length: &Lane, level: &Lane) -> Lane {
+        let energy = self.kernel.ramp_energies(length);
+        let (constant, per_level) = (self.constant as f32, self.per_level as f32);
+        let gain = self.kernel.noise_gain() as f32;
+        each(|lane| {
+            // Shot noise as if the mean level were everywhere: the window's ends, which count most, are darker.
+            let variance = constant + per_level * level[lane] / length[lane].max(1.0);
+            (variance * gain * energy[lane]).sqrt()
+        })
     }
-
-    /// Standard deviation of Σ weight(i) G over blurred samples, whose noise the blur has made correlated.
-    pub fn weighted_sigma(&self, samples: &[u32], weight: impl Fn(usize) -> f64) -> f64 {
-        let kernel = self.kernel.weights();
-        let r = self.kernel.radius();
-        let mut variance = 0.0;
-        for raw in 0..samples.len() + 2 * r {
-            // The raw sample `raw - r` reaches the blurred samples up to r away.
-            let reached = raw.saturating_sub(2 * r)..(raw + 1).min(samples.len());
-            let by_raw: f64 = reached.map(|i| weight(i) * f64::from(kernel[raw - i])).sum::<f64>()
-                / f64::from(UNITS);
-            let level = grey(samples[raw.saturating_sub(r).min(samples.len() - 1)]);
-            variance += by_raw * by_raw * (self.constant + self.per_level * level);
-        }
-        (variance * self.kernel.noise_gain()).sqrt()
-    }
-}
-
-/// The centre of a cross-section and how sure it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Centre {
-    /// Position, pixels.
-    pub position_px: f64,
-    /// One standard deviation from the stated noise, pixels.
-    pub sigma_px: f64,
-}
-
-/// Full width at half maximum, pixels: where the blurred samples fall below half their peak, interpolated linearly,
-/// and the blur's own width taken off in quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN
-/// where the border or a bright background hides an edge.
-pub fn full_width_half_maximum(section: &Section<'_>, blur_variance_px2: f64) -> f64 {
-    let samples = section.samples;
-    let half = f64::from(section.candidate.peak) / 2.0;
-    let run_start = (section.candidate.first - section.origin) as usize;
-    let Some(peak) = section.run().iter().position(|&sample| sample == section.candidate.peak)
-    else {
-        return f64::NAN;
-    };
-    let peak = run_start + peak;
-    // Place of the crossing between a sample above half and its outer neighbour below, as a share of the way out.
-    let share = |inner: usize, outer: usize| {
-        let (inner, outer) = (f64::from(samples[inner]), f64::from(samples[outer]));
-        (inner - half) / (inner - outer)
-    };
-    let is_below = |&sample: &u32| f64::from(sample) < half;
-    let (Some(below), Some(above)) =
-        (samples[..peak].iter().rposition(is_below), samples[peak..].iter().position(is_below))
-    else {
-        return f64::NAN;
-    };
-    let above = peak + above;
-    let width = (above - below) as f64 - 2.0 + share(below + 1, below) + share(above - 1, above);
-    // 8 ln 2: from a Gaussian's variance to its squared full width at half maximum.
-    (width * width - 8.0 * std::f64::consts::LN_2 * blur_variance_px2).max(0.0).sqrt()
 }

@@ -99,10 +99,11 @@ impl Selector {
         if margin > 0 {
             self.remember();
         }
-        chosen.extend(self.taken.iter().map(|&Possible { line, maximum }| Found {
-            line,
-            candidate: maximum.candidate,
-        }));
+        chosen.extend(
+            self.taken
+                .iter()
+                .map(|&Possible { line, maximum }| Found { line, candidate: maximum.candidate }),
+        );
     }
 
     /// Whether the brightest, first, last or widest of all that was found is wanted, and nothing else.
@@ -215,7 +216,9 @@ fn best_of<T>(selection: PeakSelection, line: &[T], of: fn(&T) -> &Candidate) ->
         PeakSelection::Last => true,
         PeakSelection::Widest => candidate.length() > best.length(),
     };
-    (0..line.len()).reduce(|best, other| {
-        if is_better(of(&line[other]), of(&line[best])) { other } else { best }
-    })
+    (0..line.len()).reduce(
+        |best, other| {
+            if is_better(of(&line[other]), of(&line[best])) { other } else { best }
+        },
+    )
 }

@@ -42,11 +42,7 @@ pub fn split(run: &Candidate, sample: impl Fn(u32) -> u32, mut put: impl FnMut(M
 }
 
 /// The maximum whose largest sample and its first position are given, within `from..=to`.
-fn about(
-    (peak, at): (u32, u32),
-    (from, to): (u32, u32),
-    sample: &impl Fn(u32) -> u32,
-) -> Maximum {
+fn about((peak, at): (u32, u32), (from, to): (u32, u32), sample: &impl Fn(u32) -> u32) -> Maximum {
     let is_above = |&at: &u32| sample(at) >= peak.div_ceil(SKIRT);
     let first = (from..at).rev().take_while(is_above).last().unwrap_or(at);
     let last = (at + 1..=to).take_while(is_above).last().unwrap_or(at);
@@ -60,13 +56,16 @@ mod tests {
 
     /// First and last position, peak and middle of every maximum.
     fn maxima(levels: &[u32]) -> Vec<(u32, u32, u32, f64)> {
-        let run =
-            Candidate { first: 5, last: 4 + levels.len() as u32, ..Candidate::default() };
+        let run = Candidate { first: 5, last: 4 + levels.len() as u32, ..Candidate::default() };
         let mut found = Vec::new();
-        split(&run, |at| levels[at as usize - 5], |maximum| {
-            let Candidate { first, last, peak, .. } = maximum.candidate;
-            found.push((first - 5, last - 5, peak, f64::from(maximum.middle) / 2.0 - 5.0));
-        });
+        split(
+            &run,
+            |at| levels[at as usize - 5],
+            |maximum| {
+                let Candidate { first, last, peak, .. } = maximum.candidate;
+                found.push((first - 5, last - 5, peak, f64::from(maximum.middle) / 2.0 - 5.0));
+            },
+        );
         found
     }
 

@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn gaussian_noise_is_found_under_a_stripe() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
-        let noise = rand_distr::Normal::new(5000.0, 300.0).unwrap();
+        let noise = rand_distr::Normal::new(5000.0_f64, 300.0).unwrap();
         let (width, height) = (640, 480);
         let mut image: Vec<u32> =
             (0..width * height).map(|_| noise.sample(&mut rng).round() as u32).collect();

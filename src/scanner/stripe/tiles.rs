@@ -5,7 +5,7 @@
 //! one read of the image; everything after it grows with the stripe, not with the frame.
 
 use super::{
-    blur::{Kernel, Sample, Scratch, UNITS, blur_span, blurred_at},
+    blur::{Kernel, Sample, Scratch, UNITS, blur_span},
     segment::Regions,
 };
 use crate::scanner::channel::Plane;
@@ -52,29 +52,25 @@ impl<S: Sample> BlurredTiles<S> {
         self.resize(plane.width, plane.height);
         self.find_hot(plane, threshold);
         self.spread(kernel.radius());
-        self.blur(plane, kernel);
+        self.blur_marked(plane, kernel);
     }
 
     /// Blurs all tiles, and hands out the samples to be changed, row by row.
     pub fn compute_everywhere(&mut self, plane: &Plane<'_, S>, kernel: &Kernel) -> &mut [S::Sum] {
         self.resize(plane.width, plane.height);
         self.blurred.fill(true);
-        self.blur(plane, kernel);
+        self.blur_marked(plane, kernel);
         &mut self.samples
     }
 
-    fn blur(&mut self, plane: &Plane<'_, S>, kernel: &Kernel) {
+    fn blur_marked(&mut self, plane: &Plane<'_, S>, kernel: &Kernel) {
         for tile_row in 0..self.hot.len() / self.across {
             let mut from = 0;
             while let Some(span) =
                 next_span(&self.blurred[tile_row * self.across..][..self.across], from)
             {
                 from = span.end;
-                let (x0, x1) = (span.start * COLUMNS, (span.end * COLUMNS).min(self.width));
-                for y in tile_row * ROWS..((tile_row + 1) * ROWS).min(self.height) {
-                    let out = &mut self.samples[y * self.width..][..self.width];
-                    blur_span(plane, kernel, (y, x0, x1), &mut self.scratch, out);
-                }
+                self.blur(plane, kernel, (span, tile_row));
             }
         }
     }
@@ -113,42 +109,40 @@ impl<S: Sample> BlurredTiles<S> {
         self.samples[y * self.width + x].into()
     }
 
-    /// Replaces `out` by the blurred samples of column `x` in `rows`, blurred tile or not.
-    pub fn column(
-        &self,
+    /// Blurs the tiles that hold these pixels, if they have not been blurred.
+    pub fn ensure(
+        &mut self,
         plane: &Plane<'_, S>,
         kernel: &Kernel,
-        (x, rows): (usize, Range<usize>),
-        out: &mut Vec<u32>,
+        (xs, ys): (Range<usize>, Range<usize>),
     ) {
-        out.clear();
-        let mut tiles = rows.start / ROWS..=(rows.end - 1) / ROWS;
-        if tiles.all(|tile_row| self.blurred[tile_row * self.across + x / COLUMNS]) {
-            out.extend(rows.map(|y| self.known(x, y)));
-        } else {
-            out.extend(rows.map(|y| self.at(plane, kernel, x, y)));
+        for tile_y in ys.start / ROWS..ys.end.div_ceil(ROWS) {
+            for tile_x in xs.start / COLUMNS..xs.end.div_ceil(COLUMNS) {
+                let blurred = &mut self.blurred[tile_y * self.across + tile_x];
+                if !std::mem::replace(blurred, true) {
+                    self.blur(plane, kernel, (tile_x..tile_x + 1, tile_y));
+                }
+            }
         }
     }
 
-    /// Replaces `out` by the blurred samples of row `y` in `columns`, blurred tile or not.
-    pub fn row(
-        &self,
+    /// Blurs consecutive tiles of a row of tiles.
+    fn blur(
+        &mut self,
         plane: &Plane<'_, S>,
         kernel: &Kernel,
-        (y, columns): (usize, Range<usize>),
-        out: &mut Vec<u32>,
+        (tiles, tile_y): (Range<usize>, usize),
     ) {
-        out.clear();
-        out.extend(columns.map(|x| self.at(plane, kernel, x, y)));
+        let (x0, x1) = (tiles.start * COLUMNS, (tiles.end * COLUMNS).min(self.width));
+        for y in tile_y * ROWS..((tile_y + 1) * ROWS).min(self.height) {
+            let out = &mut self.samples[y * self.width..][..self.width];
+            blur_span(plane, kernel, (y, x0, x1), &mut self.scratch, out);
+        }
     }
 
-    /// The blurred sample at any pixel; computed on the spot outside the blurred tiles.
-    fn at(&self, plane: &Plane<'_, S>, kernel: &Kernel, x: usize, y: usize) -> u32 {
-        if self.blurred[y / ROWS * self.across + x / COLUMNS] {
-            self.known(x, y)
-        } else {
-            blurred_at(plane, kernel, x, y)
-        }
+    /// Blurred samples of row `y`; only those in blurred tiles are of this frame.
+    pub fn row(&self, y: usize) -> &[S::Sum] {
+        &self.samples[y * self.width..][..self.width]
     }
 
     fn resize(&mut self, width: usize, height: usize) {

@@ -49,7 +49,9 @@ impl Tracker {
     /// beyond its ends level.
     pub fn is_near(&self, line: u32, middle: u32, margin: u32) -> bool {
         self.tracks[..self.count].iter().any(|track| {
-            track.at(line).is_some_and(|expected| (expected - f64::from(middle)).abs() <= f64::from(margin))
+            track
+                .at(line)
+                .is_some_and(|expected| (expected - f64::from(middle)).abs() <= f64::from(margin))
         })
     }
 }
