@@ -8,6 +8,7 @@
 mod program;
 #[cfg(any(feature = "dds", feature = "zenoh"))]
 mod live;
+mod real_scenes;
 mod recordings;
 
 mod accuracy;

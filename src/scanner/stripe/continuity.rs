@@ -145,7 +145,7 @@ mod tests {
         let slope = |step: u32| {
             let mut nodes: Vec<Node> =
                 (0..100).map(|line| Node { line, middle: step * line, peak: 200 }).collect();
-            nodes.extend(stripe(0..100, 1000, 190));
+            nodes.extend(stripe(0..100, 1000, 120));
             find(&mut nodes, 3.0)
         };
         assert_eq!(slope(4)[50], (50, 200));
