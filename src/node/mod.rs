@@ -14,6 +14,7 @@ pub mod sink;
 pub mod fan_out;
 pub mod topics;
 pub mod calibration_file;
+pub mod ambient;
 pub mod ambient_file;
 pub mod input;
 pub mod camera;

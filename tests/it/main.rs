@@ -12,6 +12,7 @@ mod real_scenes;
 mod recordings;
 
 mod accuracy;
+mod ambient;
 mod bright_scene;
 mod allocation;
 mod cli;

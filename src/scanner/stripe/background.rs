@@ -65,7 +65,7 @@ impl<T: Number> BackgroundFilter<T> {
                 for row in samples.chunks_exact_mut(width) {
                     self.rows.line.clear();
                     self.rows.line.extend_from_slice(row);
-                    self.rows.open(self.reach, |a, b| a.min(b), |a, b| a.max(b));
+                    self.rows.open(self.reach, Ord::min, Ord::max);
                     for (sample, &opened) in row.iter_mut().zip(&self.rows.line) {
                         *sample = above(*sample, opened);
                     }
