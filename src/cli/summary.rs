@@ -102,6 +102,9 @@ pub(super) fn text(summary: &Summary) -> String {
             summary.num_damaged
         );
     }
+    if counts.unpaired > 0 {
+        _ = writeln!(out, "frames without their other exposure: {}", counts.unpaired);
+    }
     if summary.was_interrupted {
         _ = writeln!(out, "interrupted: the rest of the input was not read");
     }

@@ -31,6 +31,8 @@ pub struct Counts {
     pub unpublished: u64,
     /// Bytes handed to the recorder.
     pub recorder_bytes: u64,
+    /// Frames measured without their other exposure although exposures alternate; the first one is among them.
+    pub unpaired: u64,
 }
 
 impl Counts {
@@ -58,6 +60,7 @@ impl Counts {
         self.recorder_dropped += other.recorder_dropped;
         self.unpublished += other.unpublished;
         self.recorder_bytes += other.recorder_bytes;
+        self.unpaired += other.unpaired;
     }
 
     /// Whether every frame that exists was measured, and every result kept.

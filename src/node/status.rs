@@ -216,6 +216,7 @@ impl Reporter {
             ("results not published", counts.unpublished.to_string()),
             ("results not recorded", counts.recorder_dropped.to_string()),
             ("slices", counts.slices.to_string()),
+            ("frames without their other exposure", counts.unpaired.to_string()),
         ];
         let value = |(key, value)| KeyValue { key: Cow::Borrowed(key), value: Cow::Owned(value) };
         let rejection = state.last_rejection.iter().map(|text| ("last rejection", text.clone()));

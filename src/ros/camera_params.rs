@@ -100,6 +100,13 @@ impl CameraParams {
                 name("extraction.background_file")
             ));
         }
+        let smoothed = self.scanner.extraction.smoothing_columns;
+        if smoothed.is_multiple_of(2) {
+            return conflict(format!(
+                "{} is {smoothed}: a point and as many neighbours to either side are an odd number",
+                name("extraction.smoothing_columns")
+            ));
+        }
         let (slice, scan) = (self.scanner.slice_profiles, self.scanner.scan_max_profiles);
         if slice > scan {
             return conflict(format!(

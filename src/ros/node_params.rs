@@ -158,7 +158,8 @@ mod tests {
 
     #[test]
     fn contradictions_are_refused() {
-        let cases: [&[(&str, Value)]; 3] = [
+        let cases: [&[(&str, Value)]; 4] = [
+            &[("extraction.smoothing_columns", Value::Integer(4))],
             &[("motion.source", Value::Text("constant".into()))],
             &[("motion.step", Value::Float(0.1)), ("motion.velocity", Value::Float(0.1))],
             &[("slice.profiles", Value::Integer(10)), ("scan.max_profiles", Value::Integer(9))],

@@ -6,6 +6,7 @@ pub mod image;
 pub mod channel;
 pub mod ambient;
 pub mod stripe;
+pub mod exposure_pair;
 pub mod calibration;
 pub mod pose;
 pub mod profile;

@@ -5,10 +5,11 @@ use super::{
     ambient::{Ambient, AmbientError},
     calibration::{Calibration, Lines},
     channel::{Decoder, RoiError, window},
+    exposure_pair::{ExposurePairs, Pairing},
     height_map::HeightMap,
     image::{Frame, OwnedImage},
     motion::Motion,
-    params::Params,
+    params::{Exposure, Params},
     profile::Profile,
     scan::{Completed, Placed, Scan, Slice},
     stripe::{Centerline, Extractor},
@@ -24,6 +25,8 @@ pub struct Pipeline {
     decoder: Decoder,
     ambient: Ambient,
     extractor: Extractor,
+    /// When short and long exposures alternate.
+    pairs: Option<ExposurePairs>,
     centerline: Centerline,
     profile: Profile,
     motion: Motion,
@@ -39,6 +42,7 @@ impl Pipeline {
             decoder: Decoder::default(),
             ambient: Ambient::default(),
             extractor: Extractor::new(params.extraction, params.stripe_direction),
+            pairs: pairs(&params),
             centerline: Centerline::default(),
             profile: Profile::default(),
             motion: Motion::new(params.motion),
@@ -77,6 +81,10 @@ impl Pipeline {
 
         // Steps 3 to 8: blur, segment, coarse peak, width, window, centre.
         self.extractor.extract(&plane, (searched.x, searched.y), full_scale, &mut self.centerline);
+        let image_px = (image.width(), image.height());
+        // Alternating exposures: what this frame lacks, the frame before has.
+        let pairs = self.pairs.as_mut();
+        let pairing = pairs.map(|pairs| pairs.merge(&mut self.centerline, index, image_px));
         on_stage(Stage::Extract);
 
         let position_m = self.motion.position_m(index.frame_number, stamp_ns);
@@ -85,7 +93,6 @@ impl Pipeline {
                 let lines = Lines::new(self.params.stripe_direction, &searched);
                 // Step 9: metres.
                 calibration.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
-                let image_px = (image.width(), image.height());
                 let placed =
                     Placed { profile: &self.profile, image_px, stamp_ns, position_m, index };
                 // Step 10: stacked along the motion.
@@ -97,6 +104,7 @@ impl Pipeline {
 
         Ok(Output {
             centerline: &self.centerline,
+            pairing,
             position_m,
             profile: self.calibration.is_some().then_some(&self.profile),
             slice: completed.slice,
@@ -107,16 +115,23 @@ impl Pipeline {
     /// Ends the scan: its last slice and its height map. Of the frames after the last good one, `frames_missing` never
     /// arrived and `frames_rejected` were refused. The next frame lies at position 0 again.
     pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
-        self.motion.restart();
-        self.extractor.reset();
+        self.restart();
         self.scan.finish(frames_missing, frames_rejected)
     }
 
     /// Throws the open scan away. The next frame lies at position 0 again.
     pub fn discard(&mut self) {
+        self.restart();
+        self.scan.discard();
+    }
+
+    /// What comes does not go on from what came: not its positions, and not its exposures.
+    fn restart(&mut self) {
         self.motion.restart();
         self.extractor.reset();
-        self.scan.discard();
+        if let Some(pairs) = &mut self.pairs {
+            pairs.restart();
+        }
     }
 
     /// Whether frames give profiles.
@@ -159,9 +174,14 @@ impl Pipeline {
         }
         self.extractor = Extractor::new(params.extraction, params.stripe_direction);
         self.ambient.forget();
+        self.pairs = pairs(&params);
         self.scan.set_limits(params.scan_limits());
         self.params = params;
     }
+}
+
+fn pairs(params: &Params) -> Option<ExposurePairs> {
+    (params.exposure == Exposure::Alternating).then(|| ExposurePairs::new(params.stripe_direction))
 }
 
 /// What is known about a frame besides its picture.
@@ -191,6 +211,8 @@ pub enum Stage {
 pub struct Output<'a> {
     /// The centreline, perhaps without points.
     pub centerline: &'a Centerline,
+    /// How it was made of two exposures, when those alternate.
+    pub pairing: Option<Pairing>,
     /// Position along the scan, metres.
     pub position_m: f64,
     /// The metric profile, when calibrated.

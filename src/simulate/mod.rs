@@ -11,4 +11,5 @@ pub mod exposure;
 pub mod noise;
 pub mod sensor;
 pub mod stripe;
+pub mod texture;
 pub mod world;

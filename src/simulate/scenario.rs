@@ -45,6 +45,10 @@ pub struct Scenario {
     /// Numbers of the frames that are taken but never arrive.
     #[serde(default)]
     pub dropped_frames: Vec<u32>,
+    /// Exposure times in turn, as shares of that for which all grey levels are stated: frame n has entry n modulo their
+    /// number. None: 1.
+    #[serde(default)]
+    pub exposure_factors: Vec<f64>,
     /// How the part moves through the laser plane.
     pub motion: Motion,
     /// The plane of light.
@@ -106,6 +110,12 @@ impl Scenario {
         self.motion.start_m + f64::from(frame) * self.motion.step_m
     }
 
+    /// Light of a frame as a share of the stated levels.
+    pub fn exposure_factor(&self, frame: u32) -> f64 {
+        let factors = &self.exposure_factors;
+        if factors.is_empty() { 1.0 } else { factors[frame as usize % factors.len()] }
+    }
+
     fn check(&self) -> Result<(), ScenarioError> {
         check_range("frames", f64::from(self.frames), 1.0, f64::from(MAX_FRAMES))?;
         check_range("frame_rate_hz", self.frame_rate_hz, 0.01, 1e5)?;
@@ -120,6 +130,10 @@ impl Scenario {
         for (index, &frame) in self.dropped_frames.iter().enumerate() {
             let last = f64::from(self.frames - 1);
             check_range(&format!("dropped_frames[{index}]"), f64::from(frame), 0.0, last)?;
+        }
+        check_entries("exposure_factors", &self.exposure_factors)?;
+        for (index, &factor) in self.exposure_factors.iter().enumerate() {
+            check_range(&format!("exposure_factors[{index}]"), factor, 0.0, 1000.0)?;
         }
         self.camera.check()?;
         self.part.check()?;

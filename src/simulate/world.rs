@@ -25,9 +25,10 @@ impl Scenario {
         let shares =
             speckle(&mut rng, camera.length_px(), laser.speckle_contrast, laser.speckle_sigma_px);
         out.truth.clear();
+        let exposure_factor = self.exposure_factor(frame);
         out.truth.extend((0..).zip(&shares).map(|(column, share)| {
             let mut section = self.cross_section(frame, column);
-            section.amplitude *= share;
+            section.amplitude *= share * exposure_factor;
             section
         }));
         self.expose(frame, &out.truth, &mut out.exposure);
@@ -56,8 +57,10 @@ impl Scenario {
         let camera = &self.camera;
         exposure.reset(camera.width_px, camera.height_px, 0.0);
         let size_px = [camera.width_px, camera.height_px];
-        exposure
-            .add(|column, row| self.clutter.level(frame, size_px, [column, row]).max(0.0) as f32);
+        let factor = self.exposure_factor(frame);
+        exposure.add(|column, row| {
+            (factor * self.clutter.level(frame, size_px, [column, row]).max(0.0)) as f32
+        });
         exposure.add_stripe(camera.stripe_direction, |column| stripe[column as usize]);
         for reflection in &self.clutter.reflections {
             exposure.add_stripe(camera.stripe_direction, |column| {
@@ -142,6 +145,24 @@ mod tests {
         assert_ne!(forwards[0].samples, forwards[1].samples);
         let other = scenario(&[noise, speckle, ("seed: 1", "seed: 2")]);
         assert_ne!(frame(&other, 3).samples, forwards[0].samples);
+    }
+
+    #[test]
+    fn exposures_take_turns_and_leave_the_truth_alone() {
+        let plain = scenario(&[("amplitude: 183.0", "amplitude: 100.0")]);
+        let turns = scenario(&[
+            ("amplitude: 183.0", "amplitude: 100.0"),
+            ("seed: 1", "seed: 1\nexposure_factors: [2.0, 0.5, 1.0]"),
+        ]);
+        for (number, factor) in [(18, 2.0), (19, 0.5), (20, 1.0)] {
+            let [plain, turns] = [&plain, &turns].map(|scenario| frame(scenario, number));
+            let brightest = |picture: &RenderedFrame| *picture.samples.iter().max().unwrap();
+            let share = f64::from(brightest(&turns)) / f64::from(brightest(&plain));
+            assert!((share - factor).abs() < 0.02, "{number}: {share}");
+            for (a, b) in plain.truth.iter().zip(&turns.truth) {
+                assert_eq!(a.center_px.to_bits(), b.center_px.to_bits());
+            }
+        }
     }
 
     #[test]

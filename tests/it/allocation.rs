@@ -5,7 +5,7 @@ use laser_profiler::{
     scanner::{
         calibration::Calibration,
         image::{Frame, Image, PixelFormat},
-        params::{Params, StripeDirection},
+        params::{Exposure, ExtractionParams, Params, StripeDirection},
         pipeline::{FrameIndex, Pipeline},
     },
     simulate::stripe::{StripeScene, render_stripe},
@@ -16,10 +16,16 @@ const RIG: &str = "{type: vertical_incidence, frame_id: laser_plane, image_dista
 
 #[test]
 fn frames_slices_and_scans_allocate_nothing() {
-    for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
+    for (direction, exposure, smoothing_columns) in [
+        (StripeDirection::Horizontal, Exposure::Single, 1),
+        (StripeDirection::Vertical, Exposure::Single, 1),
+        (StripeDirection::Horizontal, Exposure::Alternating, 9),
+    ] {
         let scanner = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner;
         let params = Params {
             stripe_direction: direction,
+            exposure,
+            extraction: ExtractionParams { smoothing_columns, ..scanner.extraction },
             slice_profiles: 4,
             scan_max_profiles: 10,
             ..scanner
@@ -34,7 +40,13 @@ fn frames_slices_and_scans_allocate_nothing() {
             .map(|i| {
                 let mut samples = Vec::new();
                 let centre = move |along: u32| 40.0 + f64::from(i) * 3.0 + 0.02 * f64::from(along);
-                render_stripe(&StripeScene { seed: i.into(), ..scene }, centre, &mut samples);
+                // Two exposures in turn, dim and saturated.
+                let amplitude = if i % 2 == 0 { 90.0 } else { 400.0 };
+                render_stripe(
+                    &StripeScene { seed: i.into(), amplitude, ..scene },
+                    centre,
+                    &mut samples,
+                );
                 samples
             })
             .collect();

@@ -76,6 +76,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         recorder_dropped: 9,
         recorder_bytes: 10,
         unpublished: 11,
+        unpaired: 12,
         ..Counts::default()
     };
     let reporter = Reporter {
@@ -124,6 +125,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("results not published", "11"),
         ("results not recorded", "9"),
         ("slices", "8"),
+        ("frames without their other exposure", "12"),
         ("last rejection", "odd"),
         ("disk", "roomy"),
         ("disk", "full"),

@@ -23,6 +23,7 @@ use crate::{
     },
     ros::node_params::ImageTransport,
     scanner::{
+        exposure_pair::Pairing,
         image,
         pipeline::{FrameError, FrameIndex, Stage},
     },
@@ -155,6 +156,7 @@ impl Worker {
         self.last_position_m = output.position_m;
         self.counts.points += output.centerline.len() as u64;
         self.counts.slices += u64::from(output.slice.is_some());
+        self.counts.unpaired += u64::from(is_unpaired(output.pairing));
         let time_ns = message.log_time_ns;
         self.results
             .publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
@@ -196,6 +198,14 @@ impl Worker {
             tracing::debug!("frame rejected (log time {time_ns} ns): {rejection}");
         }
     }
+}
+
+/// Whether a frame lacks its other exposure. Tells why, when the scene or the parameters are to blame.
+fn is_unpaired(pairing: Option<Pairing>) -> bool {
+    if pairing == Some(Pairing::Alike) {
+        tracing::debug!("exposures alternate, but this frame is as bright as the one before it");
+    }
+    matches!(pairing, Some(Pairing::Alone | Pairing::Alike))
 }
 
 /// Writes down how long each stage took.

@@ -43,8 +43,9 @@ pub const CAMERA: &[Parameter] = &[
     integer("roi.height", "px", (0, 0, MAX_SIDE),
         "Searched rows; 0 reaches to the lower border. Time grows with width x height."),
     choice("exposure", "single", Exposure::NAMES,
-        "How frames of different exposure times follow one another. alternating: short and long ones in turn; points \
-         saturated in the long one are taken from the short one."),
+        "How frames of different exposure times follow one another. alternating: short and long ones in turn; each is \
+         merged with the one before it: points that are saturated or missing in the long one are the short one's. The \
+         two are a period apart, so points lie up to one step of the motion off. Intensities are the long one's."),
     choice("extraction.method", "improved_gravity", Method::NAMES,
         "Estimator of the stripe's centre in a cross-section. improved_gravity: centroid in a window about a fitted \
          maximum, the paper's. gaussian_fit suits narrow, unsaturated stripes; gray_gravity is the plain centroid, which \
@@ -103,8 +104,8 @@ pub const CAMERA: &[Parameter] = &[
         "Search only so far from the last frame's stripe, and everywhere again when less than half of its points are found \
          there. 0: everywhere."),
     integer("extraction.smoothing_columns", "points", (1, 1, 255),
-        "Points that are smoothed together along the stripe, steps kept; 1: none. Less noise for less lateral \
-         resolution."),
+        "Points that are smoothed together along the stripe, an odd number; 1: none. Noise falls with their root; steps \
+         and grooves above the noise stay as they are."),
     float("extraction.ridge_sigma", "px", (2.2, 0.5, 10.0),
         "Standard deviation of the Gaussian of the method steger: the stripe's standard deviation, about."),
     choice("extraction.noise", "stated", NoiseSource::NAMES,

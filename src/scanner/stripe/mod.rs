@@ -15,7 +15,7 @@
 //! | 8 centre | [`fractional::fractional_window_gravity`], [`gravity::rounded_window_gravity`] as printed |
 //!
 //! [`reference`](mod@reference) runs steps 3 and 4 on every pixel, [`fast`] only where stripe can be; both hand each cross-section to
-//! [`measure`], where the estimator is chosen and where a new one is added.
+//! [`measure`], where the estimator is chosen and where a new one is added. [`smooth`] comes after, when it is asked for.
 
 pub mod blur;
 pub mod segment;
@@ -34,6 +34,8 @@ pub mod continuity;
 pub mod tracking;
 pub mod select;
 pub mod measure;
+pub mod correlation;
+pub mod smooth;
 pub mod reference;
 pub mod tiles;
 pub mod load;
@@ -46,6 +48,7 @@ use super::{
     params::{ExtractionParams, StripeDirection},
 };
 use fast::FastExtractor;
+use smooth::Smoother;
 
 /// Bits of a point's flags, as in `laser_profiler_msgs/msg/Centerline`.
 pub mod flag {
@@ -94,6 +97,17 @@ impl Centerline {
         self.u_px.is_empty()
     }
 
+    /// Becomes `other`, keeps the memory.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.u_px.clone_from(&other.u_px);
+        self.v_px.clone_from(&other.v_px);
+        self.stripe_start.clone_from(&other.stripe_start);
+        self.width_px.clone_from(&other.width_px);
+        self.intensity.clone_from(&other.intensity);
+        self.sigma_px.clone_from(&other.sigma_px);
+        self.flags.clone_from(&other.flags);
+    }
+
     /// Forgets all points, keeps the memory.
     pub fn clear(&mut self) {
         self.u_px.clear();
@@ -140,6 +154,7 @@ impl Centerline {
 pub struct Extractor {
     eight: FastExtractor<u8>,
     sixteen: FastExtractor<u16>,
+    smoother: Smoother,
 }
 
 impl Extractor {
@@ -148,6 +163,7 @@ impl Extractor {
         Self {
             eight: FastExtractor::new(params, direction),
             sixteen: FastExtractor::new(params, direction),
+            smoother: Smoother::new(&params, direction),
         }
     }
 
@@ -179,5 +195,6 @@ impl Extractor {
             AnyPlane::Eight(plane) => self.eight.extract(plane, offset, full_scale, centerline),
             AnyPlane::Sixteen(plane) => self.sixteen.extract(plane, offset, full_scale, centerline),
         }
+        self.smoother.smooth(centerline);
     }
 }
