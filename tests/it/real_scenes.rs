@@ -10,6 +10,7 @@ use laser_profiler::{
         laser_profiler_msgs::Centerline,
         sensor_msgs::{CompressedImage, Image},
     },
+    scanner::params::StripeDirection,
 };
 
 use crate::{program::replay, recordings::real};
@@ -45,7 +46,7 @@ impl Picture {
         let message: CompressedImage<'_> = cdr::decode(message).unwrap();
         let mut pixels = Vec::new();
         let image = compressed::image(&message, 1 << 24, &mut pixels).unwrap();
-        let redness = |p: &[u8]| f32::from(p[0]) - (f32::from(p[1]) + f32::from(p[2])) / 2.0;
+        let redness = |p: &[u8]| f32::from(p[0]) - f32::midpoint(p[1].into(), p[2].into());
         let (lines, rows) = (image.width() as usize, image.height() as usize);
         Self { lines, rows, levels: image.data().chunks_exact(3).map(redness).collect() }
     }
@@ -102,15 +103,15 @@ fn messages(bag: &Path, topic: &str) -> Vec<Vec<u8>> {
 }
 
 /// The place of the stripe in every line of every frame of the results.
-fn found(results: &Path, is_vertical: bool, lines: usize) -> Vec<Vec<Option<f64>>> {
+fn found(results: &Path, direction: StripeDirection, lines: usize) -> Vec<Vec<Option<f64>>> {
     let places = |message: Vec<u8>| {
         let centerline: Centerline<'_> = cdr::decode(&message).unwrap();
-        let (along, across) = match is_vertical {
-            true => (&centerline.v, &centerline.u),
-            false => (&centerline.u, &centerline.v),
+        let (along, across) = match direction {
+            StripeDirection::Vertical => (&centerline.v, &centerline.u),
+            StripeDirection::Horizontal => (&centerline.u, &centerline.v),
         };
         let mut places = vec![None; lines];
-        for (line, place) in along.iter().zip(across.iter()) {
+        for (&line, &place) in along.iter().zip(across.iter()) {
             places[line as usize] = Some(f64::from(place));
         }
         places
@@ -132,7 +133,7 @@ struct Figures {
 
 fn figures(found: &[Vec<Option<f64>>], truth: &[Vec<Option<f64>>]) -> Figures {
     assert_eq!(found.len(), truth.len());
-    let (mut lines, mut right, mut wrong, mut jumps) = (0, 0, 0, 0);
+    let (mut lines, mut right, mut wrong, mut jumps) = (0_usize, 0, 0, 0);
     let mut bends = Vec::new();
     for (found, truth) in found.iter().zip(truth) {
         for (found, truth) in found.iter().zip(truth) {
@@ -168,8 +169,9 @@ fn measure(recording: &Path, arguments: &[&str], truth: &[Vec<Option<f64>>]) -> 
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("results");
     replay(recording, &output, 0, arguments);
-    let is_vertical = !arguments.iter().any(|argument| argument.ends_with("noisy_floor.yaml"));
-    let figures = figures(&found(&output, is_vertical, truth[0].len()), truth);
+    let is_floor = arguments.iter().any(|argument| argument.ends_with("noisy_floor.yaml"));
+    let direction = if is_floor { StripeDirection::Horizontal } else { StripeDirection::Vertical };
+    let figures = figures(&found(&output, direction, truth[0].len()), truth);
     eprintln!("{} {arguments:?}: {figures:?}", recording.file_name().unwrap().display());
     figures
 }
