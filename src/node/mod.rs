@@ -16,6 +16,8 @@ pub mod sink;
 pub mod fan_out;
 pub mod topics;
 pub mod calibration_file;
+pub mod ambient;
+pub mod ambient_file;
 pub mod input;
 pub mod camera;
 pub mod status;

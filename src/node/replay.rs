@@ -21,6 +21,7 @@ use crate::{
 };
 
 use super::{
+    ambient_file::AmbientFileError,
     calibration_file::CalibrationFileError,
     camera::{self, CameraError},
     input::{ImageTopic, InputError},
@@ -107,6 +108,9 @@ pub enum ReplayError {
     /// The calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationFileError),
+    /// The frame without laser.
+    #[error(transparent)]
+    Ambient(#[from] AmbientFileError),
     /// A recording cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
@@ -126,7 +130,8 @@ impl ReplayError {
             Self::Bag(_)
             | Self::Run(_)
             | Self::Record(_)
-            | Self::Calibration(CalibrationFileError::Io { .. }) => false,
+            | Self::Calibration(CalibrationFileError::Io { .. })
+            | Self::Ambient(AmbientFileError::Io { .. }) => false,
             _ => true,
         }
     }

@@ -8,7 +8,7 @@ use std::{
 use crate::{
     bag::{BagReader, RecordError, Topic, place},
     node::{
-        calibration_file,
+        ambient_file, calibration_file,
         input::{self, ImageTopic, InputError},
         recording::{Description, ResultsBag},
         results::Results,
@@ -19,7 +19,7 @@ use crate::{
         worker::{Worker, WorkerOptions},
     },
     ros::{camera_params::CameraParams, names::NodeNames, parameters::Parameters, value::Value},
-    scanner::{calibration::Calibration, pipeline::Pipeline},
+    scanner::{calibration::Calibration, image::OwnedImage, pipeline::Pipeline},
 };
 
 use super::{Replay, ReplayError};
@@ -30,6 +30,7 @@ pub(super) struct CameraReplay {
     /// The effective parameters of all cameras, as if this were the only one that is replayed.
     values: Parameters,
     calibration: Option<(Calibration, String)>,
+    ambient: Option<OwnedImage>,
     pub(super) image_topic: ImageTopic,
     /// Its bag of results.
     output: PathBuf,
@@ -45,6 +46,7 @@ impl CameraReplay {
     ) -> Result<Self, ReplayError> {
         let calibration =
             camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
+        let ambient = ambient_file::load(&camera)?;
         let mut image_topic: Option<ImageTopic> = None;
         for (path, bag) in replay.request.bags.iter().zip(&replay.bags) {
             let found = choose(path, bag, &replay.names, &camera)?;
@@ -63,7 +65,7 @@ impl CameraReplay {
         // What is recorded as effective is what was done, not the default that gave way.
         let transport = Value::Text(image_topic.transport.name().to_owned());
         values.set(&camera.full_name("image_transport"), transport, "the recording")?;
-        Ok(Self { camera, values, calibration, image_topic, output })
+        Ok(Self { camera, values, calibration, ambient, image_topic, output })
     }
 
     /// Two cameras with the same images would both want every message.
@@ -126,7 +128,8 @@ impl CameraReplay {
             max_frame_bytes: self.camera.max_frame_bytes,
             sends_images: replay.request.with_images,
         };
-        let pipeline = Pipeline::new(scanner, calibration.cloned());
+        let pipeline =
+            Pipeline::new(scanner, calibration.cloned()).with_ambient(self.ambient.clone());
         Worker::new(options, pipeline, results, reporter)
     }
 

@@ -100,7 +100,13 @@ impl<'a> Assembler<'a> {
         let intensity = raw_at(sections, &centres.position_px);
         let brightest_raw = brightest_raw(sections);
         for (lane, found) in found.iter().enumerate() {
-            let is_saturated = brightest_raw[lane] >= levels.full_scale as f32;
+            let mut flags = 0;
+            if brightest_raw[lane] >= levels.full_scale as f32 {
+                flags |= flag::SATURATED;
+            }
+            if levels.is_low(found.candidate.peak, intensity[lane]) {
+                flags |= flag::LOW_CONTRAST;
+            }
             self.add(
                 found,
                 &Point {
@@ -108,7 +114,7 @@ impl<'a> Assembler<'a> {
                     sigma_px: centres.sigma_px[lane],
                     width_px: width_px[lane],
                     intensity: intensity[lane],
-                    flags: if is_saturated { flag::SATURATED } else { 0 },
+                    flags,
                 },
             );
         }

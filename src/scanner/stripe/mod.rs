@@ -6,7 +6,9 @@
 //! | 1 crop | [`channel::window`](super::channel::window) |
 //! | 2 grey | [`channel::Decoder::decode`](super::channel::Decoder::decode) |
 //! | 3 blur | [`blur::blurred_at`]; fast: [`blur::blur_span`], where [`tiles`] says that it matters |
-//! | 4 segment | [`segment::Regions`]; of several candidates in a cross-section [`select::Selected`] takes one |
+//! | 3a background | [`background::BackgroundFilter`], when the scene is not black |
+//! | 4 segment | [`segment::Regions`], above [`threshold::NoiseThreshold`] when it is adaptive |
+//! | 4a choose | [`select::Selector`] takes one candidate a cross-section, or more: [`split`], [`continuity`], [`tracking`] |
 //! | 5 coarse peak | [`gaussian_fit::coarse_peak`] |
 //! | 6 width D | [`gravity::width_samples`] |
 //! | 7 window L | [`gravity::window_half_length_px`] |
@@ -33,6 +35,11 @@ pub mod steger;
 pub mod noise_estimate;
 pub mod gravity;
 pub mod fractional;
+pub mod background;
+pub mod threshold;
+pub mod split;
+pub mod continuity;
+pub mod tracking;
 pub mod select;
 pub mod measure;
 pub mod correlation;
@@ -168,6 +175,21 @@ impl Extractor {
             sixteen: FastExtractor::new(params, direction),
             smoother: Smoother::new(&params, direction),
         }
+    }
+
+    /// Takes this plane for the light without laser, for `background: reference`: the searched part of the frames that
+    /// follow, with the same depth.
+    pub fn set_ambient(&mut self, plane: &AnyPlane<'_>) {
+        match plane {
+            AnyPlane::Eight(plane) => self.eight.set_ambient(plane),
+            AnyPlane::Sixteen(plane) => self.sixteen.set_ambient(plane),
+        }
+    }
+
+    /// Forgets the last frame's stripes: the next frame is searched everywhere.
+    pub const fn reset(&mut self) {
+        self.eight.reset();
+        self.sixteen.reset();
     }
 
     /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` (column, row) of the image.
