@@ -9,6 +9,8 @@ pub mod parameters;
 pub mod info;
 pub mod recover;
 pub mod simulate;
+pub mod evaluate;
+pub mod ambient;
 pub mod demo;
 
 use std::{ffi::OsString, io};
@@ -60,6 +62,8 @@ enum Verb {
     Info(info::InfoArgs),
     Recover(recover::RecoverArgs),
     Simulate(simulate::SimulateArgs),
+    Evaluate(evaluate::EvaluateArgs),
+    Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
 }
@@ -84,6 +88,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Info(args) => info::run(&args, out),
         Verb::Recover(args) => recover::run(&args, out),
         Verb::Simulate(args) => simulate::run(&args, out),
+        Verb::Evaluate(args) => evaluate::run(args, ros, out),
+        Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),
     }

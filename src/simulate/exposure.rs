@@ -47,6 +47,13 @@ impl Exposure {
         }
     }
 
+    /// Multiplies each pixel, row after row, by its factor; pixels beyond the last factor stay.
+    pub fn multiply(&mut self, factors: &[f32]) {
+        for (pixel, factor) in self.levels.iter_mut().zip(factors) {
+            *pixel *= factor;
+        }
+    }
+
     /// Adds a stripe that runs in `direction`; `cross_section` is asked once for each column (row, if vertical).
     ///
     /// The Gaussian is integrated over each pixel: the level of the pixel at k is

@@ -9,6 +9,7 @@ pub mod camera;
 pub mod clutter;
 pub mod exposure;
 pub mod noise;
+pub mod speckle;
 pub mod sensor;
 pub mod stripe;
 pub mod texture;

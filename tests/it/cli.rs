@@ -14,7 +14,8 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 7] = ["run", "replay", "parameters", "info", "recover", "simulate", "demo"];
+const VERBS: [&str; 8] =
+    ["run", "replay", "parameters", "info", "recover", "simulate", "evaluate", "demo"];
 
 #[test]
 fn every_verb_explains_itself() {
@@ -106,7 +107,7 @@ fn printed_parameters_are_a_parameter_file() {
 
 #[test]
 fn a_reader_that_leaves_early_is_no_failure() {
-    for verb in ["parameters", "--help", "info bags/film_defects"] {
+    for verb in ["parameters", "--help", "info bags/film_defects", "evaluate paper"] {
         let pipe = format!("\"$0\" {verb} | head -c 1 >/dev/null; exit ${{PIPESTATUS[0]}}");
         let mut command = Command::new("bash");
         command.args(["-c", &pipe, env!("CARGO_BIN_EXE_laser_profiler")]);

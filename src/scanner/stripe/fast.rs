@@ -2,21 +2,27 @@
 
 use super::{
     Centerline,
-    blur::{Kernel, Sample},
+    background::BackgroundFilter,
+    blur::{Kernel, Sample, blurred_at},
     broad::BroadRuns,
     columns::Columns,
-    lanes::{LANES, Sections},
+    lanes::{Centres, LANES, Sections},
     load::Loader,
     measure::Assembler,
+    noise_estimate::NoiseEstimator,
+    picture::Picture,
     section::{Candidate, Found, Levels},
     segment::Regions,
     select::Selector,
+    steger::Ridge,
+    threshold::{NoiseThreshold, rounding_noise},
     tiles::BlurredTiles,
-    vectors::{Vectors, Work},
+    vectors::Vectors,
+    work::{AddUp, Blur, Find, Load, Measure},
 };
 use crate::scanner::{
     channel::Plane,
-    params::{ExtractionParams, StripeDirection},
+    params::{ExtractionParams, Method, NoiseSource, StripeDirection, Threshold},
 };
 use fearless_simd::Simd;
 
@@ -27,6 +33,8 @@ pub struct FastExtractor<S: Sample> {
     params: ExtractionParams,
     direction: StripeDirection,
     tiles: BlurredTiles<S>,
+    background: BackgroundFilter<S::Sum>,
+    noise_threshold: NoiseThreshold,
     regions: Regions,
     columns: Columns,
     found: Vec<Found>,
@@ -35,6 +43,8 @@ pub struct FastExtractor<S: Sample> {
     sections: Sections,
     runs: BroadRuns,
     vectors: Vectors,
+    noise: NoiseEstimator,
+    ridge: Ridge,
 }
 
 impl<S: Sample> FastExtractor<S> {
@@ -45,6 +55,8 @@ impl<S: Sample> FastExtractor<S> {
             params,
             direction,
             tiles: BlurredTiles::default(),
+            background: BackgroundFilter::new(&params),
+            noise_threshold: NoiseThreshold::default(),
             regions: Regions::default(),
             columns: Columns::default(),
             found: Vec::new(),
@@ -53,7 +65,21 @@ impl<S: Sample> FastExtractor<S> {
             sections: Sections::default(),
             runs: BroadRuns::default(),
             vectors: Vectors::widest(),
+            noise: NoiseEstimator::default(),
+            ridge: Ridge::new(params.ridge_sigma_px),
         }
+    }
+
+    /// Takes this frame for the light without laser, for `background: reference`. It has the size of those that follow.
+    pub fn set_ambient(&mut self, plane: &Plane<'_, S>) {
+        let Self { kernel, tiles, background, vectors, .. } = self;
+        vectors.run(Blur { tiles, kernel, plane, threshold: None });
+        background.set_ambient(tiles.samples_mut());
+    }
+
+    /// Forgets the last frame: the next one is searched everywhere.
+    pub const fn reset(&mut self) {
+        self.selector.reset();
     }
 
     /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` (column, row) of the image.
@@ -64,14 +90,39 @@ impl<S: Sample> FastExtractor<S> {
         full_scale: u32,
         centerline: &mut Centerline,
     ) {
-        self.find(plane, full_scale);
-        self.selector.select(&self.found, &mut self.chosen);
-        let Self { kernel, params, direction, tiles, chosen, sections, runs, vectors, .. } = self;
-        let levels = Levels::new(params, kernel, full_scale);
+        let threshold = self.find(plane, full_scale);
+        let Self {
+            kernel,
+            params,
+            direction,
+            tiles,
+            selector,
+            found,
+            chosen,
+            sections,
+            runs,
+            vectors,
+            noise,
+            ridge,
+            ..
+        } = self;
+        let mut levels = Levels::new(params, kernel, full_scale);
+        if params.threshold == Threshold::Adaptive {
+            levels = levels.with_segment_threshold(threshold);
+        }
+        let sample = |line: u32, position: u32| match direction {
+            StripeDirection::Horizontal => tiles.known(line as usize, position as usize),
+            StripeDirection::Vertical => tiles.known(position as usize, line as usize),
+        };
+        selector.select(found, &levels, sample, chosen);
         let length = match direction {
             StripeDirection::Horizontal => plane.height,
             StripeDirection::Vertical => plane.width,
         };
+        let picture = Picture { plane, direction: *direction };
+        if params.noise == NoiseSource::Estimated {
+            noise.estimate(&picture, chosen, full_scale, &mut levels.noise);
+        }
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
         let mut loader = Loader { plane, kernel, tiles, direction: *direction };
         let mut rest = &chosen[..];
@@ -89,25 +140,62 @@ impl<S: Sample> FastExtractor<S> {
                 for (i, found) in batch.iter().enumerate() {
                     assembler.push_broad(found, &loader.broad(found, (i, runs)), &levels);
                 }
-            } else {
-                vectors.run(Load { loader: &mut loader, batch, levels: &levels, sections });
-                vectors.run(Measure {
-                    assembler: &mut assembler,
-                    batch,
-                    levels: &levels,
-                    sections,
-                });
+                continue;
             }
+            let levels = &levels;
+            vectors.run(Load { loader: &mut loader, batch, levels, sections });
+            vectors.run(Measure {
+                assembler: &mut assembler,
+                batch,
+                levels,
+                sections,
+                refine: |centres: &mut Centres| {
+                    if params.method == Method::Steger {
+                        ridge.refine(&picture, batch, (&levels.noise, full_scale), centres);
+                    }
+                },
+            });
         }
     }
 
-    /// All candidates, in order of their lines and of their positions.
-    fn find(&mut self, plane: &Plane<'_, S>, full_scale: u32) {
-        let threshold = Levels::new(&self.params, &self.kernel, full_scale).segment_threshold;
+    /// Finds all candidates, in order of their lines and of their positions; returns the segment threshold, blurred units.
+    fn find(&mut self, plane: &Plane<'_, S>, full_scale: u32) -> u32 {
+        let Self { kernel, params, direction, tiles, background, noise_threshold, vectors, .. } =
+            self;
+        let mut threshold = Levels::new(params, kernel, full_scale).segment_threshold;
+        let is_adaptive = params.threshold == Threshold::Adaptive;
+        let mut adapt = |sample: &dyn Fn(usize, usize) -> u32| {
+            let floor = rounding_noise() * kernel.noise_gain();
+            let size = (plane.width, plane.height);
+            noise_threshold.find(size, sample, (params.threshold_sigmas, floor))
+        };
+        if background.is_needed() {
+            vectors.run(Blur { tiles, kernel, plane, threshold: None });
+            background.subtract(tiles.samples_mut(), plane.width, *direction);
+            if is_adaptive {
+                threshold = adapt(&|x, y| tiles.known(x, y));
+            }
+        } else {
+            if is_adaptive {
+                threshold = adapt(&|x, y| blurred_at(plane, kernel, x, y));
+            }
+            vectors.run(Blur { tiles, kernel, plane, threshold: Some(threshold) });
+        }
         self.found.clear();
-        self.vectors.run(Find { extractor: self, plane, threshold });
+        self.vectors.run(Find { extractor: self, threshold });
         if self.direction == StripeDirection::Horizontal {
             self.columns.finish(&mut self.found);
+        }
+        threshold
+    }
+
+    /// Step 4, once the tiles are blurred.
+    #[inline(always)]
+    pub(super) fn segment<V: Simd>(&mut self, vectors: V, threshold: u32) {
+        self.tiles.segment(vectors, threshold, &mut self.regions);
+        match self.direction {
+            StripeDirection::Horizontal => self.find_in_columns(),
+            StripeDirection::Vertical => self.find_in_rows(),
         }
     }
 
@@ -126,9 +214,9 @@ impl<S: Sample> FastExtractor<S> {
 
     /// The candidates of a horizontal stripe: what the kept runs make in every column.
     #[inline(always)]
-    fn find_in_columns(&mut self, columns: usize) {
+    fn find_in_columns(&mut self) {
         let Self { tiles, regions, found, params, .. } = self;
-        self.columns.clear(columns);
+        self.columns.clear(tiles.width());
         for run in regions.larger_than(params.min_segment_area) {
             let samples = &tiles.row(run.row as usize)[run.start as usize..run.end as usize];
             self.columns.add((run.row, run.start), samples, found);
@@ -136,240 +224,5 @@ impl<S: Sample> FastExtractor<S> {
     }
 }
 
-/// Steps 3 and 4.
-struct Find<'a, 'p, S: Sample> {
-    extractor: &'a mut FastExtractor<S>,
-    plane: &'a Plane<'p, S>,
-    threshold: u32,
-}
-
-impl<S: Sample> Work for Find<'_, '_, S> {
-    type Output = ();
-    #[inline(always)]
-    fn run<V: Simd>(self, vectors: V) {
-        let Self { extractor, plane, threshold } = self;
-        extractor.tiles.compute(vectors, plane, &extractor.kernel, threshold);
-        extractor.tiles.segment(vectors, threshold, &mut extractor.regions);
-        match extractor.direction {
-            StripeDirection::Horizontal => extractor.find_in_columns(plane.width),
-            StripeDirection::Vertical => extractor.find_in_rows(),
-        }
-    }
-}
-
-/// Takes a batch of cross-sections.
-struct Load<'a, 'p, S: Sample> {
-    loader: &'a mut Loader<'p, S>,
-    batch: &'a [Found],
-    levels: &'a Levels<'a>,
-    sections: &'a mut Sections,
-}
-
-impl<S: Sample> Work for Load<'_, '_, S> {
-    type Output = ();
-    #[inline(always)]
-    fn run<V: Simd>(self, vectors: V) {
-        self.loader.load(vectors, self.batch, self.levels, self.sections);
-    }
-}
-
-/// Adds up candidates too long for cross-sections.
-struct AddUp<'a, 'p, S: Sample> {
-    loader: &'a Loader<'p, S>,
-    batch: &'a [Found],
-    runs: &'a mut BroadRuns,
-}
-
-impl<S: Sample> Work for AddUp<'_, '_, S> {
-    type Output = ();
-    #[inline(always)]
-    fn run<V: Simd>(self, _: V) {
-        self.loader.add_up(self.batch, self.runs);
-    }
-}
-
-/// Steps 5 to 8 on a batch of cross-sections.
-struct Measure<'a, 'c> {
-    assembler: &'a mut Assembler<'c>,
-    batch: &'a [Found],
-    levels: &'a Levels<'a>,
-    sections: &'a Sections,
-}
-
-impl Work for Measure<'_, '_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<V: Simd>(self, _: V) {
-        self.assembler.push(self.batch, self.sections, self.levels);
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scanner::{
-        params::{Method, PeakSelection, Window},
-        stripe::{
-            reference,
-            tile_blur::{COLUMNS, ROWS},
-        },
-    };
-    use proptest::prelude::*;
-
-    /// Width, height, stride and samples.
-    type OwnedPlane<S> = (usize, usize, usize, Vec<S>);
-
-    /// Every value of a choice, by its names: a new estimator is tested as soon as it has one.
-    fn any_of<T: Clone + std::fmt::Debug + 'static>(
-        names: &'static [&'static str],
-        from_name: fn(&str) -> Option<T>,
-    ) -> impl Strategy<Value = T> {
-        prop::sample::select(names.iter().filter_map(|name| from_name(name)).collect::<Vec<_>>())
-    }
-
-    fn any_params() -> impl Strategy<Value = ExtractionParams> {
-        let choices = (
-            any_of(Method::NAMES, Method::from_name),
-            any_of(Window::NAMES, Window::from_name),
-            any_of(PeakSelection::NAMES, PeakSelection::from_name),
-        );
-        // The plain definition takes (2r + 1)² steps a pixel: large radii now and then.
-        let radius = prop_oneof![3 => 0..4_u32, 1 => 4..=15_u32];
-        // Halves of grey levels: samples can lie exactly on a threshold, and between two.
-        let threshold = prop_oneof![0..20_u32, 0..200_u32];
-        (choices, radius, threshold, 0..40_u32, 0..255_u32).prop_map(
-            |((method, window, peak_selection), blur_radius, threshold, area, width)| {
-                ExtractionParams {
-                    method,
-                    window,
-                    blur_radius,
-                    segment_threshold: f64::from(threshold) / 2.0,
-                    min_segment_area: area,
-                    width_threshold: f64::from(width),
-                    peak_selection,
-                    ..ExtractionParams::default()
-                }
-            },
-        )
-    }
-
-    /// From 1 to `tiles` tiles and a little, half of them about the border of a tile.
-    fn any_side(tile: usize, tiles: usize) -> impl Strategy<Value = usize> {
-        let about_borders = (1..=tiles, 0..=2_usize);
-        prop_oneof![
-            about_borders.prop_map(move |(count, beyond)| count * tile + beyond - 1),
-            1..=tiles * tile + 8,
-        ]
-    }
-
-    /// Any level, or one about the lower thresholds.
-    fn any_level<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = S> {
-        prop_oneof![any::<S>(), (0..12_u8).prop_map(S::from)]
-    }
-
-    /// Over an even background, a few blocks that leave most tiles cold, or dense noise; a stride wider than the rows.
-    fn any_plane<S: Sample + Arbitrary + From<u8>>(
-        (width, height, padding): (usize, usize, usize),
-    ) -> impl Strategy<Value = OwnedPlane<S>> {
-        let stride = width + padding;
-        let block = (0..stride, 0..height, 1..9_usize, 1..17_usize, any_level::<S>());
-        let few = prop::collection::vec(block, 0..5);
-        let many = (1..50_usize).prop_flat_map(move |sparsity| {
-            let pixel = (0..stride, 0..height, Just(1), Just(1), any_level::<S>());
-            prop::collection::vec(pixel, stride * height / sparsity)
-        });
-        let background = prop_oneof![Just(0), 0..12_u8];
-        (background, prop_oneof![few, many]).prop_map(move |(background, blocks)| {
-            let mut samples = vec![S::from(background); stride * height];
-            for (x, y, columns, rows, level) in blocks {
-                for row in y..(y + rows).min(height) {
-                    let end = (x + columns).min(stride);
-                    samples[row * stride + x..row * stride + end].fill(level);
-                }
-            }
-            (width, height, stride, samples)
-        })
-    }
-
-    /// Frames of one size, then frames of another.
-    fn any_planes<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = Vec<OwnedPlane<S>>> {
-        let size = || (any_side(COLUMNS, 2), any_side(ROWS, 5), 0..5_usize);
-        let frames = |size| prop::collection::vec(any_plane(size), 1..4);
-        (size().prop_flat_map(frames), size().prop_flat_map(frames))
-            .prop_map(|(one, other)| one.into_iter().chain(other).collect())
-    }
-
-    /// Bits, so that NaN equals itself.
-    fn bits(values: &[f32]) -> Vec<u32> {
-        values.iter().map(|v| v.to_bits()).collect()
-    }
-
-    fn assert_equal(fast: &Centerline, reference: &Centerline) {
-        assert_eq!(bits(&fast.u_px), bits(&reference.u_px));
-        assert_eq!(bits(&fast.v_px), bits(&reference.v_px));
-        assert_eq!(fast.stripe_start, reference.stripe_start);
-        assert_eq!(bits(&fast.width_px), bits(&reference.width_px));
-        assert_eq!(bits(&fast.intensity), bits(&reference.intensity));
-        assert_eq!(bits(&fast.sigma_px), bits(&reference.sigma_px));
-        assert_eq!(fast.flags, reference.flags);
-    }
-
-    fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPlane<S>]) {
-        for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
-            // One extractor for all: what an earlier frame left behind must not show. One for every level of vectors.
-            let mut fast: Vec<_> = Vectors::all()
-                .into_iter()
-                .map(|vectors| FastExtractor { vectors, ..FastExtractor::new(params, direction) })
-                .collect();
-            let mut centerline = Centerline::default();
-            for (width, height, stride, samples) in planes {
-                let plane = Plane { width: *width, height: *height, stride: *stride, samples };
-                let expected = reference::extract(&plane, (3, 7), &params, direction, full_scale);
-                for fast in &mut fast {
-                    fast.extract(&plane, (3, 7), full_scale, &mut centerline);
-                    assert_equal(&centerline, &expected);
-                }
-            }
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn fast_equals_reference_on_8_bit(
-            params in any_params(),
-            planes in any_planes::<u8>(),
-        ) {
-            check(params, 255, &planes);
-        }
-
-        #[test]
-        fn fast_equals_reference_on_16_bit(
-            params in any_params(),
-            planes in any_planes::<u16>(),
-            full_scale in prop::sample::select(vec![1023_u32, 4095, 65_535]),
-        ) {
-            check(params, full_scale, &planes);
-        }
-    }
-
-    /// One run every second pixel, joined into one region (a checkerboard) or each a region of its own (dots).
-    #[test]
-    fn the_densest_patterns_are_measured_too() {
-        let (width, height) = (130, 70);
-        let pattern = |is_bright: fn(usize, usize) -> bool| {
-            let samples = (0..width * height)
-                .map(|at| if is_bright(at % width, at / width) { 255_u8 } else { 0 })
-                .collect();
-            (width, height, width, samples)
-        };
-        let planes = [pattern(|x, y| (x + y) % 2 == 0), pattern(|x, y| x % 2 == 0 && y % 2 == 0)];
-        for min_segment_area in [0, 1, 4549, 4550] {
-            let params = ExtractionParams {
-                blur_radius: 0,
-                min_segment_area,
-                ..ExtractionParams::default()
-            };
-            check(params, 255, &planes);
-        }
-    }
-}
+mod tests;

@@ -44,18 +44,23 @@ impl<S: Sample> Default for BlurredTiles<S> {
 }
 
 impl<S: Sample> BlurredTiles<S> {
-    /// Blurs every tile of `plane` in which a blurred sample above `threshold` (blurred units) can lie.
+    /// Blurs every tile of `plane` in which a blurred sample above `threshold` (blurred units) can lie; every tile without
+    /// a threshold.
     #[inline(always)]
     pub fn compute<V: Simd>(
         &mut self,
         vectors: V,
         plane: &Plane<'_, S>,
         kernel: &Kernel,
-        threshold: u32,
+        threshold: Option<u32>,
     ) {
         self.resize(plane.width, plane.height);
-        self.find_hot(vectors, plane, threshold);
-        self.spread(kernel.radius());
+        if let Some(threshold) = threshold {
+            self.find_hot(vectors, plane, threshold);
+            self.spread(kernel.radius());
+        } else {
+            self.blurred.fill(true);
+        }
         for tile_row in 0..self.blurred.len() / self.across {
             let row = tile_row * self.across..(tile_row + 1) * self.across;
             if !self.blurred[row.clone()].contains(&true) {
@@ -160,6 +165,16 @@ impl<S: Sample> BlurredTiles<S> {
     ) {
         let origin = (tile % self.across * COLUMNS, tile / self.across * ROWS);
         self.tile.blur(vectors, (plane, kernel), origin, &mut self.samples);
+    }
+
+    /// Columns.
+    pub const fn width(&self) -> usize {
+        self.width
+    }
+
+    /// All samples, row by row, to be changed; only those in blurred tiles are of this frame.
+    pub fn samples_mut(&mut self) -> &mut [S::Sum] {
+        &mut self.samples
     }
 
     /// Blurred samples of row `y`; only those in blurred tiles are of this frame.

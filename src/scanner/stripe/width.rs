@@ -1,9 +1,6 @@
 //! What a point tells beside its centre: width, brightness, saturation.
 
-use super::{
-    lanes::{LANES, Lane, Sections, each},
-    section::{Levels, grey},
-};
+use super::lanes::{LANES, Lane, Sections, each};
 
 /// Place of the (first) brightest blurred sample of every lane's candidate, pixels from the candidate's first.
 #[inline(always)]
@@ -26,51 +23,53 @@ pub fn brightest(sections: &Sections) -> Lane {
 /// and the blur's own width taken off in quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN
 /// where the border or a bright background hides an edge.
 #[inline(always)]
-pub fn full_width_half_maximum(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Lane {
+pub fn full_width_half_maximum(
+    sections: &Sections,
+    brightest: &Lane,
+    blur_variance_px2: f64,
+) -> Lane {
     // Place of the inner sample of each edge, its level and that of its outer neighbour.
     let mut rise = [[f32::NAN; LANES]; 3];
     let mut fall = [[f32::NAN; LANES]; 3];
     let half = each(|lane| sections.peak[lane] / 2.0);
-    // Half the peak of all but a faint stripe lies above the threshold: the edges lie at the candidate's ends or inside.
-    let threshold = grey(levels.segment_threshold) as f32;
-    let is_faint = |lane: usize| half[lane] <= threshold;
-    let from =
-        each(|lane| if is_faint(lane) { sections.start[lane] } else { sections.first[lane] - 1.0 });
-    let to =
-        each(
-            |lane| {
-                if is_faint(lane) { sections.end[lane] - 1.0 } else { sections.last[lane] + 1.0 }
-            },
-        );
     let top = each(|lane| sections.first[lane] + brightest[lane]);
-    // The last rise up to the peak.
-    let rows = sections.reach(&from, &top);
-    for i in rows.start.max(1)..rows.end {
+    // From the peak outwards, until every lane has its edge.
+    let rows = sections.reach(&sections.start, &top);
+    for i in (rows.start + 1..rows.end).rev() {
         let (place, before, level) =
             (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
+        let mut is_open = false;
         for lane in 0..LANES {
             let is_inside = (i as f32 > sections.start[lane]) & (place[lane] <= brightest[lane]);
-            let is_rise = is_inside & (before[lane] < half[lane]) & (level[lane] >= half[lane]);
+            let is_rise = is_inside & (before[lane] < half[lane]) & rise[0][lane].is_nan();
             rise[0][lane] = if is_rise { place[lane] } else { rise[0][lane] };
             rise[1][lane] = if is_rise { level[lane] } else { rise[1][lane] };
             rise[2][lane] = if is_rise { before[lane] } else { rise[2][lane] };
+            is_open |= rise[0][lane].is_nan();
+        }
+        if !is_open {
+            break;
         }
     }
-    // The first fall behind it: the last one on the way back.
-    let rows = sections.reach(&top, &to);
-    for i in (rows.start.max(1)..rows.end).rev() {
+    let rows = sections.reach(&top, &each(|lane| sections.end[lane] - 1.0));
+    for i in rows.start + 1..rows.end {
         let (place, before, level) =
             (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
+        let mut is_open = false;
         for lane in 0..LANES {
             let is_inside = (place[lane] > brightest[lane]) & ((i as f32) < sections.end[lane]);
-            let is_fall = is_inside & (before[lane] >= half[lane]) & (level[lane] < half[lane]);
+            let is_fall = is_inside & (level[lane] < half[lane]) & fall[0][lane].is_nan();
             fall[0][lane] = if is_fall { place[lane] - 1.0 } else { fall[0][lane] };
             fall[1][lane] = if is_fall { before[lane] } else { fall[1][lane] };
             fall[2][lane] = if is_fall { level[lane] } else { fall[2][lane] };
+            is_open |= fall[0][lane].is_nan();
+        }
+        if !is_open {
+            break;
         }
     }
     // 8 ln 2: from a Gaussian's variance to its squared full width at half maximum.
-    let blur = (8.0 * std::f64::consts::LN_2 * levels.noise.kernel.variance_px2()) as f32;
+    let blur = (8.0 * std::f64::consts::LN_2 * blur_variance_px2) as f32;
     let ([rise, inside, outside], [fall, fall_inside, fall_outside]) = (rise, fall);
     each(|lane| {
         // Places of the crossings between a sample above half and its outer neighbour below, as shares of the way out.

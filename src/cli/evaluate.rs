@@ -1,0 +1,124 @@
+//! `laser_profiler evaluate`: how accurate the methods are, against truth and by the protocol of the paper.
+
+mod document;
+mod page;
+mod paper;
+mod plots;
+mod recorded_truth;
+mod recording;
+mod rendered;
+mod rendered_tables;
+mod settings;
+mod truth;
+
+use std::{
+    fs,
+    io::{self, IsTerminal, Write},
+    path::{Path, PathBuf},
+};
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::Value as Json;
+
+use super::Outcome;
+use crate::ros::arguments::RosArguments;
+use document::Section;
+use plots::Plot;
+
+const HELP: &str = "\
+Examples:
+  laser_profiler evaluate truth                        every method on rendered stripes whose centres are known
+  laser_profiler evaluate truth bags/film_defects --params-file bags/film_defects.params.yaml
+                                                       on a recording of `simulate`, which carries its truth
+  laser_profiler evaluate paper                        Table 3 of the paper, and what its Table 4 should say
+  laser_profiler evaluate paper my_recording --columns 500..900
+                                                       the paper's protocol on a recording of your own
+  laser_profiler evaluate page --output docs           docs/accuracy.md and its plots, made anew
+
+Each has --help of its own. The same command gives the same bytes.";
+
+/// Tells how accurate the methods are: against truth, and by the paper's protocol.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub struct EvaluateArgs {
+    #[command(subcommand)]
+    question: Question,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Question {
+    Truth(truth::TruthArgs),
+    Paper(paper::PaperArgs),
+    Page(page::PageArgs),
+}
+
+/// Which form the answer takes.
+#[derive(Clone, Debug, Default, clap::Args)]
+struct OutputArgs {
+    /// One JSON object on standard output: all figures, unrounded; null for what there is not.
+    #[arg(long, conflicts_with = "markdown")]
+    json: bool,
+    /// Markdown instead of text.
+    #[arg(long)]
+    markdown: bool,
+    /// Draw the plots as SVG files into this directory.
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+}
+
+/// An answer in all its forms.
+struct Report {
+    sections: Vec<Section>,
+    json: Json,
+    plots: Vec<Plot>,
+    outcome: Outcome,
+}
+
+/// Answers on `out`.
+///
+/// # Errors
+/// [`Usage`](super::Usage) when the request cannot be followed, else whatever cannot be read or written.
+pub fn run(args: EvaluateArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    match args.question {
+        Question::Truth(args) => write(&truth::report(&args, ros)?, &args.output, out),
+        Question::Paper(args) => {
+            let output = args.output.clone();
+            write(&paper::report(args, ros)?, &output, out)
+        }
+        Question::Page(args) => page::run(&args, ros, out),
+    }
+}
+
+fn write(report: &Report, output: &OutputArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    if let Some(directory) = &output.plots {
+        draw(&report.plots, directory)?;
+    }
+    let text = if output.json {
+        format!("{}\n", report.json)
+    } else if output.markdown {
+        document::markdown(&report.sections, output.plots.as_deref())
+    } else {
+        document::plain(&report.sections)
+    };
+    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    Ok(report.outcome)
+}
+
+fn draw(plots: &[Plot], directory: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(directory)
+        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+    plots.iter().try_for_each(|plot| plot.save(directory))
+}
+
+/// A bar on a terminal, nothing elsewhere.
+fn progress_bar(length: Option<u64>, what: &str) -> ProgressBar {
+    if !io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let template = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left");
+    match (length, ProgressStyle::with_template(&template)) {
+        (Some(length), Ok(style)) => ProgressBar::new(length).with_style(style),
+        _ => ProgressBar::new_spinner(),
+    }
+}

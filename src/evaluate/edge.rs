@@ -1,0 +1,123 @@
+//! Lateral resolution: what a step along the stripe does to the columns beside it. The price of every averaging of columns.
+
+use std::ops::Range;
+
+use serde::Serialize;
+
+use super::{
+    scene::{Course, Scene},
+    trial::{self, Plan},
+};
+use crate::simulate::stripe::StripeScene;
+
+/// What is tried: standard deviation of the stripe and height of the step, pixels. Across a high step a blur mixes two
+/// separate stripes, across a low one it makes a ramp of them.
+pub const CASES: [(f64, f64); 3] = [(0.95, 7.0), (2.3, 7.0), (2.3, 2.0)];
+/// A column further off than this is spoilt, pixels.
+pub const SPOILT_PX: f64 = 0.5;
+/// Sub-pixel phases of the stripe that the mean is over.
+const NUM_PHASES: u32 = 16;
+/// First column behind the step.
+const COLUMN: u32 = 128;
+/// Columns about the step that are looked at.
+const SEEN: Range<u32> = COLUMN - 20..COLUMN + 20;
+
+/// What a step does to all methods on one stripe.
+#[derive(Clone, Debug, Serialize)]
+pub struct Edge {
+    /// Standard deviation of the stripe, pixels.
+    pub sigma_px: f64,
+    /// Height of the step, pixels.
+    pub step_px: f64,
+    /// Columns from the step: −½ is the last one before it, ½ the first one behind it.
+    pub columns_px: Vec<f64>,
+    /// The methods, in the plan's order.
+    pub methods: Vec<EdgeResponse>,
+}
+
+/// What a step does to one method.
+#[derive(Clone, Debug, Serialize)]
+pub struct EdgeResponse {
+    /// Its name.
+    pub method: &'static str,
+    /// Columns more than [`SPOILT_PX`] off, a mean over sub-pixel phases.
+    pub spoilt_columns: f64,
+    /// Columns without a point, a mean over sub-pixel phases.
+    pub missing_columns: f64,
+    /// Mean position in each column as a share of the step; null where nothing was found.
+    pub response: Vec<f64>,
+}
+
+/// Sums over the phases.
+#[derive(Clone)]
+struct Sums {
+    spoilt: u32,
+    missing: u32,
+    response: Vec<(f64, u32)>,
+}
+
+/// Measures a step of that height of a stripe of that standard deviation.
+pub fn run(plan: &Plan, (sigma_px, step_px): (f64, f64)) -> Edge {
+    let nothing = Sums { spoilt: 0, missing: 0, response: vec![(0.0, 0); SEEN.len()] };
+    let mut sums = vec![nothing; plan.methods.len()];
+    for phase in 0..NUM_PHASES {
+        let start_px = 28.0 + f64::from(phase) / f64::from(NUM_PHASES);
+        let course = Course::Step { start_px, column: COLUMN, rise_px: step_px };
+        let stripe = StripeScene {
+            width: 2 * COLUMN,
+            height: 64,
+            sigma_px,
+            read_noise: 2.0,
+            seed: plan.seed.wrapping_add(u64::from(phase)),
+            ..StripeScene::default()
+        };
+        let scene = Scene { stripe, course, speckle: None };
+        trial::centerlines(plan, &scene, 1, |_, method, points| {
+            let sums = &mut sums[method];
+            for (column, place) in SEEN.zip(&mut sums.response) {
+                let Some((position_px, _)) = points[column as usize] else {
+                    sums.missing += 1;
+                    continue;
+                };
+                let error_px = position_px - course.center_px(f64::from(column));
+                sums.spoilt += u32::from(error_px.abs() > SPOILT_PX);
+                *place = (place.0 + (position_px - start_px) / step_px, place.1 + 1);
+            }
+        });
+    }
+    let mean = |sum: u32| f64::from(sum) / f64::from(NUM_PHASES);
+    let methods = plan.methods.iter().zip(sums).map(|(method, sums)| EdgeResponse {
+        method: method.name(),
+        spoilt_columns: mean(sums.spoilt),
+        missing_columns: mean(sums.missing),
+        response: sums.response.iter().map(|(sum, count)| sum / f64::from(*count)).collect(),
+    });
+    let columns_px = SEEN.map(|column| f64::from(column) - f64::from(COLUMN) + 0.5);
+    Edge { sigma_px, step_px, columns_px: columns_px.collect(), methods: methods.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        evaluate::trial::tests::plan,
+        scanner::params::{ExtractionParams, Method},
+    };
+
+    #[test]
+    fn a_blur_spoils_the_columns_that_it_reaches_and_one_column_spoils_none() {
+        let blurred = plan(&[Method::GrayGravity], 1);
+        let alone = Plan {
+            params: ExtractionParams { blur_radius: 0, ..blurred.params },
+            ..blurred.clone()
+        };
+        let [blurred, alone] =
+            [blurred, alone].map(|plan| run(&plan, (2.3, 7.0)).methods.remove(0));
+        assert!((alone.spoilt_columns, alone.missing_columns) == (0.0, 0.0), "{alone:?}");
+        // The kernel reaches three columns to either side.
+        assert!(blurred.spoilt_columns > 0.5 && blurred.spoilt_columns <= 6.0, "{blurred:?}");
+        let response = &alone.response;
+        assert!(response[..20].iter().all(|share| share.abs() < 0.02), "{response:?}");
+        assert!(response[20..].iter().all(|share| (share - 1.0).abs() < 0.02), "{response:?}");
+    }
+}

@@ -1,0 +1,72 @@
+//! Smoothing along the stripe: less noise for less lateral resolution, both measured.
+
+use serde::Serialize;
+
+use super::{
+    edge,
+    experiment::Experiment,
+    trial::{self, Plan},
+};
+use crate::scanner::params::ExtractionParams;
+
+/// Values of `extraction.smoothing_columns` that are tried.
+pub const COLUMNS: [u32; 5] = [1, 3, 5, 9, 17];
+/// The reference scene whose noise is smoothed.
+pub const SCENE: &str = "noisy";
+/// Standard deviation of the stripe at the step and height of the step, pixels.
+pub const EDGE: (f64, f64) = (2.3, 2.0);
+
+/// All methods with one smoothing.
+#[derive(Clone, Debug, Serialize)]
+pub struct Smoothing {
+    /// `extraction.smoothing_columns`.
+    pub smoothing_columns: u32,
+    /// The methods, in the plan's order.
+    pub methods: Vec<SmoothedMethod>,
+}
+
+/// One method with that smoothing.
+#[derive(Clone, Debug, Serialize)]
+pub struct SmoothedMethod {
+    /// Its name.
+    pub method: &'static str,
+    /// Root mean square error on the scene [`SCENE`], pixels.
+    pub rms_px: f64,
+    /// Columns that it averages, from the correlation of its noise.
+    pub columns_averaged: f64,
+    /// Columns beside a step that are spoilt: [`edge`].
+    pub spoilt_columns: f64,
+}
+
+/// Measures one smoothing.
+pub fn run(plan: &Plan, smoothing_columns: u32) -> Smoothing {
+    let params = ExtractionParams { smoothing_columns, ..plan.params };
+    let plan = Plan { params, ..plan.clone() };
+    let cases = Experiment::Reference.cases(plan.seed);
+    let noisy = cases.iter().find(|case| case.name == SCENE);
+    let noise = noisy.map(|case| trial::run(&plan, &case.scene)).unwrap_or_default();
+    let edges = edge::run(&plan, EDGE).methods;
+    let methods =
+        noise.iter().zip(edges).map(|((accuracy, columns_averaged), edge)| SmoothedMethod {
+            method: edge.method,
+            rms_px: accuracy.rms_px,
+            columns_averaged: *columns_averaged,
+            spoilt_columns: edge.spoilt_columns,
+        });
+    Smoothing { smoothing_columns, methods: methods.collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{evaluate::trial::tests::plan, scanner::params::Method};
+
+    #[test]
+    fn the_scene_is_there_and_every_method_is_measured() {
+        let plan = plan(&[Method::GrayGravity, Method::ImprovedGravity], 2);
+        let smoothed = run(&plan, COLUMNS[0]);
+        let names: Vec<_> = smoothed.methods.iter().map(|method| method.method).collect();
+        assert_eq!(names, ["gray_gravity", "improved_gravity"]);
+        assert!(smoothed.methods.iter().all(|m| m.rms_px > 0.0 && m.columns_averaged > 1.0));
+    }
+}
