@@ -1,104 +1,126 @@
-//! Frames a second of a whole replay: an uncompressed bag of 2592 x 2048 images in, a results bag out.
+//! Frames a second of a whole replay, from a bag to bags of results: uncompressed images of two sizes beside one read of
+//! the file, then the same number of frames from one camera and from two, on one core and on all.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use laser_profiler::{
-    bag::{Compression, RecordOptions, Recorder, Times, Topic},
-    cli::replay::replay,
-    msg::{
-        builtin_interfaces::Time, cdr, qos::QosProfile, schema::Message, sensor_msgs,
-        std_msgs::Header,
-    },
-    node::{replay::ReplayRequest, stop::Stop},
-    simulate::stripe::{StripeScene, render_stripe},
+mod recordings;
+
+use criterion::{
+    BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime,
 };
-use std::{borrow::Cow, hint::black_box, path::Path, time::Duration};
+use laser_profiler::{
+    cli::replay::replay,
+    node::{replay::ReplayRequest, stop::Stop},
+};
+use recordings::{Payload, Recording};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use std::{
+    cell::LazyCell, fs::File, hint::black_box, io::Read, path::Path, thread::Builder,
+    time::Duration,
+};
+use tempfile::TempDir;
 
-const FRAMES: u32 = 60;
-const CALIBRATION: &str = "{type: vertical_incidence, frame_id: laser_plane, image_distance_m: 0.026,
-    object_distance_m: 0.3, beta_rad: 0.5236, pixel_pitch_m: 4.8e-6, base_row_px: 1024.0, center_column_px: 1295.5,
-    height_sign: -1}";
-const PARAMETERS: &str = "/**: {ros__parameters: {calibration_file: calibration.yaml,
-    motion: {source: constant, step: 0.0001}}}";
+/// As much as the yardstick reads at once: it stays in the processor's cache.
+const PIECE_BYTES: usize = 128 << 10;
 
-fn record(directory: &Path) -> anyhow::Result<()> {
-    let scene = StripeScene {
-        width: 2592,
-        height: 2048,
-        amplitude: 199.0,
-        sigma_px: 2.2,
-        read_noise: 2.0,
-        ..StripeScene::default()
-    };
-    let mut samples = Vec::new();
-    render_stripe(&scene, |column| 900.0 + 0.05 * f64::from(column), &mut samples);
-    let mut recorder = Recorder::create(
-        directory,
-        &RecordOptions { compression: Compression::None, ..RecordOptions::default() },
-    )?;
-    let topic = recorder.add_topic(&Topic::new(
-        "/camera/image_raw",
-        sensor_msgs::Image::TYPE,
-        QosProfile::reliable(10),
-    ))?;
-    let mut bytes = Vec::new();
-    for i in 0..FRAMES {
-        let stamp_ns = i64::from(i + 1) * 45_000_000;
-        let image = sensor_msgs::Image {
-            header: Header { stamp: Time::from_ns(stamp_ns), frame_id: Cow::Borrowed("camera") },
-            height: 2048,
-            width: 2592,
-            encoding: Cow::Borrowed("mono8"),
-            is_bigendian: 0,
-            step: 2592,
-            data: &samples,
-        };
-        cdr::encode(&image, &mut bytes)?;
-        recorder.write(
-            topic,
-            Times { log_ns: stamp_ns, publish_ns: stamp_ns, sequence: i + 1 },
-            &bytes,
-        )?;
-    }
-    recorder.finish()?;
-    Ok(())
-}
-
-fn whole_replay(criterion: &mut Criterion) {
-    let directory = tempfile::tempdir().expect("a temporary directory");
-    let bag = directory.path().join("recording");
-    record(&bag).expect("a recording");
-    std::fs::write(directory.path().join("calibration.yaml"), CALIBRATION)
-        .expect("a calibration file");
-    let parameters = directory.path().join("parameters.yaml");
-    std::fs::write(&parameters, PARAMETERS).expect("a parameter file");
-    let mut request = ReplayRequest {
-        bags: vec![bag.clone()],
-        output: directory.path().join("results"),
-        force: true,
-        ..ReplayRequest::default()
-    };
-    request.ros.parameter_files.push(parameters);
-
-    let mut group = criterion.benchmark_group("replay_2592x2048");
+fn group<'a>(
+    criterion: &'a mut Criterion,
+    name: &str,
+    recording: &Recording,
+) -> BenchmarkGroup<'a, WallTime> {
+    let mut group = criterion.benchmark_group(name);
     group
         .sample_size(10)
         .measurement_time(Duration::from_secs(10))
-        .throughput(Throughput::Elements(FRAMES.into()));
-    // The yardstick: the same bytes from the page cache through memory once.
-    group.bench_function("read_the_file", |bencher| {
-        bencher.iter(|| {
-            black_box(std::fs::read(bag.join("recording_0.mcap"))).map(|bytes| bytes.len())
-        });
-    });
-    group.bench_function("replay", |bencher| {
-        bencher.iter(|| {
-            let summary = replay(request.clone(), &Stop::default()).expect("a replay");
-            assert_eq!(summary.counts.processed, u64::from(FRAMES));
-        });
-    });
-    group.finish();
+        .throughput(Throughput::Elements(recording.num_frames.into()));
+    group
 }
 
-criterion_group!(benches, whole_replay);
+/// Made only for benchmarks that run.
+fn written(recording: &Recording) -> (TempDir, ReplayRequest) {
+    let directory = tempfile::tempdir().expect("a temporary directory");
+    let request = recording.write(directory.path()).expect("a recording");
+    (directory, request)
+}
+
+/// In a thread that profilers tell from the one that makes the recordings.
+fn replay_all(request: &ReplayRequest, recording: &Recording) {
+    let request = request.clone();
+    let run = move || replay(request, &Stop::default()).expect("a replay");
+    let reader = Builder::new().name("read".to_owned()).spawn(run).expect("a thread");
+    let summary = reader.join().expect("a replay");
+    assert_eq!(summary.counts.processed, u64::from(recording.num_frames));
+}
+
+fn read_all(file: &Path) -> u64 {
+    let (mut file, mut piece) = (File::open(file).expect("the recording"), vec![0; PIECE_BYTES]);
+    let mut num_bytes = 0;
+    loop {
+        match file.read(&mut piece).expect("the recording") {
+            0 => return num_bytes,
+            num => num_bytes += black_box(&piece[..num]).len() as u64,
+        }
+    }
+}
+
+/// Uncompressed images of one camera.
+fn whole_replay(criterion: &mut Criterion) {
+    for (size_px, num_frames) in [((2592, 2048), 200), ((640, 480), 2000)] {
+        let cameras = &["camera"];
+        let recording = Recording { size_px, payload: Payload::Raw, cameras, num_frames };
+        let written = LazyCell::new(|| written(&recording));
+        let name = format!("replay_{}x{}", size_px.0, size_px.1);
+        let mut group = group(criterion, &name, &recording);
+        // The yardstick: the same bytes from the page cache through the processor once.
+        group.bench_function("read_the_file", |bencher| {
+            let file = Recording::file(written.0.path());
+            bencher.iter(|| read_all(&file));
+        });
+        group.bench_function("replay", |bencher| {
+            let request = &written.1;
+            bencher.iter(|| replay_all(request, &recording));
+        });
+        group.finish();
+    }
+}
+
+/// Lets this thread, and those that it starts, run on these cores only.
+fn run_on(cores: &CpuSet) {
+    sched_setaffinity(None, cores).expect("cores of this machine");
+}
+
+fn first_of(cores: &CpuSet) -> CpuSet {
+    let first = (0..CpuSet::MAX_CPU).find(|&core| cores.is_set(core)).expect("a core");
+    let mut set = CpuSet::new();
+    set.set(first);
+    set
+}
+
+/// The same number of frames from one camera and from two, on one core and on all.
+fn cameras_and_cores(criterion: &mut Criterion) {
+    let all = sched_getaffinity(None).expect("the cores of this process");
+    for (name, size_px, payload, num_frames) in [
+        ("cores_640x480", (640, 480), Payload::Raw, 2000),
+        ("cores_640x480_jpeg", (640, 480), Payload::Jpeg, 1000),
+        ("cores_2592x2048", (2592, 2048), Payload::Raw, 200),
+        ("cores_2592x2048_jpeg", (2592, 2048), Payload::Jpeg, 100),
+    ] {
+        let both: [&[&str]; 2] = [&["left"], &["left", "right"]];
+        for (number, cameras) in (1..).zip(both) {
+            let recording = Recording { size_px, payload, cameras, num_frames };
+            let written = LazyCell::new(|| written(&recording));
+            let mut group = group(criterion, name, &recording);
+            for (on, cores) in [("one_core", &first_of(&all)), ("all_cores", &all)] {
+                group.bench_function(format!("{number}_camera_{on}"), |bencher| {
+                    let request = &written.1;
+                    run_on(cores);
+                    bencher.iter(|| replay_all(request, &recording));
+                    run_on(&all);
+                });
+            }
+            group.finish();
+        }
+    }
+}
+
+criterion_group!(benches, whole_replay, cameras_and_cores);
 criterion_main!(benches);

@@ -167,6 +167,8 @@ pub(super) struct ChunkHeader {
     pub(super) end_time: u64,
     pub(super) uncompressed_bytes: u64,
     pub(super) compressed_bytes: u64,
+    /// Checksum of the uncompressed content; 0 for none.
+    pub(super) crc: u32,
     /// Empty for none.
     pub(super) compression: String,
 }
@@ -208,6 +210,7 @@ impl ChunkHeader {
             end_time: u64_at(start, 17),
             uncompressed_bytes,
             compressed_bytes,
+            crc: u32_at(start, 33),
             compression,
         })
     }

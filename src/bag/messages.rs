@@ -8,36 +8,16 @@ use mcap::records::op;
 
 use super::channels::Channels;
 use super::chunk::ChunkDecoder;
-use super::format::{MessageHeader, RecordSpan, Source};
+use super::format::{ChunkHeader, RecordSpan, Source};
 use super::layout::{Layout, Part, PartKind};
+use super::plain::PlainReader;
+use super::take::{Filter, Taker};
 use super::{BagError, RawMessage, ReadOptions, scan};
 
 /// Buffers of delivered messages that are kept for the next ones.
 const SPARE_BUFFERS: usize = 8;
 /// Kinds of faults in one chunk that are told.
 const MAX_FAULTS: usize = 8;
-
-/// Which messages are read.
-#[derive(Clone, Debug, Default)]
-pub struct Filter {
-    topics: Option<BTreeSet<String>>,
-}
-
-impl Filter {
-    /// Every topic.
-    pub fn all() -> Self {
-        Self::default()
-    }
-
-    /// These topics. Chunks without them are not opened when the file's index tells so.
-    pub fn topics<Name: Into<String>>(names: impl IntoIterator<Item = Name>) -> Self {
-        Self { topics: Some(names.into_iter().map(Into::into).collect()) }
-    }
-
-    fn takes(&self, topic: &str) -> bool {
-        self.topics.as_ref().is_none_or(|topics| topics.contains(topic))
-    }
-}
 
 /// Iterator over the messages of a bag: file after file, within a file in order of `log_time_ns`, ties in order of
 /// place. An error tells of one damaged place and stands where the messages are missing; the iteration goes on
@@ -126,6 +106,7 @@ impl Ord for Waiting {
 /// The messages of one file.
 struct FileMessages {
     source: Source,
+    plain: PlainReader,
     decoder: ChunkDecoder,
     channels: Channels,
     filter: Filter,
@@ -153,6 +134,7 @@ impl FileMessages {
                 })
         };
         Self {
+            plain: PlainReader::default(),
             decoder: ChunkDecoder::new(source.limit_bytes),
             source,
             channels: layout.channels.clone(),
@@ -250,18 +232,24 @@ impl FileMessages {
         if !self.read_offsets.insert(part.offset) {
             return Ok(());
         }
+        let mut taker =
+            Taker { channels: &self.channels, filter: &self.filter, spare: &mut self.spare };
+        match self.plain.read(&mut self.source, &chunk, &mut taker) {
+            Some(messages) => self.wait_all(part.offset, messages),
+            None => self.decode_chunk(part, &chunk),
+        }
+        Ok(())
+    }
+
+    /// Reads a chunk of any kind, good or bad.
+    fn decode_chunk(&mut self, part: &Part, chunk: &ChunkHeader) {
         let mut faults = BTreeSet::new();
         let mut messages = Vec::new();
-        let (channels, filter) = (&mut self.channels, &self.filter);
-        let (found, spare) = (&mut self.found, &mut self.spare);
-        let decoded = self.decoder.decode(&mut self.source, &chunk, &mut |opcode, body| {
+        let (channels, filter, spare) = (&mut self.channels, &self.filter, &mut self.spare);
+        let decoded = self.decoder.decode(&mut self.source, chunk, &mut |opcode, body| {
             let fault = if opcode == op::MESSAGE {
-                message(channels, filter, body, spare).map(|taken| {
-                    if let Some((channel, message)) = taken {
-                        *found.entry(channel).or_default() += 1;
-                        messages.push(message);
-                    }
-                })
+                let taken = Taker { channels, filter, spare }.take(body);
+                taken.map(|message| messages.extend(message))
             } else {
                 channels.add(opcode, body)
             };
@@ -273,12 +261,10 @@ impl FileMessages {
         });
         let last_time = messages
             .iter()
-            .map(|message| message.log_time_ns as u64)
+            .map(|(_, message)| message.log_time_ns as u64)
             .max()
             .unwrap_or(part.start_time);
-        for (number, message) in messages.into_iter().enumerate() {
-            self.wait((message.log_time_ns as u64, part.offset, number as u64), Ok(message));
-        }
+        self.wait_all(part.offset, messages);
         let faults = faults
             .into_iter()
             .map(|what| self.source.damaged(&chunk.span, what))
@@ -287,7 +273,14 @@ impl FileMessages {
         for (number, error) in errors.enumerate() {
             self.wait((last_time, part.offset, u64::MAX / 2 + number as u64), Err(error));
         }
-        Ok(())
+    }
+
+    /// The messages of the chunk at `offset`, each with its channel.
+    fn wait_all(&mut self, offset: u64, messages: Vec<(u16, RawMessage)>) {
+        for (number, (channel, message)) in messages.into_iter().enumerate() {
+            *self.found.entry(channel).or_default() += 1;
+            self.wait((message.log_time_ns as u64, offset, number as u64), Ok(message));
+        }
     }
 
     /// Reads one message of a run outside chunks, and puts the rest back.
@@ -295,7 +288,9 @@ impl FileMessages {
         self.read_offsets.insert(part.offset);
         let Ok(Some(span)) = self.source.record_at(part.offset)? else { return Ok(()) };
         let body = self.source.body(&span)?;
-        match message(&self.channels, &self.filter, &body, &mut self.spare) {
+        let mut taker =
+            Taker { channels: &self.channels, filter: &self.filter, spare: &mut self.spare };
+        match taker.take(&body) {
             Ok(Some((channel, message))) => {
                 *self.found.entry(channel).or_default() += 1;
                 part.start_time = message.log_time_ns as u64;
@@ -353,38 +348,4 @@ impl FileMessages {
         }
         self.rescan(what).err()
     }
-}
-
-/// The message in a record's body with its channel, when the filter takes it.
-fn message(
-    channels: &Channels,
-    filter: &Filter,
-    body: &[u8],
-    spare: &mut Vec<Vec<u8>>,
-) -> Result<Option<(u16, RawMessage)>, String> {
-    let Some((header, data)) = MessageHeader::split(body) else {
-        return Err("a message record shorter than its header".into());
-    };
-    let Some(topic) = channels.get(header.channel) else {
-        return Err(format!("messages on channel {}, which no record describes", header.channel));
-    };
-    if !filter.takes(&topic.name) {
-        return Ok(None);
-    }
-    let time_ns = |time: u64| {
-        i64::try_from(time)
-            .map_err(|_beyond| format!("{}: a time beyond the year 2262", topic.name))
-    };
-    let (log_time_ns, publish_time_ns) = (time_ns(header.log_time)?, time_ns(header.publish_time)?);
-    let mut buffer = spare.pop().unwrap_or_default();
-    buffer.clear();
-    buffer.extend_from_slice(data);
-    let message = RawMessage {
-        topic: Arc::clone(topic),
-        log_time_ns,
-        publish_time_ns,
-        sequence: header.sequence,
-        data: buffer,
-    };
-    Ok(Some((header.channel, message)))
 }

@@ -11,6 +11,8 @@ mod format;
 mod fields;
 mod channels;
 mod chunk;
+mod plain;
+mod take;
 mod content;
 mod summary;
 mod scan;
@@ -33,10 +35,11 @@ use crate::msg::{
 };
 
 pub use error::{BagError, RecordError};
-pub use messages::{Filter, Messages};
+pub use messages::Messages;
 pub use read::{BagReader, ReadOptions};
 pub use record::{Compression, RecordOptions, RecordSummary, Recorder, Times, TopicId};
 pub use split::{SplitLimits, SplitRecorder, SplitSummary};
+pub use take::Filter;
 
 /// A topic of a recording, and all that a reader needs to understand it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -10,6 +10,7 @@ pub mod info;
 pub mod recover;
 pub mod simulate;
 pub mod evaluate;
+pub mod ambient;
 pub mod demo;
 
 use std::{ffi::OsString, io};
@@ -62,6 +63,7 @@ enum Verb {
     Recover(recover::RecoverArgs),
     Simulate(simulate::SimulateArgs),
     Evaluate(evaluate::EvaluateArgs),
+    Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
 }
@@ -87,6 +89,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Recover(args) => recover::run(&args, out),
         Verb::Simulate(args) => simulate::run(&args, out),
         Verb::Evaluate(args) => evaluate::run(args, ros, out),
+        Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),
     }

@@ -29,6 +29,8 @@ Examples:
       one after another, into one results bag
   laser_profiler replay my_recording -o results --ros-args -r image_raw:=/left/image_raw -p stripe_direction:=vertical
       the named topic; a vertical stripe
+  laser_profiler replay both -o results --ros-args -p 'cameras:=[left, right]'
+      every camera that was recorded, side by side, into results/left and results/right
   laser_profiler replay my_recording -o results --json | jq .frames
 
 The results are a rosbag2 directory with ~/centerline and ~/annotations for every frame and, with a calibration_file,
@@ -46,14 +48,14 @@ pub struct ReplayArgs {
     /// rosbag2 directories or .mcap files, replayed one after another.
     #[arg(required = true, value_name = "BAG")]
     pub bags: Vec<PathBuf>,
-    /// Directory of the results' bag.
+    /// Directory of the results' bag; of several cameras the directory of their bags.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
     /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
     pub params_file: Vec<PathBuf>,
-    /// Camera whose images are replayed, where the parameter `cameras` names several; needed when the recording has the images
-    /// of more than one.
+    /// The only camera whose images are replayed, where the parameter `cameras` names several. Without it all are whose
+    /// images are recorded.
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
     /// Times the speed of the recording, instead of as fast as possible.
@@ -101,20 +103,22 @@ pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     };
     let replay = Replay::prepare(request).map_err(told)?;
-    let topic = replay.image_topic().clone();
-    let lossy = match topic.transport {
-        ImageTransport::Raw => "",
-        ImageTransport::Compressed => {
-            " (compressed; JPEG would move centrelines by some hundredths of a pixel)"
-        }
-    };
-    tracing::info!("taking images from {}{lossy}", topic.name);
+    for topic in replay.image_topics() {
+        let lossy = match topic.transport {
+            ImageTransport::Raw => "",
+            ImageTransport::Compressed => {
+                " (compressed; JPEG would move centrelines by some hundredths of a pixel)"
+            }
+        };
+        tracing::info!("taking images from {}{lossy}", topic.name);
+    }
+    let topics: Vec<_> = replay.image_topics().map(|topic| topic.name.clone()).collect();
     let bar = progress_bar(replay.num_messages());
     let summary = replay.run(stop, &mut |num_messages| bar.set_position(num_messages));
     bar.finish_and_clear();
     let summary = summary.map_err(told)?;
     if summary.counts.received == 0 && !summary.was_interrupted {
-        return Err(anyhow!("no frame could be read from {}", topic.name));
+        return Err(anyhow!("no frame could be read from {}", topics.join(", ")));
     }
     Ok(summary)
 }

@@ -1,4 +1,4 @@
-//! Which of several cameras a replay speaks of.
+//! Which of several cameras are replayed.
 
 use thiserror::Error;
 
@@ -23,9 +23,12 @@ pub enum CameraError {
         /// Names of those that are there.
         cameras: Vec<String>,
     },
-    /// Nobody said which.
-    #[error("choose one with --camera NAME: {}", list(.0))]
-    Ambiguous(Vec<String>),
+    /// Several, and no recording has the images of any.
+    #[error("no recording has images of a camera; {} (--ros-args -r {}/image_raw:=TOPIC names another topic)", list(.cameras), first(.cameras))]
+    NotRecorded {
+        /// Their names.
+        cameras: Vec<String>,
+    },
     /// A remap rule with a name that ROS does not allow.
     #[error(transparent)]
     Name(#[from] NameError),
@@ -38,19 +41,24 @@ fn list(cameras: &[String]) -> String {
     }
 }
 
-/// The camera called `name`, or the only one, or the only one whose image topic is in a recording.
+fn first(cameras: &[String]) -> &str {
+    cameras.first().map_or("NAME", String::as_str)
+}
+
+/// The camera called `name`; without a name the only camera, or all whose images are in a recording.
 ///
 /// # Errors
-/// None or several.
+/// None of several.
 pub fn choose(
     cameras: Vec<CameraParams>,
     name: Option<&str>,
     bags: &[BagReader],
     names: &NodeNames,
-) -> Result<CameraParams, CameraError> {
+) -> Result<Vec<CameraParams>, CameraError> {
     let all: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
     if let Some(name) = name {
         let found = cameras.into_iter().find(|camera| !name.is_empty() && camera.name == name);
+        let found = found.map(|camera| vec![camera]);
         return found.ok_or_else(|| CameraError::Unknown { name: name.to_owned(), cameras: all });
     }
     let is_only = cameras.len() == 1;
@@ -61,10 +69,7 @@ pub fn choose(
             found.push(camera);
         }
     }
-    match <[CameraParams; 1]>::try_from(found) {
-        Ok([camera]) => Ok(camera),
-        Err(_) => Err(CameraError::Ambiguous(all)),
-    }
+    if found.is_empty() { Err(CameraError::NotRecorded { cameras: all }) } else { Ok(found) }
 }
 
 /// Whether a recording holds that topic, raw or compressed.

@@ -7,6 +7,7 @@ use std::{
 };
 
 use super::{
+    named,
     queue::{Closed, Queue},
     sink::{Outgoing, Outlet, Purpose, Sink, SinkError, Takes, Way},
 };
@@ -52,7 +53,7 @@ impl<'scope> FanOut<'scope> {
                         let ended = drain(&taken, sink);
                         if is_essential { ended } else { tell(ended) }
                     };
-                    Reached::Queued(queue, scope.spawn(run))
+                    Reached::Queued(queue, named::spawn(scope, "results", run))
                 }
             };
             Fan { takes, purpose, is_essential, num_dropped: Cell::new(0), reached }

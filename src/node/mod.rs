@@ -4,16 +4,20 @@
 //! pipeline; the fan-out gives every sink the same bytes through a queue of its own. run ties them together.
 
 pub mod queue;
+mod named;
 pub mod order;
 pub mod histogram;
 pub mod statistics;
 pub mod stop;
 pub mod command;
+pub mod unpack;
 pub mod source;
 pub mod sink;
 pub mod fan_out;
 pub mod topics;
 pub mod calibration_file;
+pub mod ambient;
+pub mod ambient_file;
 pub mod input;
 pub mod camera;
 pub mod status;
@@ -30,6 +34,7 @@ pub mod camera_info;
 pub mod player;
 pub mod recording;
 pub mod live_recording;
+mod feed;
 pub mod run;
 pub mod replay;
 pub mod live;

@@ -49,6 +49,9 @@ struct State<T> {
     bytes: usize,
     /// Items lost since the last one was taken.
     num_dropped: u32,
+    /// Threads that wait for an item, and for room: to wake nobody costs a call of the operating system, too.
+    num_takers: usize,
+    num_senders: usize,
     is_closed: bool,
 }
 
@@ -67,7 +70,15 @@ impl<T> Queue<T> {
         let bound = Bound { items: bound.items.max(1), ..bound };
         let items = VecDeque::with_capacity(bound.items);
         let urgent = VecDeque::with_capacity(MAX_URGENT);
-        let state = State { urgent, items, bytes: 0, num_dropped: 0, is_closed: false };
+        let state = State {
+            urgent,
+            items,
+            bytes: 0,
+            num_dropped: 0,
+            num_takers: 0,
+            num_senders: 0,
+            is_closed: false,
+        };
         Self {
             bound,
             when_full,
@@ -87,7 +98,9 @@ impl<T> Queue<T> {
         while !state.is_closed && !self.has_room_for(&state, bytes) {
             match self.when_full {
                 WhenFull::Wait => {
+                    state.num_senders += 1;
                     state = self.has_room.wait(state).unwrap_or_else(PoisonError::into_inner);
+                    state.num_senders -= 1;
                 }
                 WhenFull::DropOldest => {
                     state.take();
@@ -101,8 +114,7 @@ impl<T> Queue<T> {
         }
         state.items.push_back((item, bytes));
         state.bytes += bytes;
-        drop(state);
-        self.has_item.notify_one();
+        self.tell_taker(state);
         Ok(num_dropped)
     }
 
@@ -116,8 +128,7 @@ impl<T> Queue<T> {
             return Err(Closed(item));
         }
         state.urgent.push_back(item);
-        drop(state);
-        self.has_item.notify_one();
+        self.tell_taker(state);
         Ok(())
     }
 
@@ -138,20 +149,38 @@ impl<T> Queue<T> {
                 return Popped::Item(item, 0);
             }
             if let Some(item) = state.take() {
-                self.has_room.notify_all();
-                return Popped::Item(item, std::mem::take(&mut state.num_dropped));
+                let num_dropped = std::mem::take(&mut state.num_dropped);
+                let is_awaited = state.num_senders > 0;
+                drop(state);
+                if is_awaited {
+                    self.has_room.notify_all();
+                }
+                return Popped::Item(item, num_dropped);
             }
             if state.is_closed {
                 return Popped::Closed;
             }
-            state = match deadline.map(|deadline| deadline.checked_duration_since(Instant::now())) {
+            let wait = deadline.map(|deadline| deadline.checked_duration_since(Instant::now()));
+            if wait == Some(None) {
+                return Popped::TimedOut;
+            }
+            state.num_takers += 1;
+            state = match wait.flatten() {
                 None => self.has_item.wait(state).unwrap_or_else(PoisonError::into_inner),
-                Some(None) => return Popped::TimedOut,
-                Some(Some(wait)) => {
+                Some(wait) => {
                     let waited = self.has_item.wait_timeout(state, wait);
                     waited.unwrap_or_else(PoisonError::into_inner).0
                 }
             };
+            state.num_takers -= 1;
+        }
+    }
+
+    fn tell_taker(&self, state: MutexGuard<'_, State<T>>) {
+        let is_awaited = state.num_takers > 0;
+        drop(state);
+        if is_awaited {
+            self.has_item.notify_one();
         }
     }
 

@@ -1,15 +1,14 @@
 //! A replay from its request to its results: opens, checks and connects everything before the first frame is read.
 
-use std::{
-    io,
-    path::{Path, PathBuf},
-};
+mod camera_replay;
+
+use std::{io, path::PathBuf};
 
 use thiserror::Error;
 
 use crate::{
     bag::{
-        self, BagError, BagReader, Filter, ReadOptions, RecordError, RecordOptions, Topic, place,
+        self, BagError, BagReader, Filter, ReadOptions, RecordError, RecordOptions,
         player::{Pacer, RateError},
     },
     ros::{
@@ -18,26 +17,20 @@ use crate::{
         names::{NameError, NodeNames},
         node_params::{Compression, NodeParams},
         parameters::{ParameterError, Parameters},
-        value::Value,
     },
-    scanner::{calibration::Calibration, pipeline::Pipeline},
 };
 
 use super::{
-    calibration_file::{self, CalibrationFileError},
+    ambient_file::AmbientFileError,
+    calibration_file::CalibrationFileError,
     camera::{self, CameraError},
-    input::{self, ImageTopic, InputError},
+    input::{ImageTopic, InputError},
     player::BagPlayer,
-    recording::{Description, ResultsBag},
-    results::Results,
-    run::{INPUT_BOUND, Run, RunError},
-    sink::Outlet,
+    run::{Run, RunError},
     statistics::Summary,
-    status::{Reporter, session_id},
     stop::Stop,
-    topics,
-    worker::{Worker, WorkerOptions},
 };
+use camera_replay::CameraReplay;
 
 /// Name of the node before remapping.
 pub const NODE_NAME: &str = "laser_profiler";
@@ -50,7 +43,7 @@ const RECORD_MARGIN_BYTES: usize = 16 << 20;
 pub struct ReplayRequest {
     /// Recordings, played one after another.
     pub bags: Vec<PathBuf>,
-    /// The results' bag.
+    /// The results' bag; of several cameras the directory of their bags, each called by its camera's name.
     pub output: PathBuf,
     /// Times the speed of the recording; `None`: as fast as possible.
     pub rate: Option<f64>,
@@ -58,7 +51,7 @@ pub struct ReplayRequest {
     pub force: bool,
     /// Whether the input images go into the results' bag too.
     pub with_images: bool,
-    /// The camera whose images are replayed, where the parameters name several.
+    /// The only camera whose images are replayed, where the parameters name several.
     pub camera: Option<String>,
     /// Names, remaps and parameters.
     pub ros: RosArguments,
@@ -97,12 +90,27 @@ pub enum ReplayError {
         /// That of the recordings before.
         expected: String,
     },
+    /// Cameras that take the same images.
+    #[error(
+        "the cameras {first} and {second} both take {topic}: replay them one by one, with --camera NAME"
+    )]
+    SameImages {
+        /// A camera.
+        first: String,
+        /// Another camera.
+        second: String,
+        /// The image topic of both.
+        topic: String,
+    },
     /// Results would replace their own input.
     #[error("{0}; choose another output")]
     OutputIsInput(io::Error),
     /// The calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationFileError),
+    /// The frame without laser.
+    #[error(transparent)]
+    Ambient(#[from] AmbientFileError),
     /// A recording cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
@@ -122,7 +130,8 @@ impl ReplayError {
             Self::Bag(_)
             | Self::Run(_)
             | Self::Record(_)
-            | Self::Calibration(CalibrationFileError::Io { .. }) => false,
+            | Self::Calibration(CalibrationFileError::Io { .. })
+            | Self::Ambient(AmbientFileError::Io { .. }) => false,
             _ => true,
         }
     }
@@ -132,59 +141,57 @@ impl ReplayError {
 pub struct Replay {
     request: ReplayRequest,
     names: NodeNames,
-    values: Parameters,
-    compression: Compression,
-    camera: CameraParams,
-    calibration: Option<(Calibration, String)>,
+    options: RecordOptions,
     bags: Vec<BagReader>,
-    image_topic: ImageTopic,
+    cameras: Vec<CameraReplay>,
 }
 
 impl Replay {
-    /// Reads the parameters and the calibration, opens the recordings and chooses their image topic.
+    /// Reads the parameters and the calibrations, opens the recordings and chooses the cameras and their image topics.
     ///
     /// # Errors
     /// The first thing that is not as it should be; nothing has been written then.
     pub fn prepare(request: ReplayRequest) -> Result<Self, ReplayError> {
         request.rate.map(Pacer::new).transpose()?;
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
-        let mut values = Parameters::load(&names, &request.ros)?;
+        let values = Parameters::load(&names, &request.ros)?;
         let NodeParams { cameras, recording, .. } = NodeParams::new(&values)?;
+        let options = RecordOptions {
+            compression: match recording.compression {
+                Compression::Zstd => bag::Compression::Zstd,
+                Compression::Lz4 => bag::Compression::Lz4,
+                Compression::None => bag::Compression::None,
+            },
+            force: request.force,
+        };
         let bags = open(&request, &cameras)?;
-        let camera = camera::choose(cameras, request.camera.as_deref(), &bags, &names)?;
-        let calibration =
-            camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
-        let mut image_topic: Option<ImageTopic> = None;
-        for (path, bag) in request.bags.iter().zip(&bags) {
-            let found = choose(path, bag, &names, &camera)?;
-            let expected = image_topic.get_or_insert_with(|| found.clone());
-            if *expected != found {
-                let (expected, found) = (expected.name.clone(), found.name);
-                return Err(ReplayError::Mixed { bag: path.clone(), found, expected });
-            }
-            place::refuse_same(path, &request.output).map_err(ReplayError::OutputIsInput)?;
+        let chosen = camera::choose(cameras, request.camera.as_deref(), &bags, &names)?;
+        let mut replay = Self { request, names, options, bags, cameras: Vec::new() };
+        let is_only = chosen.len() == 1;
+        for camera in chosen {
+            let output = &replay.request.output;
+            let output = if is_only { output.clone() } else { output.join(&camera.name) };
+            let camera = CameraReplay::prepare(&replay, camera, values.clone(), output)?;
+            camera.refuse_same_images(&replay.cameras)?;
+            replay.cameras.push(camera);
         }
-        // Without any recording there is nothing to choose from.
-        let image_topic = image_topic.ok_or_else(|| ReplayError::Input {
-            bag: PathBuf::new(),
-            source: InputError::NoImages(Vec::new()),
-        })?;
-        // What is recorded as effective is what was done, not the default that gave way.
-        let transport = Value::Text(image_topic.transport.name().to_owned());
-        values.set(&camera.full_name("image_transport"), transport, "the recording")?;
-        let compression = recording.compression;
-        Ok(Self { request, names, values, compression, camera, calibration, bags, image_topic })
+        Ok(replay)
     }
 
-    /// The topic that is taken.
-    pub const fn image_topic(&self) -> &ImageTopic {
-        &self.image_topic
+    /// The topics that are taken, one a camera.
+    pub fn image_topics(&self) -> impl Iterator<Item = &ImageTopic> {
+        self.cameras.iter().map(|camera| &camera.image_topic)
     }
 
     /// How many messages will come, as far as the recordings know.
     pub fn num_messages(&self) -> Option<u64> {
-        let of_bag =
-            |bag: &BagReader| bag.message_counts()?.get(self.image_topic.name.as_str()).copied();
+        let of_bag = |bag: &BagReader| {
+            let counts = bag.message_counts()?;
+            let mut topics = self.image_topics();
+            topics.try_fold(0, |sum: u64, topic| {
+                Some(sum.saturating_add(*counts.get(topic.name.as_str())?))
+            })
+        };
         self.bags.iter().map(of_bag).try_fold(0, |sum: u64, count| Some(sum.saturating_add(count?)))
     }
 
@@ -193,76 +200,14 @@ impl Replay {
     /// # Errors
     /// The results cannot be written; what was written before stays readable.
     pub fn run(self, stop: &Stop, on_message: &mut dyn FnMut(u64)) -> Result<Summary, ReplayError> {
-        let filter = Filter::topics([self.image_topic.name.as_str()]);
+        let filter = Filter::topics(self.image_topics().map(|topic| topic.name.as_str()));
         let messages: Vec<_> = self.bags.iter().map(|bag| bag.messages(&filter)).collect();
         let mut player = BagPlayer::new(messages, self.request.rate, stop.clone())?;
-
-        let calibration = self.calibration.as_ref().map(|(calibration, _)| calibration);
-        let published = topics::published(&self.names, &self.camera.name, calibration)?;
-        let mut topics = topics::recorded(&published);
-        let num_topics = topics.len();
-        if self.request.with_images {
-            topics.extend(self.input_topic());
-        }
-        let options = RecordOptions {
-            compression: match self.compression {
-                Compression::Zstd => bag::Compression::Zstd,
-                Compression::Lz4 => bag::Compression::Lz4,
-                Compression::None => bag::Compression::None,
-            },
-            force: self.request.force,
-        };
-        let description = self.description();
-        let results = ResultsBag::create(&self.request.output, &options, &topics, description)?;
-        let run = Run {
-            source: &mut player,
-            worker: self.worker(),
-            outlets: vec![Outlet::replay(Box::new(results))],
-            num_topics,
-            stop,
-            on_message,
-        };
-        Ok(run.replay()?)
-    }
-
-    fn worker(&self) -> Worker {
-        let sha256 = self.values.camera_sha256(&self.camera.name);
-        let calibration = self.calibration.as_ref().map(|(calibration, _)| calibration);
-        let frame_id = calibration.map_or("", Calibration::frame_id);
-        let scanner = self.camera.scanner_for(frame_id);
-        let results = Results::new(&scanner, calibration, &sha256);
-        let reporter = Reporter {
-            node: self.names.fully_qualified(),
-            camera: self.camera.name.clone(),
-            session_id: session_id(&self.image_topic.name, &sha256),
-            topic: self.image_topic.name.clone(),
-            queue_capacity: INPUT_BOUND.items as u32,
-        };
-        let options = WorkerOptions {
-            transport: self.image_topic.transport,
-            max_frame_bytes: self.camera.max_frame_bytes,
-            sends_images: self.request.with_images,
-        };
-        let pipeline = Pipeline::new(scanner, calibration.cloned());
-        Worker::new(options, pipeline, results, reporter)
-    }
-
-    fn description(&self) -> Description {
-        let name = |path: &PathBuf| {
-            path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-        };
-        Description {
-            parameters: self.values.to_yaml(),
-            parameters_sha256: self.values.camera_sha256(&self.camera.name),
-            inputs: self.request.bags.iter().map(name).collect(),
-            input_topic: self.image_topic.name.clone(),
-            calibration: self.calibration.as_ref().map(|(_, text)| text.clone()),
-        }
-    }
-
-    fn input_topic(&self) -> Option<Topic> {
-        let mut topics = self.bags.iter().flat_map(BagReader::topics);
-        topics.find(|topic| topic.name == self.image_topic.name).map(|topic| (**topic).clone())
+        // One that cannot be written must not cost the others' results.
+        self.cameras.iter().try_for_each(|camera| camera.refuse_existing(&self))?;
+        let chains = self.cameras.iter().map(|camera| camera.chain(&self));
+        let chains = chains.collect::<Result<_, _>>()?;
+        Ok(Run { source: &mut player, chains, stop, on_message }.replay()?)
     }
 }
 
@@ -279,24 +224,6 @@ fn open(request: &ReplayRequest, cameras: &[CameraParams]) -> Result<Vec<BagRead
         Ok(bag)
     };
     request.bags.iter().map(open).collect()
-}
-
-fn choose(
-    path: &Path,
-    bag: &BagReader,
-    names: &NodeNames,
-    camera: &CameraParams,
-) -> Result<ImageTopic, ReplayError> {
-    let mut topics: Vec<_> =
-        bag.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
-    // One name and type may stand there twice, with different QoS.
-    topics.dedup();
-    let chosen = input::choose(&topics, names, &camera.name, camera.image_transport)
-        .map_err(|source| ReplayError::Input { bag: path.to_owned(), source })?;
-    for topic in bag.topics().iter().filter(|topic| topic.name == chosen.name) {
-        topic.require_cdr()?;
-    }
-    Ok(chosen)
 }
 
 #[cfg(test)]

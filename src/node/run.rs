@@ -1,6 +1,10 @@
 //! Source → queue → worker → sinks: a run from the first frame to the last.
 
-use std::{cmp::Ordering, panic, thread, time::Instant};
+use std::{
+    panic,
+    thread::{self, ScopedJoinHandle},
+    time::Instant,
+};
 
 use thiserror::Error;
 
@@ -8,21 +12,24 @@ use crate::msg::cdr::CdrError;
 
 use super::{
     fan_out::FanOut,
+    feed::{Fed, Feed, Lane},
+    named,
     publisher::{Halt, Publisher},
-    queue::{Bound, Popped, Queue, WhenFull},
+    queue::{Bound, Queue},
     sink::{Outlet, SinkError},
     source::{Input, Source},
     statistics::{Counts, StageTimes, Summary},
     stop::Stop,
+    unpack::Unpacker,
     worker::Worker,
 };
 
-/// Frames that wait for the worker: enough to keep it busy, few enough to fit into memory. The bytes hold the largest
-/// frames that a recording is read with.
+/// Frames that wait for the worker of a live camera: enough to keep it busy, few enough to fit into memory. The bytes
+/// hold the largest frames that it takes.
 pub const INPUT_BOUND: Bound = Bound { items: 4, bytes: 256 << 20 };
-
-/// Damaged places that are told one by one.
-const MAX_TOLD: u64 = 10;
+/// Frames that wait for a worker in a replay. Its bytes are few: what waits should still be in the processor's cache when
+/// it is taken, and the memory of frames that were taken before the next are read.
+pub const REPLAY_BOUND: Bound = Bound { items: 8, bytes: 12 << 20 };
 
 /// Why a run ended before its input.
 #[derive(Debug, Error)]
@@ -38,16 +45,24 @@ pub enum RunError {
     SinkClosed,
 }
 
-/// What goes through the node, and how long.
-pub struct Run<'a> {
-    /// Where images come from.
-    pub source: &'a mut dyn Source,
+/// What is done with the images of one camera.
+pub struct Chain {
+    /// The topic of its images.
+    pub topic: String,
     /// Who measures.
     pub worker: Worker,
     /// Where results go.
     pub outlets: Vec<Outlet>,
     /// Number of published topics.
     pub num_topics: usize,
+}
+
+/// What goes through the node, and how long.
+pub struct Run<'a> {
+    /// Where images come from.
+    pub source: &'a mut dyn Source,
+    /// One for each camera.
+    pub chains: Vec<Chain>,
     /// The wish to end early.
     pub stop: &'a Stop,
     /// Hears how many messages were read, for a progress bar.
@@ -57,22 +72,52 @@ pub struct Run<'a> {
 impl Run<'_> {
     /// Replays: takes every message, waits wherever a queue is full, returns when all is written.
     ///
+    /// No camera knows of the others: each has its own worker and its own sinks, which see the same however many there
+    /// are.
+    ///
     /// # Errors
     /// A sink has failed; everything before is written.
     pub fn replay(self) -> Result<Summary, RunError> {
         let started = Instant::now();
-        let Run { source, worker, outlets, num_topics, stop, on_message } = self;
-        let input = &Queue::new(INPUT_BOUND, WhenFull::Wait);
-        let spare = &Queue::new(Bound { items: INPUT_BOUND.items, bytes: 0 }, WhenFull::DropOldest);
+        let Run { source, chains, stop, on_message } = self;
+        let is_packed = |chain: &Chain| chain.worker.unpacks_bytes().is_some();
+        let unpacker = &chains.iter().any(is_packed).then(Unpacker::on_all_cores);
+        let lanes: &Vec<_> = &chains.iter().map(|chain| chain.lane(unpacker.as_ref())).collect();
         let (fed, worked) = thread::scope(|scope| {
-            let worker = scope.spawn(move || work(worker, input, spare, outlets, num_topics));
-            let fed = Feed { input, spare, stop }.all(source, on_message);
-            input.close();
-            (fed, worker.join().unwrap_or_else(|panic| panic::resume_unwind(panic)))
+            if let Some(unpacker) = unpacker {
+                unpacker.start(scope);
+            }
+            let mut workers = Vec::new();
+            for (Chain { worker, outlets, num_topics, .. }, lane) in chains.into_iter().zip(lanes) {
+                let work = move || work(worker, &lane.input, &lane.spare, outlets, num_topics);
+                workers.push(named::spawn(scope, "measure", work));
+            }
+            let feed = Feed { lanes, unpacker: unpacker.as_ref(), stop };
+            let fed = feed.all(source, on_message);
+            let join = |worker: ScopedJoinHandle<'_, _>| {
+                worker.join().unwrap_or_else(|panic| panic::resume_unwind(panic))
+            };
+            (fed, workers.into_iter().map(join).collect::<Vec<_>>())
         });
-        let (counts, stages) = worked?;
         let Fed { num_damaged, was_interrupted } = fed;
-        Ok(Summary { counts, stages, elapsed: started.elapsed(), num_damaged, was_interrupted })
+        let mut summary = Summary { num_damaged, was_interrupted, ..Summary::default() };
+        for worked in worked {
+            let (counts, stages) = worked?;
+            summary.counts.add(&counts);
+            summary.stages.add(&stages);
+        }
+        Ok(Summary { elapsed: started.elapsed(), ..summary })
+    }
+}
+
+impl Chain {
+    fn lane(&self, unpacker: Option<&Unpacker>) -> Lane {
+        let unpacks_bytes = self.worker.unpacks_bytes();
+        let bound = match (unpacker, unpacks_bytes) {
+            (Some(unpacker), Some(_)) => Bound { items: unpacker.num_ahead(), ..REPLAY_BOUND },
+            _ => REPLAY_BOUND,
+        };
+        Lane::new(self.topic.clone(), bound, unpacks_bytes)
     }
 }
 
@@ -97,57 +142,4 @@ pub fn work(
         Halt::SinkFailed => RunError::SinkClosed,
         Halt::Encode(error) => error.into(),
     })
-}
-
-struct Feed<'a> {
-    input: &'a Queue<Input>,
-    spare: &'a Queue<Vec<u8>>,
-    stop: &'a Stop,
-}
-
-#[derive(Default)]
-struct Fed {
-    num_damaged: u64,
-    was_interrupted: bool,
-}
-
-impl Feed<'_> {
-    /// Hands all input to the worker; returns at its end, on the wish to stop, or when the worker has gone.
-    fn all(&self, source: &mut dyn Source, on_message: &mut dyn FnMut(u64)) -> Fed {
-        let mut fed = Fed::default();
-        let mut num_messages = 0;
-        loop {
-            if self.stop.is_raised() {
-                fed.was_interrupted = true;
-                return fed;
-            }
-            while let Popped::Item(buffer, _) = self.spare.pop_counted(Some(Instant::now())) {
-                source.recycle(buffer);
-            }
-            let (item, num_bytes) = match source.next() {
-                None => return fed,
-                Some(Input::Damage(what)) => {
-                    fed.num_damaged += 1;
-                    match fed.num_damaged.cmp(&MAX_TOLD) {
-                        Ordering::Less => tracing::error!("{what}"),
-                        Ordering::Equal => {
-                            tracing::error!("{what}; further damage is only counted");
-                        }
-                        Ordering::Greater => tracing::debug!("{what}"),
-                    }
-                    continue;
-                }
-                Some(Input::Message(message, writer)) => {
-                    num_messages += 1;
-                    on_message(num_messages);
-                    let num_bytes = message.data.len();
-                    (Input::Message(message, writer), num_bytes)
-                }
-                Some(other) => (other, 0),
-            };
-            if self.input.push(item, num_bytes).is_err() {
-                return fed;
-            }
-        }
-    }
 }

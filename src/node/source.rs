@@ -2,7 +2,7 @@
 
 use crate::bag::RawMessage;
 
-use super::command::Command;
+use super::{command::Command, unpack::Ahead};
 
 /// Which of the publishers that were seen on the topic wrote a message, counted from 0: each counts its own messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,6 +13,8 @@ pub struct Writer(pub u32);
 pub enum Input {
     /// The next image message.
     Message(RawMessage, Writer),
+    /// The next image message, whose picture is being unpacked by another thread.
+    Ahead(Ahead),
     /// A message arrived that the middleware could not hand on: it is counted as a malformed frame.
     Fault(String),
     /// What follows was recorded on another occasion: stamps and counters may start anew.

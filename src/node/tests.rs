@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use super::{
     results::Results,
-    run::{Run, RunError},
+    run::{Chain, Run, RunError},
     sink::{Outgoing, Outlet, Sink, SinkError},
     source::{Input, Source, Writer},
     statistics::Summary,
@@ -125,6 +125,7 @@ impl Sink for Memory {
 
 struct Setup {
     calibrated: bool,
+    transport: ImageTransport,
     sends_images: bool,
     max_frame_bytes: u64,
     room: usize,
@@ -135,6 +136,7 @@ impl Default for Setup {
     fn default() -> Self {
         Self {
             calibrated: false,
+            transport: ImageTransport::Raw,
             sends_images: false,
             max_frame_bytes: 1 << 20,
             room: usize::MAX,
@@ -170,7 +172,7 @@ fn worker(setup: &Setup) -> Worker {
     let params = &NodeParams::new(&values).unwrap().cameras[0];
     let calibration = setup.calibrated.then(calibration);
     let options = WorkerOptions {
-        transport: ImageTransport::Raw,
+        transport: setup.transport,
         max_frame_bytes: setup.max_frame_bytes,
         sends_images: setup.sends_images,
     };
@@ -185,16 +187,21 @@ fn worker(setup: &Setup) -> Worker {
     Worker::new(options, Pipeline::new(params.scanner, calibration), results, reporter)
 }
 
+fn chain(setup: &Setup, sink: impl Sink + 'static) -> Chain {
+    Chain {
+        topic: "/image_raw".into(),
+        worker: worker(setup),
+        outlets: vec![Outlet::replay(Box::new(sink))],
+        num_topics: 9,
+    }
+}
+
 fn run(setup: &Setup, inputs: Vec<Input>) -> (Result<Summary, RunError>, Vec<Outgoing>) {
     let kept = Arc::default();
+    let memory = Memory { kept: Arc::clone(&kept), room: setup.room };
     let run = Run {
         source: &mut Listed(inputs.into_iter()),
-        worker: worker(setup),
-        outlets: vec![Outlet::replay(Box::new(Memory {
-            kept: Arc::clone(&kept),
-            room: setup.room,
-        }))],
-        num_topics: 9,
+        chains: vec![chain(setup, memory)],
         stop: &setup.stop,
         on_message: &mut |_| {},
     };

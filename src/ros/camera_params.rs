@@ -30,6 +30,8 @@ pub struct CameraParams {
     pub max_frame_bytes: u64,
     /// The calibration; `None`: centrelines only.
     pub calibration_file: Option<PathBuf>,
+    /// The frame without laser; `None`: there is none.
+    pub background_file: Option<PathBuf>,
     /// Largest message of the point cloud, bytes; 0: any. Live, what the transport carries stands here in its place.
     pub points_max_bytes: u64,
     /// The measurement, without a limit to a slice's points: see [`scanner_for`](Self::scanner_for).
@@ -44,6 +46,7 @@ impl CameraParams {
             image_transport: values.is_set("image_transport").then_some(transport),
             max_frame_bytes: values.unsigned("max_frame_bytes")?,
             calibration_file: values.file("calibration_file")?,
+            background_file: values.file("extraction.background_file")?,
             points_max_bytes: values.unsigned("points.max_bytes")?,
             scanner: scanner(values)?,
         };
@@ -87,6 +90,14 @@ impl CameraParams {
                 "{} is {step_m} m/frame and {} is {velocity_m_s} m/s: set only one of them",
                 name("motion.step"),
                 name("motion.velocity")
+            ));
+        }
+        let is_reference = self.scanner.extraction.background == Background::Reference;
+        if is_reference && self.background_file.is_none() {
+            return conflict(format!(
+                "{} is reference, but {} is empty: name a picture without laser, as laser_profiler ambient makes",
+                name("extraction.background"),
+                name("extraction.background_file")
             ));
         }
         let smoothed = self.scanner.extraction.smoothing_columns;

@@ -121,6 +121,10 @@ impl Calibration {
                 continue;
             }
             let entry = along[i] as usize - lines.first;
+            // One point a line: the first surface's, which is the strongest.
+            if profile.z_m[entry].is_finite() {
+                continue;
+            }
             profile.x_m[entry] = x_m;
             profile.z_m[entry] = z_m;
             profile.intensity[entry] = (centerline.intensity[i] / full_scale as f32).min(1.0);

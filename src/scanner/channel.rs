@@ -167,6 +167,15 @@ impl Decoder {
                 Channel::Auto | Channel::Max => {
                     self.eight.extend(pixels.map(|p| p[red].max(p[green]).max(p[blue])));
                 }
+                Channel::RedExcess => {
+                    self.eight.extend(pixels.map(|p| p[red].saturating_sub(p[green].max(p[blue]))));
+                }
+                Channel::GreenExcess => {
+                    self.eight.extend(pixels.map(|p| p[green].saturating_sub(p[red].max(p[blue]))));
+                }
+                Channel::BlueExcess => {
+                    self.eight.extend(pixels.map(|p| p[blue].saturating_sub(p[red].max(p[green]))));
+                }
                 Channel::Gray => {
                     self.eight.extend(pixels.map(|p| {
                         luma([u32::from(p[red]), u32::from(p[green]), u32::from(p[blue])]) as u8
@@ -210,6 +219,9 @@ fn select(channel: Channel, rgb: [u32; 3]) -> u32 {
         Channel::Blue => rgb[2],
         Channel::Gray => luma(rgb),
         Channel::Auto | Channel::Max => rgb[0].max(rgb[1]).max(rgb[2]),
+        Channel::RedExcess => rgb[0].saturating_sub(rgb[1].max(rgb[2])),
+        Channel::GreenExcess => rgb[1].saturating_sub(rgb[0].max(rgb[2])),
+        Channel::BlueExcess => rgb[2].saturating_sub(rgb[0].max(rgb[1])),
     }
 }
 
@@ -290,6 +302,11 @@ mod tests {
             assert_eq!(eight(format, 1, step, data, Channel::Blue), [30], "{format:?}");
             assert_eq!(eight(format, 1, step, data, Channel::Max), [30], "{format:?}");
             assert_eq!(eight(format, 1, step, data, Channel::Auto), [30], "{format:?}");
+            for (channel, excess) in
+                [(Channel::RedExcess, 0), (Channel::GreenExcess, 0), (Channel::BlueExcess, 10)]
+            {
+                assert_eq!(eight(format, 1, step, data, channel), [excess], "{format:?}");
+            }
             // 0.299 * 10 + 0.587 * 20 + 0.114 * 30 = 18.15
             assert_eq!(eight(format, 1, step, data, Channel::Gray), [18], "{format:?}");
         }
@@ -320,9 +337,12 @@ mod tests {
         {
             let rgb = [200, 100, 50];
             let data: Vec<u8> = (0..5 * 4).map(|i| rgb[colour_at(pattern, i % 5, i / 5)]).collect();
-            for (channel, level) in
-                [(Channel::Red, 200), (Channel::Green, 100), (Channel::Blue, 50)]
-            {
+            for (channel, level) in [
+                (Channel::Red, 200),
+                (Channel::Green, 100),
+                (Channel::Blue, 50),
+                (Channel::RedExcess, 100),
+            ] {
                 let plane = eight(PixelFormat::Bayer8(pattern), 5, 5, &data, channel);
                 assert_eq!(plane, vec![level; 20], "{pattern:?} {channel:?}");
             }

@@ -183,6 +183,31 @@ impl<'a> Image<'a> {
     }
 }
 
+/// An image that owns its bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OwnedImage {
+    width: u32,
+    height: u32,
+    step: usize,
+    format: PixelFormat,
+    data: Vec<u8>,
+}
+
+impl OwnedImage {
+    /// A view of it.
+    pub fn view(&self) -> Image<'_> {
+        let Self { width, height, step, format, ref data } = *self;
+        Image { width, height, step, format, data }
+    }
+}
+
+impl From<&Image<'_>> for OwnedImage {
+    fn from(image: &Image<'_>) -> Self {
+        let Image { width, height, step, format, data } = *image;
+        Self { width, height, step, format, data: data.to_vec() }
+    }
+}
+
 /// One image and the time at which it was taken.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {

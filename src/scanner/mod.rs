@@ -4,6 +4,7 @@
 
 pub mod image;
 pub mod channel;
+pub mod ambient;
 pub mod stripe;
 pub mod exposure_pair;
 pub mod calibration;

@@ -45,6 +45,12 @@ named_enum! {
         Blue = "blue",
         /// Largest of red, green and blue.
         Max = "max",
+        /// What red has above the larger of green and blue, at least 0: a red laser without white light.
+        RedExcess = "red_excess",
+        /// What green has above the larger of red and blue, at least 0.
+        GreenExcess = "green_excess",
+        /// What blue has above the larger of red and green, at least 0.
+        BlueExcess = "blue_excess",
     }
 }
 

@@ -2,11 +2,12 @@
 //! (doi 10.3390/app13179831).
 
 use super::{
+    ambient::{Ambient, AmbientError},
     calibration::{Calibration, Lines},
     channel::{Decoder, RoiError, window},
     exposure_pair::{ExposurePairs, Pairing},
     height_map::HeightMap,
-    image::Frame,
+    image::{Frame, OwnedImage},
     motion::Motion,
     params::{Exposure, Params},
     profile::Profile,
@@ -22,6 +23,7 @@ pub struct Pipeline {
     params: Params,
     calibration: Option<Calibration>,
     decoder: Decoder,
+    ambient: Ambient,
     extractor: Extractor,
     /// When short and long exposures alternate.
     pairs: Option<ExposurePairs>,
@@ -38,6 +40,7 @@ impl Pipeline {
         let seed = calibration.as_ref().map(Calibration::id).unwrap_or_default();
         Self {
             decoder: Decoder::default(),
+            ambient: Ambient::default(),
             extractor: Extractor::new(params.extraction, params.stripe_direction),
             pairs: pairs(&params),
             centerline: Centerline::default(),
@@ -48,6 +51,12 @@ impl Pipeline {
             params,
             calibration,
         }
+    }
+
+    /// The same with a frame without laser, which `background: reference` takes off.
+    #[must_use]
+    pub fn with_ambient(self, image: Option<OwnedImage>) -> Self {
+        Self { ambient: Ambient::new(image), ..self }
     }
 
     /// Measures one frame. `on_stage` hears of the end of every stage, so that somebody with a clock can time them.
@@ -64,6 +73,7 @@ impl Pipeline {
         let full_scale = self.params.full_scale_of(image.format())?;
         // Step 1: crop.
         let searched = window(self.params.roi, image.width(), image.height())?;
+        self.ambient.prepare(&image, &searched, &self.params, &mut self.extractor)?;
 
         // Step 2: one grey level a pixel.
         let plane = self.decoder.decode(&image, self.params.channel, &searched);
@@ -118,6 +128,7 @@ impl Pipeline {
     /// What comes does not go on from what came: not its positions, and not its exposures.
     fn restart(&mut self) {
         self.motion.restart();
+        self.extractor.reset();
         if let Some(pairs) = &mut self.pairs {
             pairs.restart();
         }
@@ -162,6 +173,7 @@ impl Pipeline {
             self.motion = Motion::new(params.motion);
         }
         self.extractor = Extractor::new(params.extraction, params.stripe_direction);
+        self.ambient.forget();
         self.pairs = pairs(&params);
         self.scan.set_limits(params.scan_limits());
         self.params = params;
@@ -217,6 +229,9 @@ pub enum FrameError {
     /// The region of interest does not fit.
     #[error(transparent)]
     Roi(#[from] RoiError),
+    /// The frame without laser does not fit.
+    #[error(transparent)]
+    Ambient(#[from] AmbientError),
     /// Saturation above what the image can hold.
     #[error("full_scale is {full_scale}, but samples of this encoding end at {max_level}")]
     FullScale {

@@ -8,10 +8,14 @@
 mod program;
 #[cfg(any(feature = "dds", feature = "zenoh"))]
 mod live;
+mod real_scenes;
 mod recordings;
 
 mod accuracy;
 mod evaluate;
+mod bound;
+mod estimators;
+mod ambient;
 mod bright_scene;
 mod labelled_scenes;
 mod alternating_exposures;

@@ -2,6 +2,7 @@
 
 mod round_trip;
 mod damage;
+mod plain;
 mod full_disk;
 mod split;
 mod foreign;

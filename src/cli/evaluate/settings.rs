@@ -52,7 +52,13 @@ impl Settings {
     /// [`Usage`]: none, or several.
     pub(super) fn camera(&self, bags: &[BagReader]) -> anyhow::Result<CameraParams> {
         let cameras = self.cameras.clone();
-        camera::choose(cameras, self.camera.as_deref(), bags, &self.names).map_err(usage)
+        let mut chosen =
+            camera::choose(cameras, self.camera.as_deref(), bags, &self.names).map_err(usage)?;
+        let names: Vec<_> = chosen.iter().map(|camera| camera.name.clone()).collect();
+        match (chosen.pop(), chosen.is_empty()) {
+            (Some(camera), true) => Ok(camera),
+            _ => Err(usage(format!("--camera must name one of {}", names.join(", ")))),
+        }
     }
 
     /// The extraction's parameters but the method, by name.

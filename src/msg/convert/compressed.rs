@@ -38,6 +38,38 @@ const NATIVE: ByteOrder =
 /// What the PNG decoder may take for its own buffers, however small the limit: 64 KiB.
 const MIN_DECODER_BYTES: u64 = 1 << 16;
 
+/// Size and kind of the pixels of a decoded image.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    width: u32,
+    height: u32,
+    format: PixelFormat,
+}
+
+impl Shape {
+    /// The image that lies in `pixels`.
+    ///
+    /// # Errors
+    /// Pixels of another image.
+    pub fn image<'a>(&self, pixels: &'a [u8]) -> Result<Image<'a>, FrameRejected> {
+        let &Self { width, height, format } = self;
+        let step = width.saturating_mul(format.bytes_per_pixel() as u32);
+        Ok(Image::new(width, height, step, format, pixels)?)
+    }
+}
+
+/// Decodes a compressed image into `pixels`, as [`unpack`] does, and shows it.
+///
+/// # Errors
+/// Those of [`unpack`].
+pub fn image<'a>(
+    message: &CompressedImage<'_>,
+    max_frame_bytes: u64,
+    pixels: &'a mut Vec<u8>,
+) -> Result<Image<'a>, FrameRejected> {
+    unpack(message, max_frame_bytes, pixels)?.image(pixels)
+}
+
 /// Decodes a compressed image into `pixels`: grey as 8 or 16 bit grey (or the Bayer pattern that the format names),
 /// colour as `rgb8` or `rgba8`.
 ///
@@ -46,11 +78,11 @@ const MIN_DECODER_BYTES: u64 = 1 << 16;
 ///
 /// # Errors
 /// A format other than JPEG and PNG, a size beyond the limit, a file that is damaged or of another kind than stated.
-pub fn image<'a>(
+pub fn unpack(
     message: &CompressedImage<'_>,
     max_frame_bytes: u64,
-    pixels: &'a mut Vec<u8>,
-) -> Result<Image<'a>, FrameRejected> {
+    pixels: &mut Vec<u8>,
+) -> Result<Shape, FrameRejected> {
     let codec = codec(&message.format)
         .ok_or_else(|| FrameRejected::Format { format: excerpt(&message.format) })?;
     let source = message.format.split(';').next().unwrap_or_default().trim();
@@ -76,8 +108,7 @@ pub fn image<'a>(
         (ColorType::Rgba8, _) => PixelFormat::Rgba8,
         _ => return Err(FrameRejected::Color { codec, color }),
     };
-    let step = width.saturating_mul(format.bytes_per_pixel() as u32);
-    Ok(Image::new(width, height, step, format, pixels)?)
+    Ok(Shape { width, height, format })
 }
 
 /// The codec of a format: its whole text, or the first word behind the `;` that `image_transport` writes.

@@ -6,8 +6,8 @@ use thiserror::Error;
 
 use crate::{
     node::{
-        calibration_file::CalibrationFileError, lifecycle::server::ChangeError,
-        rosout::RosoutError, run::RunError,
+        ambient_file::AmbientFileError, calibration_file::CalibrationFileError,
+        lifecycle::server::ChangeError, rosout::RosoutError, run::RunError,
     },
     ros::{names::NameError, parameters::ParameterError, transport::TransportError},
 };
@@ -24,6 +24,9 @@ pub enum LiveError {
     /// The calibration of a camera.
     #[error(transparent)]
     Calibration(#[from] CalibrationFileError),
+    /// The frame without laser of a camera.
+    #[error(transparent)]
+    Ambient(#[from] AmbientFileError),
     /// The middleware.
     #[error(transparent)]
     Transport(#[from] TransportError),
@@ -48,6 +51,7 @@ impl LiveError {
             Self::Name(_) | Self::Parameter(_) => true,
             Self::Transport(error) => matches!(error, TransportError::Setting { .. }),
             Self::Calibration(_)
+            | Self::Ambient(_)
             | Self::Rosout(_)
             | Self::Lifecycle(_)
             | Self::Thread(_)

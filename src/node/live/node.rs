@@ -191,6 +191,7 @@ fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), Stri
         let changed = [
             ("image_transport", old.live_transport() != new.live_transport()),
             ("calibration_file", old.calibration_file != new.calibration_file),
+            ("extraction.background_file", old.background_file != new.background_file),
             ("max_frame_bytes", old.max_frame_bytes != new.max_frame_bytes),
         ];
         if let Some((name, _)) = changed.iter().find(|(_, is_changed)| *is_changed) {

@@ -17,7 +17,7 @@ use crate::{
         sensor_msgs::{CameraInfo, CompressedImage, Image},
     },
     node::{
-        calibration_file,
+        ambient_file, calibration_file,
         clock::{RosClock, TimeSource, system_ns},
         input,
         live_recording::RecordingControl,
@@ -43,7 +43,7 @@ use crate::{
         transport::{TopicEndpoint, Transport, TransportError},
         value::Value,
     },
-    scanner::{calibration::Calibration, pipeline::Pipeline},
+    scanner::{calibration::Calibration, image::OwnedImage, pipeline::Pipeline},
 };
 
 /// What an image message has besides its pixels, bytes, generously.
@@ -95,7 +95,8 @@ impl Context {
         let frame_id = calibration.as_ref().map_or("", Calibration::frame_id).to_owned();
         let plane = (calibration.clone(), camera.scanner.stripe_direction);
         let observer = Observer::new(number, plane, Arc::clone(tf), self.clock.clone());
-        let worker = self.worker(params, camera, calibration, &description);
+        let ambient = ambient_file::load(camera)?;
+        let worker = self.worker(params, camera, (calibration, ambient), &description);
         let limit_bytes = camera.max_frame_bytes as usize + MESSAGE_MARGIN_BYTES;
         let transport = Arc::clone(&self.transport);
         let images = Arc::new(Images::new(transport, endpoints, limit_bytes, observer));
@@ -171,7 +172,7 @@ impl Context {
         &self,
         params: &NodeParams,
         camera: &CameraParams,
-        calibration: Option<Calibration>,
+        (calibration, ambient): (Option<Calibration>, Option<OwnedImage>),
         description: &Description,
     ) -> Worker {
         let frame_id = calibration.as_ref().map_or("", Calibration::frame_id);
@@ -192,7 +193,8 @@ impl Context {
             max_frame_bytes: camera.max_frame_bytes,
             sends_images: sends_images(params),
         };
-        Worker::new(options, Pipeline::new(scanner, calibration), results, reporter)
+        let pipeline = Pipeline::new(scanner, calibration).with_ambient(ambient);
+        Worker::new(options, pipeline, results, reporter)
     }
 
     fn publications(&self, outputs: &[TopicEndpoint]) -> Result<Outlet, LiveError> {

@@ -1,11 +1,11 @@
-use std::{collections::BTreeMap, fs};
+use std::{collections::BTreeMap, fs, path::Path};
 
 use super::*;
 use crate::{
-    bag::{RawMessage, Recorder, Times},
+    bag::{RawMessage, Recorder, Times, Topic},
     msg::{cdr, laser_profiler_msgs::Centerline},
     node::{source::Input, tests::good},
-    ros::arguments::Assignment,
+    ros::{arguments::Assignment, value::Value},
 };
 
 /// From an image's sending to its recording.
@@ -121,7 +121,7 @@ fn the_transport_that_was_found_is_the_effective_one() {
         let output = place.path().join("results");
         let replay = Replay::prepare(request(vec![input], &output)).unwrap();
         let line = format!("image_transport: {transport}\n");
-        assert!(replay.description().parameters.contains(&line));
+        assert!(replay.cameras[0].description(&replay).parameters.contains(&line));
     }
 }
 
@@ -208,6 +208,62 @@ fn an_existing_output_stays_without_force() {
     assert!(fs::read(&file).unwrap() == before, "the same again");
 }
 
+/// Two cameras by these names; every one takes small stripes.
+fn two_cameras(mut request: ReplayRequest) -> ReplayRequest {
+    for camera in ["left", "right"] {
+        let mut area = request.ros.assignments[0].clone();
+        area.name = format!("{camera}.{}", area.name);
+        request.ros.assignments.push(area);
+    }
+    let cameras = Value::TextList(vec!["left".into(), "right".into()]);
+    request.ros.assignments[0] = Assignment { node: None, name: "cameras".into(), value: cameras };
+    request
+}
+
+#[test]
+fn cameras_side_by_side_give_what_each_gives_alone() {
+    let place = tempfile::tempdir().unwrap();
+    let bag = recording(&place.path().join("both"), &["/left/image_raw", "/right/image_raw"]);
+    let together = place.path().join("together");
+    let request = |output: &Path| {
+        let mut request = two_cameras(request(vec![bag.clone(), bag.clone()], output));
+        request.with_images = true;
+        request
+    };
+    let summary = replay(request(&together)).unwrap();
+    assert_eq!((summary.counts.received, summary.counts.processed), (20, 20));
+    assert!(summary.is_complete());
+    for camera in ["left", "right"] {
+        let output = place.path().join("alone").join(camera);
+        replay(ReplayRequest { camera: Some(camera.to_owned()), ..request(&output) }).unwrap();
+        for name in [&format!("{camera}_0.mcap"), "metadata.yaml"] {
+            let [of_both, of_one] =
+                [&together.join(camera), &output].map(|bag| fs::read(bag.join(name)).unwrap());
+            assert!(of_both.len() > 100 && of_both == of_one, "{camera}/{name}");
+        }
+    }
+    fs::remove_dir_all(together.join("left")).unwrap();
+    let error = replay(request(&together)).unwrap_err();
+    assert!(error.to_string().contains("right"), "{error}");
+    assert!(!together.join("left").exists(), "refused before anything was written");
+}
+
+#[test]
+fn cameras_with_the_same_images_are_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let bag = recording(&place.path().join("input"), &["/image_raw"]);
+    let mut request = two_cameras(request(vec![bag], &place.path().join("out")));
+    for camera in ["left", "right"] {
+        let rule =
+            ros2args::RemapRule::new_global(format!("{camera}/image_raw"), "/image_raw".into());
+        request.ros.remaps.push(rule);
+    }
+    let error = replay(request).unwrap_err();
+    assert!(error.is_usage(), "{error}");
+    let words = "the cameras left and right both take /image_raw: replay them one by one";
+    assert!(error.to_string().contains(words), "{error}");
+}
+
 #[test]
 fn of_several_cameras_one_is_replayed_under_its_name() {
     let place = tempfile::tempdir().unwrap();
@@ -218,28 +274,21 @@ fn of_several_cameras_one_is_replayed_under_its_name() {
         let mut request = request(vec![bag.clone()], &output);
         request.camera = camera.map(str::to_owned);
         request.force = true;
-        for camera in ["left", "right"] {
-            let mut area = request.ros.assignments[0].clone();
-            area.name = format!("{camera}.{}", area.name);
-            request.ros.assignments.push(area);
-        }
-        let cameras = Value::TextList(vec!["left".into(), "right".into()]);
-        request.ros.assignments[0] =
-            Assignment { node: None, name: "cameras".into(), value: cameras };
-        request
+        two_cameras(request)
     };
     for (bag, camera, taken) in [(&both, Some("left"), "left"), (&right, None, "right")] {
         let replay = Replay::prepare(request(bag, camera)).unwrap();
-        assert_eq!(replay.image_topic().name, format!("/{taken}/image_raw"));
-        let parameters = replay.description().parameters;
+        assert_eq!(replay.image_topics().next().unwrap().name, format!("/{taken}/image_raw"));
+        let parameters = replay.cameras[0].description(&replay).parameters;
         assert!(parameters.contains(&format!("    {taken}.image_transport: raw\n")));
         replay.run(&Stop::default(), &mut |_| {}).unwrap();
         let results = messages(&output);
         assert_eq!(results[&format!("/laser_profiler/{taken}/centerline")].len(), 5);
         assert!(results.contains_key("/diagnostics"));
     }
+    let other = recording(&place.path().join("other"), &["/image_raw"]);
     for (bag, camera, words) in [
-        (&both, None, "--camera NAME: the cameras are left, right"),
+        (&other, None, "the cameras are left, right (--ros-args -r left/image_raw:=TOPIC"),
         (&both, Some("top"), "no camera is called \"top\"; the cameras are left, right"),
         (&right, Some("left"), "no raw or compressed images on /left/image_raw"),
     ] {

@@ -2,7 +2,10 @@
 
 use std::thread;
 
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
 use super::*;
+use crate::msg::sensor_msgs::CompressedImage;
 use crate::node::{
     fan_out::FanOut,
     publisher::Publisher,
@@ -254,9 +257,7 @@ fn neither_a_slow_source_nor_a_slow_sink_changes_a_byte() {
         let memory = Memory { kept: Arc::clone(&kept), room: usize::MAX };
         let run = Run {
             source: &mut Yielding(Listed(stream().into_iter()), source_yields),
-            worker: worker(&setup),
-            outlets: vec![Outlet::replay(Box::new(Yielding(memory, sink_yields)))],
-            num_topics: 9,
+            chains: vec![chain(&setup, Yielding(memory, sink_yields))],
             stop: &setup.stop,
             on_message: &mut |_| {},
         };
@@ -285,12 +286,7 @@ fn a_raised_stop_ends_the_input_and_keeps_the_results() {
     let kept = Arc::default();
     let summary = Run {
         source: &mut Stopping(Listed(inputs.into_iter()), setup.stop.clone()),
-        worker: worker(&setup),
-        outlets: vec![Outlet::replay(Box::new(Memory {
-            kept: Arc::clone(&kept),
-            room: usize::MAX,
-        }))],
-        num_topics: 9,
+        chains: vec![chain(&setup, Memory { kept: Arc::clone(&kept), room: usize::MAX })],
         stop: &setup.stop,
         on_message: &mut |_| {},
     }
@@ -299,4 +295,53 @@ fn a_raised_stop_ends_the_input_and_keeps_the_results() {
     assert!(summary.was_interrupted && !summary.is_complete());
     assert_eq!(summary.counts.processed, 4);
     assert_eq!(on(&kept.lock().unwrap(), Output::Centerline).len(), 4);
+}
+
+/// The frame as a PNG file in a message, after `edit`.
+fn packed(number: u32, edit: impl FnOnce(&mut Vec<u8>)) -> Input {
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file)
+        .write_image(&picture(), WIDTH, HEIGHT, ExtendedColorType::L8)
+        .unwrap();
+    edit(&mut file);
+    let at_ms = i64::from(number) * 10;
+    let stamp = Time::from_ns(START_NS + at_ms * MS);
+    let header = Header { stamp, frame_id: "optical".into() };
+    let image = CompressedImage { header, format: "mono8; png compressed ".into(), data: &file };
+    let mut data = Vec::new();
+    cdr::encode(&image, &mut data).unwrap();
+    message(number, at_ms, data)
+}
+
+#[test]
+fn unpacked_ahead_the_frames_are_those_that_were_never_packed() {
+    let is_damaged = |number: u32| number % 7 == 3;
+    let unpacked = (1..60).map(|number| {
+        let edit = |image: &mut Image<'_>| image.step -= u32::from(is_damaged(number));
+        let at_ms = i64::from(number) * 10;
+        frame(number, at_ms, at_ms, edit)
+    });
+    let damage = |number, file: &mut Vec<u8>| {
+        if is_damaged(number) {
+            file.truncate(40);
+        }
+    };
+    let packed = (1..60).map(|number| packed(number, |file| damage(number, file)));
+    let raw = Setup { calibrated: true, ..Setup::default() };
+    let compressed =
+        Setup { calibrated: true, transport: ImageTransport::Compressed, ..Setup::default() };
+    let (summary, expected) = run(&raw, unpacked.collect());
+    let (again, found) = run(&compressed, packed.collect());
+    let (summary, again) = (summary.unwrap(), again.unwrap());
+    assert_eq!((summary.counts.processed, summary.counts.malformed), (50, 9));
+    assert_eq!((again.counts.processed, again.counts.malformed), (50, 9));
+    for output in [Output::Centerline, Output::Profile, Output::Points, Output::SliceInfo] {
+        let bytes = |messages| -> Vec<_> {
+            on(messages, output)
+                .into_iter()
+                .map(|m| (m.log_time_ns, m.sequence, &*m.data))
+                .collect()
+        };
+        assert!(bytes(&expected).len() > 5 && bytes(&expected) == bytes(&found), "{output:?}");
+    }
 }

@@ -20,6 +20,7 @@ use crate::{
         results::Measured,
         sink::Purpose,
         statistics::StageTimes,
+        unpack::Picture,
     },
     ros::node_params::ImageTransport,
     scanner::{
@@ -58,6 +59,7 @@ impl Worker {
     pub(super) fn take(
         &mut self,
         message: &RawMessage,
+        picture: Option<&Picture>,
         out: &mut Publisher<'_>,
     ) -> Result<(), Halt> {
         self.last_time_ns = message.log_time_ns;
@@ -65,7 +67,7 @@ impl Worker {
         if self.options.sends_images {
             out.forward(message)?;
         }
-        match self.measure(message, out)? {
+        match self.measure(message, picture, out)? {
             Ok(()) => self.counts.processed += 1,
             Err(rejection) => self.reject(&rejection, message.log_time_ns),
         }
@@ -94,11 +96,16 @@ impl Worker {
     fn measure(
         &mut self,
         message: &RawMessage,
+        picture: Option<&Picture>,
         out: &mut Publisher<'_>,
     ) -> Result<Result<(), Rejection>, Halt> {
-        let started = Instant::now();
+        let (now, unpacking) = (Instant::now(), picture.map(Picture::took).unwrap_or_default());
+        let started = now.checked_sub(unpacking).unwrap_or(now);
         let mut pixels = std::mem::take(&mut self.pixels);
-        let decoded = decode(message, &self.options, &mut pixels);
+        let decoded = match picture {
+            Some(picture) => unpacked(message, picture),
+            None => decode(message, &self.options, &mut pixels),
+        };
         let measured = match decoded {
             Ok((header, image)) => self.measure_image(started, (&header, image), message, out),
             Err(rejection) => {
@@ -225,6 +232,15 @@ impl StageClock<'_> {
         histogram.record(now - self.last);
         self.last = now;
     }
+}
+
+/// The image of a message that was unpacked before.
+fn unpacked<'a>(
+    message: &'a RawMessage,
+    picture: &'a Picture,
+) -> Result<(Header<'a>, image::Image<'a>), Rejection> {
+    let message: CompressedImage<'_> = cdr::decode(&message.data)?;
+    Ok((message.header, picture.image()?))
 }
 
 fn decode<'a>(

@@ -17,6 +17,7 @@ use super::{
     statistics::{Counts, StageTimes},
     status::{Interval, Load, Reporter, Schedule, State},
     topics::Output,
+    unpack::{Picture, Unpacked},
 };
 use live::Live;
 
@@ -99,6 +100,12 @@ impl Worker {
         Self { live: Some(live), ..self }
     }
 
+    /// The largest picture that it takes, bytes, where its images are compressed.
+    pub fn unpacks_bytes(&self) -> Option<u64> {
+        let WorkerOptions { transport, max_frame_bytes, .. } = self.options;
+        (transport == ImageTransport::Compressed).then_some(max_frame_bytes)
+    }
+
     /// Takes all input, ends the scan and reports a last time. Buffers of used messages go to `spare`.
     ///
     /// # Errors
@@ -137,13 +144,13 @@ impl Worker {
     ) -> Result<(), Halt> {
         match item {
             Input::Message(message, writer) => {
-                if writer != self.last_writer {
-                    self.last_writer = writer;
-                    self.sequence.restart();
+                self.take_message(Unpacked { message, writer, picture: None }, spare, out)
+            }
+            Input::Ahead(ahead) => {
+                if let Some(unpacked) = ahead.wait() {
+                    return self.take_message(unpacked, spare, out);
                 }
-                self.take(&message, out)?;
-                // A closed or full queue of spares: the buffer is simply freed.
-                _ = spare.push(message.data, 0);
+                self.take_fault("the thread that unpacks images is gone");
                 Ok(())
             }
             Input::Fault(what) => {
@@ -155,6 +162,24 @@ impl Worker {
             Input::Damage(_) => Ok(()),
             Input::Command(command) => self.obey(command, out),
         }
+    }
+
+    fn take_message(
+        &mut self,
+        unpacked: Unpacked,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
+        let Unpacked { message, writer, picture } = unpacked;
+        if writer != self.last_writer {
+            self.last_writer = writer;
+            self.sequence.restart();
+        }
+        self.take(&message, picture.as_ref(), out)?;
+        picture.into_iter().for_each(Picture::give_back);
+        // A closed or full queue of spares: the buffer is simply freed.
+        _ = spare.push(message.data, 0);
+        Ok(())
     }
 
     /// What comes next does not go on from what came before.

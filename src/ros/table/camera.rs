@@ -26,7 +26,9 @@ pub const CAMERA: &[Parameter] = &[
          damaged or hostile input. Raise it only for cameras with larger frames."),
     choice("channel", "auto", Channel::NAMES,
         "Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing. auto: grey images as they are, \
-         the largest of the three colours otherwise. gray: luma, BT.601. The laser's own colour has the best contrast in ambient light."),
+         the largest of the three colours otherwise. gray: luma, BT.601. The laser's own colour has the best contrast in \
+         ambient light; red_excess, green_excess and blue_excess are what it has above the larger of the other two, so \
+         that white and grey things vanish. Grey images are taken as they are, whatever stands here."),
     choice("stripe_direction", "horizontal", StripeDirection::NAMES,
         "Which way the stripe runs through the image. horizontal: one point a column; vertical: one point a row."),
     integer("full_scale", "grey levels of the image", (0, 0, 65_535),
@@ -68,18 +70,21 @@ pub const CAMERA: &[Parameter] = &[
     choice("extraction.peak_selection", "brightest", PeakSelection::NAMES,
         "Which of several candidates in a cross-section is the stripe. brightest suits most scenes; first or last \
          when a reflection always lies on the other side; continuity takes those that make one line, for scenes with \
-         bright clutter."),
+         bright clutter, and parts a stripe from the halo that it stands on."),
     choice("extraction.background", "none", Background::NAMES,
-        "What is taken off before the search. local: what is wider across the stripe than background_window. \
+        "What is taken off before the search. local: what is wider across the stripe than background_window (white \
+         top-hat), for ambient light and bright objects; takes some times longer, because every pixel counts. \
          reference: background_file, a frame without laser from the same place."),
     integer("extraction.background_window", "px", (41, 3, 1001),
-        "What is wider across the stripe than this is local background. Twice the widest stripe or more."),
+        "What is wider across the stripe than this is local background; even ones count as the next odd one. Twice the \
+         widest stripe or more; lower lets less clutter through."),
     text("extraction.background_file", "",
-        "Picture for background: reference, of the camera's size: PNG, TIFF or PGM. A relative path starts from the \
-         parameter file that sets it, or from the working directory when set by -p."),
+        "Picture for background: reference, of the camera's size and depth: PNG, 8 or 16 bits, as laser_profiler ambient \
+         makes. A relative path starts from the parameter file that sets it, or from the working directory when set by -p."),
     choice("extraction.threshold", "fixed", Threshold::NAMES,
         "Where the segment threshold comes from. fixed: segment_threshold. adaptive: threshold_sigmas times the noise of \
-         the searched image above its median, frame by frame; width_threshold moves along."),
+         the searched image above its median, frame by frame; width_threshold moves along. Wants a background that is \
+         even or taken off."),
     float("extraction.threshold_sigmas", "standard deviations", (8.0, 1.0, 1000.0),
         "Adaptive threshold: so many standard deviations of the searched image's noise above its median."),
     float("extraction.min_contrast", "grey levels of an 8-bit scale", (0.0, 0.0, 255.0),
@@ -96,7 +101,8 @@ pub const CAMERA: &[Parameter] = &[
     float("extraction.max_step", "px", (3.0, 0.1, 1000.0),
         "For peak_selection continuity: what moves further from one column to the next is a break in the line."),
     integer("extraction.tracking_margin", "px", (0, 0, MAX_SIDE),
-        "Search only so far from the last frame's stripe, and everywhere again when it is lost. 0: everywhere."),
+        "Search only so far from the last frame's stripe, and everywhere again when less than half of its points are found \
+         there. 0: everywhere."),
     integer("extraction.smoothing_columns", "points", (1, 1, 255),
         "Points that are smoothed together along the stripe, an odd number; 1: none. Noise falls with their root; steps \
          and grooves above the noise stay as they are."),

@@ -8,7 +8,7 @@ use super::lanes::{Lane, each};
 use crate::scanner::channel::Plane;
 use std::{
     fmt::Debug,
-    ops::{Add, Mul},
+    ops::{Add, Mul, Sub},
 };
 
 /// Blurred units a grey level.
@@ -16,7 +16,15 @@ pub const UNITS: u32 = 256;
 
 /// An integer that holds weighted sums of samples.
 pub trait Number:
-    Copy + Ord + Default + Debug + Into<u32> + Add<Output = Self> + Mul<Output = Self> + Send
+    Copy
+    + Ord
+    + Default
+    + Debug
+    + Into<u32>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Send
 {
     /// The weight 0..=256.
     fn from_weight(weight: u16) -> Self;

@@ -2,18 +2,23 @@
 
 use super::{
     Centerline,
-    blur::{Kernel, Sample},
+    background::BackgroundFilter,
+    blur::{Kernel, Sample, blurred_at},
     lanes::{LANES, Sections},
     load::Loader,
     measure::Assembler,
+    noise_estimate::NoiseEstimator,
+    picture::Picture,
     section::{Candidate, Found, Levels},
     segment::Regions,
     select::Selector,
+    steger::Ridge,
+    threshold::{NoiseThreshold, rounding_noise},
     tiles::BlurredTiles,
 };
 use crate::scanner::{
     channel::Plane,
-    params::{ExtractionParams, StripeDirection},
+    params::{ExtractionParams, Method, NoiseSource, StripeDirection, Threshold},
 };
 
 /// Extracts frame after frame without allocating once the first of a size has been seen.
@@ -23,6 +28,8 @@ pub struct FastExtractor<S: Sample> {
     params: ExtractionParams,
     direction: StripeDirection,
     tiles: BlurredTiles<S>,
+    background: BackgroundFilter<S::Sum>,
+    noise_threshold: NoiseThreshold,
     regions: Regions,
     /// Candidates that may still grow, one a line while runs arrive row by row; `count` 0: none.
     open: Vec<Candidate>,
@@ -30,6 +37,8 @@ pub struct FastExtractor<S: Sample> {
     selector: Selector,
     chosen: Vec<Found>,
     sections: Sections,
+    noise: NoiseEstimator,
+    ridge: Ridge,
 }
 
 impl<S: Sample> FastExtractor<S> {
@@ -40,13 +49,27 @@ impl<S: Sample> FastExtractor<S> {
             params,
             direction,
             tiles: BlurredTiles::default(),
+            background: BackgroundFilter::new(&params),
+            noise_threshold: NoiseThreshold::default(),
             regions: Regions::default(),
             open: Vec::new(),
             found: Vec::new(),
             selector: Selector::new(params),
             chosen: Vec::new(),
             sections: Sections::default(),
+            noise: NoiseEstimator::default(),
+            ridge: Ridge::new(params.ridge_sigma_px),
         }
+    }
+
+    /// Takes this frame for the light without laser, for `background: reference`. It has the size of those that follow.
+    pub fn set_ambient(&mut self, plane: &Plane<'_, S>) {
+        self.background.set_ambient(plane, &self.kernel);
+    }
+
+    /// Forgets the last frame: the next one is searched everywhere.
+    pub const fn reset(&mut self) {
+        self.selector.reset();
     }
 
     /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` (column, row) of the image.
@@ -57,14 +80,37 @@ impl<S: Sample> FastExtractor<S> {
         full_scale: u32,
         centerline: &mut Centerline,
     ) {
-        self.find(plane, full_scale);
-        self.selector.select(&self.found, &mut self.chosen);
-        let Self { kernel, params, direction, tiles, chosen, sections, .. } = self;
-        let levels = Levels::new(params, kernel, full_scale);
+        let threshold = self.find(plane, full_scale);
+        let Self {
+            kernel,
+            params,
+            direction,
+            tiles,
+            selector,
+            found,
+            chosen,
+            sections,
+            noise,
+            ridge,
+            ..
+        } = self;
+        let mut levels = Levels::new(params, kernel, full_scale);
+        if params.threshold == Threshold::Adaptive {
+            levels = levels.with_segment_threshold(threshold);
+        }
+        let sample = |line: u32, position: u32| match direction {
+            StripeDirection::Horizontal => tiles.known(line as usize, position as usize),
+            StripeDirection::Vertical => tiles.known(position as usize, line as usize),
+        };
+        selector.select(found, &levels, sample, chosen);
         let length = match direction {
             StripeDirection::Horizontal => plane.height,
             StripeDirection::Vertical => plane.width,
         };
+        let picture = Picture { plane, direction: *direction };
+        if params.noise == NoiseSource::Estimated {
+            noise.estimate(&picture, chosen, full_scale, &mut levels.noise);
+        }
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
         let mut loader = Loader { plane, kernel, tiles, direction: *direction };
         let mut rest = &chosen[..];
@@ -77,21 +123,44 @@ impl<S: Sample> FastExtractor<S> {
             let count = rest.iter().take(LANES).take_while(|f| !f.candidate.is_broad()).count();
             let (batch, behind) = rest.split_at(count);
             loader.load(batch, &levels, sections);
-            assembler.push(batch, sections, &levels);
+            assembler.push(batch, sections, &levels, |centres| {
+                if params.method == Method::Steger {
+                    ridge.refine(&picture, batch, (&levels.noise, full_scale), centres);
+                }
+            });
             rest = behind;
         }
     }
 
-    /// All candidates, in order of their lines and of their positions.
-    fn find(&mut self, plane: &Plane<'_, S>, full_scale: u32) {
-        let threshold = Levels::new(&self.params, &self.kernel, full_scale).segment_threshold;
-        self.tiles.compute(plane, &self.kernel, threshold);
+    /// Finds all candidates, in order of their lines and of their positions; returns the segment threshold, blurred units.
+    fn find(&mut self, plane: &Plane<'_, S>, full_scale: u32) -> u32 {
+        let Self { kernel, params, direction, tiles, background, noise_threshold, .. } = self;
+        let mut threshold = Levels::new(params, kernel, full_scale).segment_threshold;
+        let is_adaptive = params.threshold == Threshold::Adaptive;
+        let mut adapt = |sample: &dyn Fn(usize, usize) -> u32| {
+            let floor = rounding_noise() * kernel.noise_gain();
+            let size = (plane.width, plane.height);
+            noise_threshold.find(size, sample, (params.threshold_sigmas, floor))
+        };
+        if background.is_needed() {
+            let samples = tiles.compute_everywhere(plane, kernel);
+            background.subtract(samples, plane.width, *direction);
+            if is_adaptive {
+                threshold = adapt(&|x, y| tiles.known(x, y));
+            }
+        } else {
+            if is_adaptive {
+                threshold = adapt(&|x, y| blurred_at(plane, kernel, x, y));
+            }
+            tiles.compute(plane, kernel, threshold);
+        }
         self.tiles.segment(threshold, &mut self.regions);
         self.found.clear();
         match self.direction {
             StripeDirection::Horizontal => self.find_in_columns(plane.width),
             StripeDirection::Vertical => self.find_in_rows(),
         }
+        threshold
     }
 
     /// The candidates of a vertical stripe: the kept runs themselves.
@@ -135,9 +204,9 @@ impl<S: Sample> FastExtractor<S> {
 mod tests {
     use super::*;
     use crate::scanner::{
-        params::{Method, PeakSelection, Window},
+        params::{Background, PeakSelection, Window},
         stripe::{
-            reference,
+            reference::{self, LitFrame},
             tiles::{COLUMNS, ROWS},
         },
     };
@@ -164,8 +233,8 @@ mod tests {
         let radius = prop_oneof![3 => 0..4_u32, 1 => 4..=15_u32];
         // Halves of grey levels: samples can lie exactly on a threshold, and between two.
         let threshold = prop_oneof![0..20_u32, 0..200_u32];
-        (choices, radius, threshold, 0..40_u32, 0..255_u32).prop_map(
-            |((method, window, peak_selection), blur_radius, threshold, area, width)| {
+        (choices, radius, threshold, 0..40_u32, 0..255_u32, any_scene()).prop_map(
+            |((method, window, peak_selection), blur_radius, threshold, area, width, scene)| {
                 ExtractionParams {
                     method,
                     window,
@@ -174,6 +243,34 @@ mod tests {
                     min_segment_area: area,
                     width_threshold: f64::from(width),
                     peak_selection,
+                    ..scene
+                }
+            },
+        )
+    }
+
+    /// What scenes that are not black need, each as often as not.
+    fn any_scene() -> impl Strategy<Value = ExtractionParams> {
+        let choices = (
+            any_of(Background::NAMES, Background::from_name),
+            any_of(Threshold::NAMES, Threshold::from_name),
+        );
+        let widths = (prop_oneof![Just(1), 1..9_u32], prop_oneof![Just(0), 0..40_u32]);
+        let lines = (1..4_u32, 1..20_u32, prop_oneof![Just(0), 0..30_u32]);
+        let contrast = prop_oneof![Just(0), 0..255_u32];
+        (choices, 3..60_u32, 2..40_u32, contrast, widths, lines).prop_map(
+            |((background, threshold), window_px, sigmas, contrast, widths, lines)| {
+                ExtractionParams {
+                    background,
+                    background_window_px: window_px,
+                    threshold,
+                    threshold_sigmas: f64::from(sigmas) / 2.0,
+                    min_contrast: f64::from(contrast),
+                    min_width_px: widths.0,
+                    max_width_px: widths.1,
+                    max_stripes: lines.0,
+                    max_step_px: f64::from(lines.1) / 2.0,
+                    tracking_margin_px: lines.2,
                     ..ExtractionParams::default()
                 }
             },
@@ -245,12 +342,22 @@ mod tests {
         for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
             // One extractor for all: what an earlier frame left behind must not show.
             let mut fast = FastExtractor::new(params, direction);
+            let mut selector = Selector::new(params);
             let mut centerline = Centerline::default();
+            let mut previous: Option<Plane<'_, S>> = None;
             for (width, height, stride, samples) in planes {
                 let plane = Plane { width: *width, height: *height, stride: *stride, samples };
+                // The frame before stands for the one without laser, if it has the size.
+                let ambient = previous.filter(|p| (p.width, p.height) == (*width, *height));
+                let ambient = ambient.unwrap_or(plane);
+                fast.set_ambient(&ambient);
                 fast.extract(&plane, (3, 7), full_scale, &mut centerline);
-                let expected = reference::extract(&plane, (3, 7), &params, direction, full_scale);
+                let frame = LitFrame { plane: &plane, ambient: Some(&ambient) };
+                let state = (&params, &mut selector);
+                let expected =
+                    reference::extract_next(&frame, (3, 7), state, direction, full_scale);
                 assert_equal(&centerline, &expected);
+                previous = Some(plane);
             }
         }
     }

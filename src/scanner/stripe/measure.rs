@@ -3,11 +3,14 @@
 use super::{
     Centerline,
     broad::Broad,
+    fir_peak::fir_peak,
     flag,
     fractional::fractional_window_gravity,
     gaussian_fit::{coarse_peak, gaussian_fit},
+    gaussian_ml::gaussian_ml,
     gravity::{gray_gravity, rounded_window_gravity, width_samples, window_half_length_px},
     lanes::{Centres, Lane, Sections},
+    log_gaussian::log_gaussian,
     section::{Candidate, Found, Levels},
     width::{brightest, brightest_raw, full_width_half_maximum, raw_at},
 };
@@ -20,12 +23,14 @@ use crate::scanner::params::{Method, StripeDirection, Window};
 #[inline(always)]
 pub fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Centres {
     let noise = &levels.noise;
+    let full_scale = levels.full_scale as f32;
     match levels.method {
         Method::GrayGravity => gray_gravity(sections, noise),
-        Method::GaussianFit => gaussian_fit(sections, brightest, noise),
-        Method::GaussianMl | Method::LogGaussian | Method::FirPeak | Method::Steger => {
-            gaussian_fit(sections, brightest, noise)
-        }
+        // The ridge needs the picture; it begins at the fit's maximum.
+        Method::GaussianFit | Method::Steger => gaussian_fit(sections, brightest, noise),
+        Method::GaussianMl => gaussian_ml(sections, noise.into(), full_scale),
+        Method::LogGaussian => log_gaussian(sections, noise.into(), full_scale),
+        Method::FirPeak => fir_peak(sections, noise.into(), full_scale),
         Method::ImprovedGravity => {
             let coarse_px = coarse_peak(sections, brightest);
             let width_samples = width_samples(sections, levels.width_threshold);
@@ -78,16 +83,30 @@ impl<'a> Assembler<'a> {
     }
 
     /// Measures cross-sections, one a lane, in which these candidates were found, and adds their points.
+    /// `refine` may move the centres by what more of the picture tells.
     #[inline(always)]
-    pub fn push(&mut self, found: &[Found], sections: &Sections, levels: &Levels<'_>) {
+    pub fn push(
+        &mut self,
+        found: &[Found],
+        sections: &Sections,
+        levels: &Levels<'_>,
+        refine: impl FnOnce(&mut Centres),
+    ) {
         let brightest = brightest(sections);
-        let centres = centres(sections, &brightest, levels);
+        let mut centres = centres(sections, &brightest, levels);
+        refine(&mut centres);
         let width_px =
             full_width_half_maximum(sections, &brightest, levels.noise.kernel.variance_px2());
         let intensity = raw_at(sections, &centres.position_px);
         let brightest_raw = brightest_raw(sections);
         for (lane, found) in found.iter().enumerate() {
-            let is_saturated = brightest_raw[lane] >= levels.full_scale as f32;
+            let mut flags = 0;
+            if brightest_raw[lane] >= levels.full_scale as f32 {
+                flags |= flag::SATURATED;
+            }
+            if levels.is_low(found.candidate.peak, intensity[lane]) {
+                flags |= flag::LOW_CONTRAST;
+            }
             self.add(
                 found,
                 &Point {
@@ -95,7 +114,7 @@ impl<'a> Assembler<'a> {
                     sigma_px: centres.sigma_px[lane],
                     width_px: width_px[lane],
                     intensity: intensity[lane],
-                    flags: if is_saturated { flag::SATURATED } else { 0 },
+                    flags,
                 },
             );
         }

@@ -6,7 +6,9 @@
 //! | 1 crop | [`channel::window`](super::channel::window) |
 //! | 2 grey | [`channel::Decoder::decode`](super::channel::Decoder::decode) |
 //! | 3 blur | [`blur::blurred_at`]; fast: [`blur::blur_span`], where [`tiles`] says that it matters |
-//! | 4 segment | [`segment::Regions`]; of several candidates in a cross-section [`select::Selected`] takes one |
+//! | 3a background | [`background::BackgroundFilter`], when the scene is not black |
+//! | 4 segment | [`segment::Regions`], above [`threshold::NoiseThreshold`] when it is adaptive |
+//! | 4a choose | [`select::Selector`] takes one candidate a cross-section, or more: [`split`], [`continuity`], [`tracking`] |
 //! | 5 coarse peak | [`gaussian_fit::coarse_peak`] |
 //! | 6 width D | [`gravity::width_samples`] |
 //! | 7 window L | [`gravity::window_half_length_px`] |
@@ -22,9 +24,22 @@ pub mod lanes;
 pub mod logarithm;
 pub mod width;
 pub mod broad;
+pub mod elementary;
+pub mod noise;
 pub mod gaussian_fit;
+pub mod gaussian_ml;
+pub mod log_gaussian;
+pub mod fir_peak;
+pub mod picture;
+pub mod steger;
+pub mod noise_estimate;
 pub mod gravity;
 pub mod fractional;
+pub mod background;
+pub mod threshold;
+pub mod split;
+pub mod continuity;
+pub mod tracking;
 pub mod select;
 pub mod measure;
 pub mod correlation;
@@ -33,6 +48,8 @@ pub mod reference;
 pub mod tiles;
 pub mod load;
 pub mod fast;
+#[cfg(test)]
+mod bad_sections;
 #[cfg(test)]
 mod pictures;
 
@@ -158,6 +175,21 @@ impl Extractor {
             sixteen: FastExtractor::new(params, direction),
             smoother: Smoother::new(&params, direction),
         }
+    }
+
+    /// Takes this plane for the light without laser, for `background: reference`: the searched part of the frames that
+    /// follow, with the same depth.
+    pub fn set_ambient(&mut self, plane: &AnyPlane<'_>) {
+        match plane {
+            AnyPlane::Eight(plane) => self.eight.set_ambient(plane),
+            AnyPlane::Sixteen(plane) => self.sixteen.set_ambient(plane),
+        }
+    }
+
+    /// Forgets the last frame's stripes: the next frame is searched everywhere.
+    pub const fn reset(&mut self) {
+        self.eight.reset();
+        self.sixteen.reset();
     }
 
     /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` (column, row) of the image.

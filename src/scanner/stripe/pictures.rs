@@ -3,7 +3,7 @@
 use super::{Centerline, fast::FastExtractor, flag, reference};
 use crate::scanner::{
     channel::Plane,
-    params::{ExtractionParams, Method, PeakSelection, StripeDirection, Window},
+    params::{Background, ExtractionParams, Method, PeakSelection, StripeDirection, Window},
 };
 
 fn plain() -> ExtractionParams {
@@ -177,4 +177,50 @@ fn corners_connect_a_stripe_and_gaps_part_it() {
 fn full_scale_is_saturated_and_less_is_not() {
     assert_eq!(extract(1, &[0, 90, 255, 90, 0], plain()).flags, [flag::SATURATED]);
     assert_eq!(extract(1, &[0, 90, 254, 90, 0], plain()).flags, [0]);
+}
+
+#[test]
+fn what_is_low_against_the_noise_is_flagged() {
+    let params = ExtractionParams { min_snr: 5.0, read_noise: 4.0, ..plain() };
+    // 5 standard deviations of √(16 + 1/12) are 20.05.
+    assert_eq!(extract(1, &[0, 20, 0], params).flags, [flag::LOW_CONTRAST]);
+    assert_eq!(extract(1, &[0, 21, 0], params).flags, [0]);
+}
+
+#[test]
+fn limits_of_width_and_contrast_leave_candidates_out() {
+    let column = [0, 90, 0, 60, 60, 60, 0, 40, 40, 0];
+    let positions = |params| extract(1, &column, params).v_px;
+    assert_eq!(positions(plain()), [1.0]);
+    assert_eq!(positions(ExtractionParams { min_width_px: 2, ..plain() }), [4.0]);
+    let narrow = ExtractionParams { min_width_px: 2, max_width_px: 2, ..plain() };
+    assert_eq!(positions(narrow), [7.5]);
+    assert!(positions(ExtractionParams { min_contrast: 50.0, ..narrow }).is_empty());
+}
+
+#[test]
+fn several_surfaces_follow_one_another() {
+    let picture = [
+        0, 0, 0, //
+        50, 50, 50, //
+        0, 0, 0, //
+        90, 90, 0, //
+        0, 0, 0,
+    ];
+    for peak_selection in [PeakSelection::Brightest, PeakSelection::Last] {
+        let params = ExtractionParams { peak_selection, max_stripes: 2, ..plain() };
+        let line = extract(3, &picture, params);
+        assert_eq!(line.u_px, [0.0, 1.0, 2.0, 0.0, 1.0], "{peak_selection:?}");
+        assert_eq!(line.v_px, [3.0, 3.0, 1.0, 1.0, 1.0], "{peak_selection:?}");
+        assert_eq!(line.stripe_start, [0, 2, 3]);
+    }
+}
+
+#[test]
+fn a_local_background_leaves_the_stripe() {
+    let column = [70, 70, 70, 70, 70, 70, 70, 90, 110, 90, 70, 70, 70, 70, 10, 10, 10];
+    let params =
+        ExtractionParams { background: Background::Local, background_window_px: 5, ..plain() };
+    let line = extract(1, &column, params);
+    assert_eq!((&line.v_px[..], &line.flags[..]), (&[8.0][..], &[0][..]));
 }

@@ -2,16 +2,21 @@
 
 use super::{
     Centerline,
+    background::opened,
     blur::{Kernel, Sample, blurred_at},
     broad::Broad,
     lanes::Sections,
     measure::Assembler,
+    noise_estimate::NoiseEstimator,
+    picture::Picture,
     section::{Candidate, Found, Levels, Section},
     select::Selector,
+    steger::Ridge,
+    threshold::{NoiseThreshold, rounding_noise},
 };
 use crate::scanner::{
     channel::Plane,
-    params::{ExtractionParams, StripeDirection},
+    params::{Background, ExtractionParams, Method, NoiseSource, StripeDirection, Threshold},
 };
 
 /// The centreline of a plane whose top-left sample lies at `offset` (column, row) of the image.
@@ -22,11 +27,50 @@ pub fn extract<S: Sample>(
     direction: StripeDirection,
     full_scale: u32,
 ) -> Centerline {
+    let mut selector = Selector::new(*params);
+    let frame = LitFrame { plane, ambient: None };
+    extract_next(&frame, offset, (params, &mut selector), direction, full_scale)
+}
+
+/// A frame, and the same scene without laser.
+#[derive(Clone, Copy, Debug)]
+pub struct LitFrame<'a, S> {
+    /// With laser.
+    pub plane: &'a Plane<'a, S>,
+    /// Without, of the same size; none: black.
+    pub ambient: Option<&'a Plane<'a, S>>,
+}
+
+/// The same for one frame of many: `selector`, made with these parameters, has seen those before.
+pub fn extract_next<S: Sample>(
+    &LitFrame { plane, ambient }: &LitFrame<'_, S>,
+    offset: (usize, usize),
+    (params, selector): (&ExtractionParams, &mut Selector),
+    direction: StripeDirection,
+    full_scale: u32,
+) -> Centerline {
     let kernel = Kernel::gaussian(params.blur_radius);
-    let levels = Levels::new(params, &kernel, full_scale);
+    let mut levels = Levels::new(params, &kernel, full_scale);
     let (width, height) = (plane.width, plane.height);
-    let blurred: Vec<u32> =
-        (0..width * height).map(|i| blurred_at(plane, &kernel, i % width, i / width)).collect();
+    let blur = |plane: &Plane<'_, S>| -> Vec<u32> {
+        (0..width * height).map(|i| blurred_at(plane, &kernel, i % width, i / width)).collect()
+    };
+    let mut blurred = blur(plane);
+    let background = match (params.background, ambient) {
+        (Background::Local, _) => local_background(&blurred, width, params, direction),
+        (Background::Reference, Some(ambient)) => blur(ambient),
+        (Background::None, _) | (Background::Reference, None) => vec![0; width * height],
+    };
+    for (sample, background) in blurred.iter_mut().zip(background) {
+        *sample = sample.saturating_sub(background);
+    }
+    if params.threshold == Threshold::Adaptive {
+        let floor = rounding_noise() * kernel.noise_gain();
+        let sample = |x: usize, y: usize| blurred[y * width + x];
+        let sigmas = (params.threshold_sigmas, floor);
+        let found = NoiseThreshold::default().find((width, height), sample, sigmas);
+        levels = levels.with_segment_threshold(found);
+    }
     let mask: Vec<bool> = blurred.iter().map(|&sample| sample > levels.segment_threshold).collect();
     let stripe = keep_large_regions(&mask, width, params.min_segment_area);
 
@@ -48,7 +92,17 @@ pub fn extract<S: Sample>(
         found.extend(candidates.map(|candidate| Found { line: line as u32, candidate }));
     }
     let mut chosen = Vec::new();
-    Selector::new(*params).select(&found, &mut chosen);
+    let sample = |line: u32, position: u32| {
+        let (x, y) = pixel(line as usize, position as usize);
+        blurred[y * width + x]
+    };
+    selector.select(&found, &levels, sample, &mut chosen);
+
+    let picture = Picture { plane, direction };
+    if params.noise == NoiseSource::Estimated {
+        NoiseEstimator::default().estimate(&picture, &chosen, full_scale, &mut levels.noise);
+    }
+    let mut ridge = Ridge::new(params.ridge_sigma_px);
 
     let mut centerline = Centerline::default();
     let mut assembler = Assembler::new(&mut centerline, direction, offset, length);
@@ -66,10 +120,35 @@ pub fn extract<S: Sample>(
             assembler.push_broad(&found, &Broad::of(&section), &levels);
         } else {
             alone.load(std::iter::once(section));
-            assembler.push(&[found], &alone, &levels);
+            assembler.push(&[found], &alone, &levels, |centres| {
+                if params.method == Method::Steger {
+                    ridge.refine(&picture, &[found], (&levels.noise, full_scale), centres);
+                }
+            });
         }
     }
     centerline
+}
+
+/// What is wider across the stripe than the window.
+fn local_background(
+    blurred: &[u32],
+    width: usize,
+    params: &ExtractionParams,
+    direction: StripeDirection,
+) -> Vec<u32> {
+    let window_px = params.background_window_px;
+    match direction {
+        StripeDirection::Vertical => {
+            blurred.chunks_exact(width).flat_map(|row| opened(row, window_px)).collect()
+        }
+        StripeDirection::Horizontal => {
+            let column =
+                |x: usize| -> Vec<u32> { blurred.chunks_exact(width).map(|row| row[x]).collect() };
+            let columns: Vec<_> = (0..width).map(|x| opened(&column(x), window_px)).collect();
+            (0..blurred.len()).map(|i| columns[i % width][i / width]).collect()
+        }
+    }
 }
 
 /// Pixels of 8-connected regions with more than `min_area` pixels, by flood fill.

@@ -76,6 +76,8 @@ pub struct Levels<'a> {
     pub width_threshold: f32,
     /// Full scale, sample units.
     pub full_scale: u32,
+    /// Amplitudes of fewer standard deviations of a raw pixel's noise are low.
+    pub min_snr: f64,
     /// Noise of a raw pixel.
     pub noise: Noise<'a>,
 }
@@ -92,6 +94,7 @@ impl<'a> Levels<'a> {
             segment_threshold: units(params.segment_threshold),
             width_threshold: grey(units(params.width_threshold)) as f32,
             full_scale,
+            min_snr: params.min_snr,
             // Rounding to integers adds 1/12.
             noise: Noise {
                 constant: read_variance + 1.0 / 12.0,
@@ -103,6 +106,24 @@ impl<'a> Levels<'a> {
 }
 
 impl Levels<'_> {
+    /// The same with another segment threshold, blurred units; the width threshold keeps its proportion to it.
+    #[must_use]
+    pub fn with_segment_threshold(self, threshold: u32) -> Self {
+        let width_threshold = match self.segment_threshold {
+            0 => self.width_threshold,
+            segment => {
+                (f64::from(self.width_threshold) * f64::from(threshold) / f64::from(segment)) as f32
+            }
+        };
+        Self { segment_threshold: threshold, width_threshold, ..self }
+    }
+
+    /// Whether a candidate's largest blurred sample is low against the noise of a raw pixel of level `intensity`.
+    pub fn is_low(&self, peak: u32, intensity: f32) -> bool {
+        let variance = self.noise.constant + self.noise.per_level * f64::from(intensity);
+        grey(peak) < self.min_snr * variance.sqrt()
+    }
+
     /// Positions to either side of a candidate that its section should hold: the window 2D/3 reaches at most so far, and
     /// half the peak of a faint stripe lies outside the candidate.
     pub const fn margin(&self, candidate: &Candidate) -> u32 {

@@ -52,6 +52,18 @@ impl<S: Sample> BlurredTiles<S> {
         self.resize(plane.width, plane.height);
         self.find_hot(plane, threshold);
         self.spread(kernel.radius());
+        self.blur_marked(plane, kernel);
+    }
+
+    /// Blurs all tiles, and hands out the samples to be changed, row by row.
+    pub fn compute_everywhere(&mut self, plane: &Plane<'_, S>, kernel: &Kernel) -> &mut [S::Sum] {
+        self.resize(plane.width, plane.height);
+        self.blurred.fill(true);
+        self.blur_marked(plane, kernel);
+        &mut self.samples
+    }
+
+    fn blur_marked(&mut self, plane: &Plane<'_, S>, kernel: &Kernel) {
         for tile_row in 0..self.hot.len() / self.across {
             let mut from = 0;
             while let Some(span) =

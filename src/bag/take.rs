@@ -1,0 +1,80 @@
+//! Which messages a reader hands out, and as what.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use super::RawMessage;
+use super::channels::Channels;
+use super::format::MessageHeader;
+
+/// Which messages are read.
+#[derive(Clone, Debug, Default)]
+pub struct Filter {
+    topics: Option<BTreeSet<String>>,
+}
+
+impl Filter {
+    /// Every topic.
+    pub fn all() -> Self {
+        Self::default()
+    }
+
+    /// These topics. Chunks without them are not opened when the file's index tells so.
+    pub fn topics<Name: Into<String>>(names: impl IntoIterator<Item = Name>) -> Self {
+        Self { topics: Some(names.into_iter().map(Into::into).collect()) }
+    }
+
+    pub(super) fn takes(&self, topic: &str) -> bool {
+        self.topics.as_ref().is_none_or(|topics| topics.contains(topic))
+    }
+}
+
+/// What a message is taken by, and the buffers that it may use.
+pub(super) struct Taker<'a> {
+    pub(super) channels: &'a Channels,
+    pub(super) filter: &'a Filter,
+    pub(super) spare: &'a mut Vec<Vec<u8>>,
+}
+
+impl Taker<'_> {
+    /// The message in a record's body with its channel, when the filter takes it.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(super) fn take(&mut self, body: &[u8]) -> Result<Option<(u16, RawMessage)>, String> {
+        let Some((header, data)) = MessageHeader::split(body) else {
+            return Err("a message record shorter than its header".into());
+        };
+        let message = self.empty(&header)?;
+        Ok(message.map(|mut message| {
+            message.data.clear();
+            message.data.extend_from_slice(data);
+            (header.channel, message)
+        }))
+    }
+
+    /// A message with that header, when the filter takes it. Its data is whatever the buffer held before.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(super) fn empty(&mut self, header: &MessageHeader) -> Result<Option<RawMessage>, String> {
+        let Some(topic) = self.channels.get(header.channel) else {
+            let channel = header.channel;
+            return Err(format!("messages on channel {channel}, which no record describes"));
+        };
+        if !self.filter.takes(&topic.name) {
+            return Ok(None);
+        }
+        let time_ns = |time: u64| {
+            i64::try_from(time)
+                .map_err(|_beyond| format!("{}: a time beyond the year 2262", topic.name))
+        };
+        Ok(Some(RawMessage {
+            topic: Arc::clone(topic),
+            log_time_ns: time_ns(header.log_time)?,
+            publish_time_ns: time_ns(header.publish_time)?,
+            sequence: header.sequence,
+            data: self.spare.pop().unwrap_or_default(),
+        }))
+    }
+}

@@ -1,0 +1,162 @@
+//! The mean of a recording's frames: the scene without laser, when the laser was off.
+
+use std::path::Path;
+
+use thiserror::Error;
+
+use super::input::{self, InputError};
+use crate::{
+    bag::{BagError, BagReader, Filter, ReadOptions},
+    msg::{
+        cdr,
+        convert::{
+            compressed,
+            frame::{self, FrameRejected},
+        },
+        sensor_msgs::{CompressedImage, Image},
+    },
+    ros::{
+        names::{NameError, NodeNames},
+        node_params::ImageTransport,
+    },
+    scanner::{
+        channel::{AnyPlane, Decoder, RoiError, window},
+        image,
+        params::{Channel, RegionOfInterest},
+    },
+};
+
+/// Why there is no mean.
+#[derive(Debug, Error)]
+pub enum AmbientError {
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// It has no image topic, or several.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// The node's name.
+    #[error(transparent)]
+    Name(#[from] NameError),
+    /// An image message that is none.
+    #[error("message {number}: {source}")]
+    Message {
+        /// Counted from 0.
+        number: usize,
+        /// What is wrong with it.
+        source: cdr::CdrError,
+    },
+    /// An image that cannot be used.
+    #[error("frame {number}: {source}")]
+    Frame {
+        /// Counted from 0.
+        number: usize,
+        /// Why.
+        source: FrameRejected,
+    },
+    /// An image without pixels.
+    #[error(transparent)]
+    Empty(#[from] RoiError),
+    /// Frames of two cameras, or of two settings.
+    #[error("frame {number} is {found}, but the first one is {expected}: all must be alike")]
+    Mixed {
+        /// Counted from 0.
+        number: usize,
+        /// Size and depth.
+        found: String,
+        /// Size and depth of the first one.
+        expected: String,
+    },
+    /// Nothing to take the mean of.
+    #[error("there are no frames in it")]
+    NoFrames,
+}
+
+/// The mean of frames, one grey level a pixel.
+#[derive(Debug, Default)]
+pub struct Mean {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Bits of a sample, 8 or 16.
+    pub bits: u32,
+    /// Frames.
+    pub num_frames: u64,
+    sums: Vec<u64>,
+}
+
+impl Mean {
+    /// The levels, row by row, rounded half up.
+    pub fn levels(&self) -> impl Iterator<Item = u16> + '_ {
+        let count = self.num_frames.max(1);
+        self.sums.iter().map(move |sum| ((sum + count / 2) / count) as u16)
+    }
+
+    fn add(&mut self, number: usize, plane: &AnyPlane<'_>) -> Result<(), AmbientError> {
+        let (width, height, bits) = match plane {
+            AnyPlane::Eight(plane) => (plane.width, plane.height, 8),
+            AnyPlane::Sixteen(plane) => (plane.width, plane.height, 16),
+        };
+        if self.num_frames == 0 {
+            (self.width, self.height, self.bits) = (width, height, bits);
+            self.sums.resize(width * height, 0);
+        }
+        let say = |width, height, bits| format!("{width} x {height} pixels of {bits} bits");
+        if (width, height, bits) != (self.width, self.height, self.bits) {
+            let expected = say(self.width, self.height, self.bits);
+            return Err(AmbientError::Mixed { number, found: say(width, height, bits), expected });
+        }
+        for (y, sums) in self.sums.chunks_exact_mut(width).enumerate() {
+            match plane {
+                AnyPlane::Eight(plane) => add_row(sums, plane.row(y)),
+                AnyPlane::Sixteen(plane) => add_row(sums, plane.row(y)),
+            }
+        }
+        self.num_frames += 1;
+        Ok(())
+    }
+}
+
+fn add_row<S: Copy + Into<u64>>(sums: &mut [u64], row: &[S]) {
+    for (sum, &sample) in sums.iter_mut().zip(row) {
+        *sum += sample.into();
+    }
+}
+
+/// The mean of all images of the recording's only image topic.
+///
+/// # Errors
+/// A recording that cannot be read or has no such topic, an image that cannot be used or is unlike the first one.
+pub fn mean(
+    bag: &Path,
+    channel: Channel,
+    max_frame_bytes: u64,
+    mut on_frame: impl FnMut(u64),
+) -> Result<Mean, AmbientError> {
+    let reader = BagReader::open(bag, &ReadOptions::default())?;
+    let topics: Vec<_> =
+        reader.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
+    let names = NodeNames::new("laser_profiler", &[])?;
+    let topic = input::choose(&topics, &names, "", None)?;
+    let (mut mean, mut decoder, mut pixels) = (Mean::default(), Decoder::default(), Vec::new());
+    for (number, message) in reader.messages(&Filter::topics([&topic.name[..]])).enumerate() {
+        let data = message?.data;
+        let no_message = |source| AmbientError::Message { number, source };
+        let no_frame = |source| AmbientError::Frame { number, source };
+        let image: image::Image<'_> = match topic.transport {
+            ImageTransport::Raw => {
+                let message: Image<'_> = cdr::decode(&data).map_err(no_message)?;
+                frame::image(&message, max_frame_bytes).map_err(no_frame)?
+            }
+            ImageTransport::Compressed => {
+                let message: CompressedImage<'_> = cdr::decode(&data).map_err(no_message)?;
+                compressed::image(&message, max_frame_bytes, &mut pixels).map_err(no_frame)?
+            }
+        };
+        let all = window(RegionOfInterest::default(), image.width(), image.height())?;
+        mean.add(number, &decoder.decode(&image, channel, &all))?;
+        on_frame(mean.num_frames);
+    }
+    if mean.num_frames == 0 { Err(AmbientError::NoFrames) } else { Ok(mean) }
+}

@@ -1,0 +1,63 @@
+//! The frame without laser that a parameter names.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use thiserror::Error;
+
+use crate::{
+    msg::{
+        convert::{compressed, frame::FrameRejected},
+        sensor_msgs::CompressedImage,
+    },
+    ros::camera_params::CameraParams,
+    scanner::image::OwnedImage,
+};
+
+/// Why there is no frame without laser.
+#[derive(Debug, Error)]
+pub enum AmbientFileError {
+    /// It cannot be used.
+    #[error("extraction.background_file {}: {source}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: FrameRejected,
+    },
+    /// It cannot be read.
+    #[error("extraction.background_file {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// Reads the PNG picture that a camera's parameters name, if they name one.
+///
+/// # Errors
+/// A file that is not there, no PNG picture, or larger than the camera's frames may be.
+pub fn load(camera: &CameraParams) -> Result<Option<OwnedImage>, AmbientFileError> {
+    camera.background_file.as_deref().map(|path| read(path, camera.max_frame_bytes)).transpose()
+}
+
+fn read(path: &Path, max_frame_bytes: u64) -> Result<OwnedImage, AmbientFileError> {
+    let io = |source| AmbientFileError::Io { path: path.to_owned(), source };
+    let size = fs::metadata(path).map_err(io)?.len();
+    // A picture that does not compress at all is a little longer than its pixels.
+    if size > max_frame_bytes.saturating_add(max_frame_bytes / 8 + 4096) {
+        let reason = format!("{size} bytes are more than a picture of max_frame_bytes has");
+        return Err(io(io::Error::other(reason)));
+    }
+    let data = fs::read(path).map_err(io)?;
+    let message =
+        CompressedImage { format: "png".into(), data: &data, ..CompressedImage::default() };
+    let mut pixels = Vec::new();
+    let image = compressed::image(&message, max_frame_bytes, &mut pixels)
+        .map_err(|source| AmbientFileError::Content { path: path.to_owned(), source })?;
+    Ok(OwnedImage::from(&image))
+}

@@ -1,0 +1,133 @@
+//! From a recording to its workers: every message to the queue of its camera.
+
+use std::{cmp::Ordering, time::Instant};
+
+use crate::bag::RawMessage;
+
+use super::{
+    queue::{Bound, Closed, Popped, Queue, WhenFull},
+    source::{Input, Source, Writer},
+    stop::Stop,
+    unpack::Unpacker,
+};
+
+/// Damaged places that are told one by one.
+const MAX_TOLD: u64 = 10;
+
+/// What leads to the worker of one camera, and back.
+pub(super) struct Lane {
+    /// Its image topic.
+    pub(super) topic: String,
+    /// Frames that wait for it.
+    pub(super) input: Queue<Input>,
+    /// Buffers that it is done with.
+    pub(super) spare: Queue<Vec<u8>>,
+    /// Largest picture, where its images are compressed.
+    pub(super) unpacks_bytes: Option<u64>,
+}
+
+/// The reader's side of all lanes.
+pub(super) struct Feed<'a> {
+    pub(super) lanes: &'a [Lane],
+    pub(super) unpacker: Option<&'a Unpacker>,
+    pub(super) stop: &'a Stop,
+}
+
+/// Lets no thread wait for a reader that is gone, not even after a panic.
+impl Drop for Feed<'_> {
+    fn drop(&mut self) {
+        self.lanes.iter().for_each(|lane| lane.input.close());
+        self.unpacker.iter().for_each(|unpacker| unpacker.close());
+    }
+}
+
+/// How the reading went.
+#[derive(Default)]
+pub(super) struct Fed {
+    pub(super) num_damaged: u64,
+    pub(super) was_interrupted: bool,
+}
+
+impl Lane {
+    pub(super) fn new(topic: String, bound: Bound, unpacks_bytes: Option<u64>) -> Self {
+        let spares = Bound { items: bound.items, bytes: 0 };
+        Self {
+            topic,
+            input: Queue::new(bound, WhenFull::Wait),
+            spare: Queue::new(spares, WhenFull::DropOldest),
+            unpacks_bytes,
+        }
+    }
+}
+
+impl Feed<'_> {
+    /// Hands all input to the workers; returns at its end, on the wish to stop, or when a worker has gone. The lanes are
+    /// closed then.
+    pub(super) fn all(self, source: &mut dyn Source, on_message: &mut dyn FnMut(u64)) -> Fed {
+        let mut fed = Fed::default();
+        let mut num_messages = 0;
+        loop {
+            if self.stop.is_raised() {
+                fed.was_interrupted = true;
+                return fed;
+            }
+            for lane in self.lanes {
+                while let Popped::Item(buffer, _) = lane.spare.pop_counted(Some(Instant::now())) {
+                    source.recycle(buffer);
+                }
+            }
+            let passed = match source.next() {
+                None => return fed,
+                Some(Input::Damage(what)) => {
+                    fed.tell(&what);
+                    Ok(())
+                }
+                Some(Input::Message(message, writer)) => {
+                    num_messages += 1;
+                    on_message(num_messages);
+                    self.pass(message, writer)
+                }
+                Some(Input::NewRecording) => self.new_recording(),
+                // A recording holds nothing else.
+                Some(Input::Ahead(_) | Input::Fault(_) | Input::Command(_)) => Ok(()),
+            };
+            if passed.is_err() {
+                return fed;
+            }
+        }
+    }
+
+    fn new_recording(&self) -> Result<(), Closed<()>> {
+        let mut inputs = self.lanes.iter().map(|lane| &lane.input);
+        inputs.try_for_each(|input| push(input, Input::NewRecording, 0))
+    }
+
+    fn pass(&self, message: RawMessage, writer: Writer) -> Result<(), Closed<()>> {
+        // Nothing else is read of a recording.
+        let is_for = |lane: &&Lane| lane.topic == message.topic.name;
+        let Some(lane) = self.lanes.iter().find(is_for) else { return Ok(()) };
+        let num_bytes = message.data.len();
+        let input = match (self.unpacker, lane.unpacks_bytes) {
+            (Some(unpacker), Some(max_bytes)) => {
+                Input::Ahead(unpacker.begin(message, writer, max_bytes)?)
+            }
+            _ => Input::Message(message, writer),
+        };
+        push(&lane.input, input, num_bytes)
+    }
+}
+
+fn push(queue: &Queue<Input>, input: Input, num_bytes: usize) -> Result<(), Closed<()>> {
+    queue.push(input, num_bytes).map(drop).map_err(|Closed(_)| Closed(()))
+}
+
+impl Fed {
+    fn tell(&mut self, what: &str) {
+        self.num_damaged += 1;
+        match self.num_damaged.cmp(&MAX_TOLD) {
+            Ordering::Less => tracing::error!("{what}"),
+            Ordering::Equal => tracing::error!("{what}; further damage is only counted"),
+            Ordering::Greater => tracing::debug!("{what}"),
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! One camera's part of a replay: its parameters, its images, its worker, its bag of results.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    bag::{BagReader, RecordError, Topic, place},
+    node::{
+        ambient_file, calibration_file,
+        input::{self, ImageTopic, InputError},
+        recording::{Description, ResultsBag},
+        results::Results,
+        run::{Chain, REPLAY_BOUND},
+        sink::Outlet,
+        status::{Reporter, session_id},
+        topics,
+        worker::{Worker, WorkerOptions},
+    },
+    ros::{camera_params::CameraParams, names::NodeNames, parameters::Parameters, value::Value},
+    scanner::{calibration::Calibration, image::OwnedImage, pipeline::Pipeline},
+};
+
+use super::{Replay, ReplayError};
+
+/// A camera that is replayed.
+pub(super) struct CameraReplay {
+    camera: CameraParams,
+    /// The effective parameters of all cameras, as if this were the only one that is replayed.
+    values: Parameters,
+    calibration: Option<(Calibration, String)>,
+    ambient: Option<OwnedImage>,
+    pub(super) image_topic: ImageTopic,
+    /// Its bag of results.
+    output: PathBuf,
+}
+
+impl CameraReplay {
+    /// Reads the calibration and finds the camera's images in every recording.
+    pub(super) fn prepare(
+        replay: &Replay,
+        camera: CameraParams,
+        mut values: Parameters,
+        output: PathBuf,
+    ) -> Result<Self, ReplayError> {
+        let calibration =
+            camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
+        let ambient = ambient_file::load(&camera)?;
+        let mut image_topic: Option<ImageTopic> = None;
+        for (path, bag) in replay.request.bags.iter().zip(&replay.bags) {
+            let found = choose(path, bag, &replay.names, &camera)?;
+            let expected = image_topic.get_or_insert_with(|| found.clone());
+            if *expected != found {
+                let (expected, found) = (expected.name.clone(), found.name);
+                return Err(ReplayError::Mixed { bag: path.clone(), found, expected });
+            }
+            place::refuse_same(path, &output).map_err(ReplayError::OutputIsInput)?;
+        }
+        // Without any recording there is nothing to choose from.
+        let image_topic = image_topic.ok_or_else(|| ReplayError::Input {
+            bag: PathBuf::new(),
+            source: InputError::NoImages(Vec::new()),
+        })?;
+        // What is recorded as effective is what was done, not the default that gave way.
+        let transport = Value::Text(image_topic.transport.name().to_owned());
+        values.set(&camera.full_name("image_transport"), transport, "the recording")?;
+        Ok(Self { camera, values, calibration, ambient, image_topic, output })
+    }
+
+    /// Two cameras with the same images would both want every message.
+    pub(super) fn refuse_same_images(&self, others: &[Self]) -> Result<(), ReplayError> {
+        match others.iter().find(|other| other.image_topic.name == self.image_topic.name) {
+            None => Ok(()),
+            Some(other) => Err(ReplayError::SameImages {
+                first: other.camera.name.clone(),
+                second: self.camera.name.clone(),
+                topic: self.image_topic.name.clone(),
+            }),
+        }
+    }
+
+    /// Refuses an output that is there already, unless it may be replaced.
+    pub(super) fn refuse_existing(&self, replay: &Replay) -> Result<(), RecordError> {
+        if !replay.options.force && fs::symlink_metadata(&self.output).is_ok() {
+            return Err(RecordError::Exists(self.output.clone()));
+        }
+        Ok(())
+    }
+
+    /// Creates the bag of results, and all that leads there.
+    pub(super) fn chain(&self, replay: &Replay) -> Result<Chain, ReplayError> {
+        let calibration = self.calibration();
+        let published = topics::published(&replay.names, &self.camera.name, calibration)?;
+        let mut topics = topics::recorded(&published);
+        let num_topics = topics.len();
+        if replay.request.with_images {
+            topics.extend(self.input_topic(&replay.bags));
+        }
+        let description = self.description(replay);
+        let results = ResultsBag::create(&self.output, &replay.options, &topics, description)?;
+        Ok(Chain {
+            topic: self.image_topic.name.clone(),
+            worker: self.worker(replay),
+            outlets: vec![Outlet::replay(Box::new(results))],
+            num_topics,
+        })
+    }
+
+    fn calibration(&self) -> Option<&Calibration> {
+        self.calibration.as_ref().map(|(calibration, _)| calibration)
+    }
+
+    fn worker(&self, replay: &Replay) -> Worker {
+        let sha256 = self.values.camera_sha256(&self.camera.name);
+        let calibration = self.calibration();
+        let scanner = self.camera.scanner_for(calibration.map_or("", Calibration::frame_id));
+        let results = Results::new(&scanner, calibration, &sha256);
+        let reporter = Reporter {
+            node: replay.names.fully_qualified(),
+            camera: self.camera.name.clone(),
+            session_id: session_id(&self.image_topic.name, &sha256),
+            topic: self.image_topic.name.clone(),
+            queue_capacity: REPLAY_BOUND.items as u32,
+        };
+        let options = WorkerOptions {
+            transport: self.image_topic.transport,
+            max_frame_bytes: self.camera.max_frame_bytes,
+            sends_images: replay.request.with_images,
+        };
+        let pipeline =
+            Pipeline::new(scanner, calibration.cloned()).with_ambient(self.ambient.clone());
+        Worker::new(options, pipeline, results, reporter)
+    }
+
+    pub(super) fn description(&self, replay: &Replay) -> Description {
+        let name = |path: &PathBuf| {
+            path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+        };
+        Description {
+            parameters: self.values.to_yaml(),
+            parameters_sha256: self.values.camera_sha256(&self.camera.name),
+            inputs: replay.request.bags.iter().map(name).collect(),
+            input_topic: self.image_topic.name.clone(),
+            calibration: self.calibration.as_ref().map(|(_, text)| text.clone()),
+        }
+    }
+
+    fn input_topic(&self, bags: &[BagReader]) -> Option<Topic> {
+        let mut topics = bags.iter().flat_map(BagReader::topics);
+        topics.find(|topic| topic.name == self.image_topic.name).map(|topic| (**topic).clone())
+    }
+}
+
+fn choose(
+    path: &Path,
+    bag: &BagReader,
+    names: &NodeNames,
+    camera: &CameraParams,
+) -> Result<ImageTopic, ReplayError> {
+    let mut topics: Vec<_> =
+        bag.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
+    // One name and type may stand there twice, with different QoS.
+    topics.dedup();
+    let chosen = input::choose(&topics, names, &camera.name, camera.image_transport)
+        .map_err(|source| ReplayError::Input { bag: path.to_owned(), source })?;
+    for topic in bag.topics().iter().filter(|topic| topic.name == chosen.name) {
+        topic.require_cdr()?;
+    }
+    Ok(chosen)
+}

@@ -1,0 +1,93 @@
+//! The stored frame without laser that `background: reference` takes off every frame.
+
+use super::{
+    channel::{Decoder, Window},
+    image::{Image, OwnedImage},
+    params::{Background, Params},
+    stripe::Extractor,
+};
+use thiserror::Error;
+
+/// The frame, and what it was last prepared for.
+#[derive(Debug, Default)]
+pub struct Ambient {
+    image: Option<OwnedImage>,
+    decoder: Decoder,
+    prepared: Option<(Window, u32)>,
+}
+
+/// Why the stored frame is none of the scene at hand.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum AmbientError {
+    /// There is none.
+    #[error("background is reference, but there is no frame without laser: set background_file")]
+    Missing,
+    /// Another camera's, or another binning.
+    #[error(
+        "image is {width} x {height} pixels, but the frame without laser is {ambient_width} x {ambient_height}"
+    )]
+    Size {
+        /// Columns of the image.
+        width: u32,
+        /// Rows of the image.
+        height: u32,
+        /// Columns of the frame without laser.
+        ambient_width: u32,
+        /// Rows of the frame without laser.
+        ambient_height: u32,
+    },
+    /// Grey levels that cannot be compared.
+    #[error(
+        "levels of the image end at {max_level}, but those of the frame without laser at {ambient_max_level}"
+    )]
+    Depth {
+        /// Largest level of the image's encoding.
+        max_level: u32,
+        /// Largest level of the frame without laser.
+        ambient_max_level: u32,
+    },
+}
+
+impl Ambient {
+    /// This frame without laser, or none.
+    pub fn new(image: Option<OwnedImage>) -> Self {
+        Self { image, ..Self::default() }
+    }
+
+    /// Prepares the frame anew: the extractor or the channel is another one.
+    pub const fn forget(&mut self) {
+        self.prepared = None;
+    }
+
+    /// Gives the extractor the searched part, once, when the parameters want it taken off.
+    ///
+    /// # Errors
+    /// There is none, or it does not fit the image.
+    pub fn prepare(
+        &mut self,
+        image: &Image<'_>,
+        searched: &Window,
+        params: &Params,
+        extractor: &mut Extractor,
+    ) -> Result<(), AmbientError> {
+        if params.extraction.background != Background::Reference {
+            return Ok(());
+        }
+        let max_level = image.format().max_level();
+        let ambient = self.image.as_ref().ok_or(AmbientError::Missing)?.view();
+        let (ambient_width, ambient_height) = (ambient.width(), ambient.height());
+        let (width, height) = (image.width(), image.height());
+        if (width, height) != (ambient_width, ambient_height) {
+            return Err(AmbientError::Size { width, height, ambient_width, ambient_height });
+        }
+        let ambient_max_level = ambient.format().max_level();
+        if max_level != ambient_max_level {
+            return Err(AmbientError::Depth { max_level, ambient_max_level });
+        }
+        if self.prepared != Some((*searched, max_level)) {
+            extractor.set_ambient(&self.decoder.decode(&ambient, params.channel, searched));
+            self.prepared = Some((*searched, max_level));
+        }
+        Ok(())
+    }
+}

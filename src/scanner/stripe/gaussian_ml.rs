@@ -1,0 +1,148 @@
+//! Maximum likelihood: the Gaussian, integrated over pixels, under which the raw samples are most probable.
+//!
+//! A cross-section is A G(x; c, s) + B with four unknowns; a sample of level μ has normal noise of variance
+//! v(μ) = read² + shot·μ + 1/12 and is clipped to 0 … full scale. Fisher scoring (Kay, Estimation Theory, 1993, section
+//! 7.7) climbs the likelihood: θ ← θ + J⁻¹ Σ score ∇μ with J = Σ information ∇μ ∇μᵀ, a few rounds. Clipped samples are
+//! censored, not left out. The inverse of J says how sure the centre is: it is the Cramér–Rao bound at the estimate.
+//!
+//! What a cross-section cannot tell, weak priors about the start hold: s and B of very noisy stripes, everything of
+//! stripes of one pixel or of nothing but saturated samples. They weigh a few percent of the samples of a stripe whose noise is a sixth of its
+//! height, and less of any better one.
+
+pub(super) mod curve;
+mod likelihood;
+mod normal_equations;
+pub(super) mod start;
+
+use super::{
+    elementary::bounded,
+    lanes::{Centres, LANES, Lane, Sections, each},
+    noise::PixelNoise,
+};
+use curve::Curve;
+use normal_equations::{NormalEquations, Solution};
+use start::{SIGMA_RANGE_PX, Start};
+
+/// Rounds after which a lane that still moves is left where it is.
+const MAX_ROUNDS: u32 = 16;
+/// A lane stands still when its centre moves by less than this share of its uncertainty, and its shape by less than
+/// [`STILL_SHAPE`].
+const STILL_CENTRE: f32 = 0.01;
+/// The smallest uncertainty that is told: single precision knows no less, pixels.
+const LEAST_PX: f32 = 1e-5;
+/// Relative change of height and width.
+const STILL_SHAPE: f32 = 0.02;
+
+/// The most probable centre of every lane.
+#[inline(always)]
+pub fn gaussian_ml(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
+    let start = Start::of(sections, noise, full_scale);
+    let prior = Prior::of(sections, &start.curve, noise);
+    let mut curve = start.curve;
+    let mut sigma_px = [0.0; LANES];
+    let mut moving = sections.in_use();
+    for _ in 0..MAX_ROUNDS {
+        let equations = NormalEquations::of(sections, &start, &curve, (noise, full_scale));
+        for lane in 0..LANES {
+            let solution = equations.solve(lane, &prior.of_lane(lane, &curve));
+            let next = stepped(&curve, &solution, lane, sections.last[lane] - sections.first[lane]);
+            let is_still = solution.still();
+            let goes = moving[lane] > 0.0;
+            curve.amplitude[lane] = if goes { next.amplitude } else { curve.amplitude[lane] };
+            curve.centre_px[lane] = if goes { next.centre_px } else { curve.centre_px[lane] };
+            curve.sigma_px[lane] = if goes { next.sigma_px } else { curve.sigma_px[lane] };
+            curve.background[lane] = if goes { next.background } else { curve.background[lane] };
+            sigma_px[lane] = if goes { next.uncertainty_px } else { sigma_px[lane] };
+            moving[lane] = if goes & !is_still { 1.0 } else { 0.0 };
+        }
+        if moving.iter().all(|&moves| moves <= 0.0) {
+            break;
+        }
+    }
+    let length = sections.length();
+    Centres {
+        position_px: curve.centre_px,
+        sigma_px: each(|lane| bounded(sigma_px[lane], LEAST_PX, length[lane])),
+    }
+}
+
+/// One lane's curve after a step.
+struct Next {
+    amplitude: f32,
+    centre_px: f32,
+    sigma_px: f32,
+    background: f32,
+    uncertainty_px: f32,
+}
+
+/// A step, not longer than the curve can be trusted.
+#[inline(always)]
+fn stepped(curve: &Curve, solution: &Solution, lane: usize, last: f32) -> Next {
+    let (amplitude, sigma_px) = (curve.amplitude[lane], curve.sigma_px[lane]);
+    let [by_amplitude, by_sigma, by_background, by_centre] = solution.step;
+    let (low, high) = SIGMA_RANGE_PX;
+    let centre_px = curve.centre_px[lane] + sigma_px * bounded(by_centre, -1.0, 1.0);
+    Next {
+        amplitude: (amplitude * (1.0 + bounded(by_amplitude, -0.5, 1.0))).max(1e-3),
+        centre_px: bounded(centre_px, -1.0, last + 1.0),
+        sigma_px: bounded(sigma_px * (1.0 + bounded(by_sigma, -0.4, 0.6)), low, high),
+        background: curve.background[lane] + amplitude * bounded(by_background, -0.5, 0.5),
+        uncertainty_px: solution.centre_variance.sqrt() * sigma_px,
+    }
+}
+
+/// What is known before the samples are asked, each with its precision: the centre lies in the candidate, the width is
+/// the start's within a factor of two or so, the background the start's within [`BACKGROUND_SPREAD`].
+struct Prior {
+    curve: Curve,
+    centre_precision: Lane,
+    background_precision: Lane,
+}
+
+/// Standard deviation of the prior of s, share of it.
+const SIGMA_SPREAD: f32 = 0.5;
+/// Standard deviation of the prior of B, noise of a dark pixel.
+const BACKGROUND_SPREAD: f32 = 3.0;
+/// Height: no prior, but its logarithm goes no farther in a round than samples with this much information tell.
+const AMPLITUDE_PRECISION: f32 = 0.25;
+
+/// Precisions and gradients of the prior for one lane, in the units of the normal equations.
+struct LanePrior {
+    precision: [f32; 4],
+    gradient: [f32; 4],
+}
+
+impl Prior {
+    fn of(sections: &Sections, curve: &Curve, noise: PixelNoise) -> Self {
+        let centre_precision = each(|lane| {
+            let half = 0.5 * (sections.last[lane] - sections.first[lane]) + 0.5;
+            1.0 / (half * half)
+        });
+        let spread = BACKGROUND_SPREAD * BACKGROUND_SPREAD * noise.constant;
+        Self { curve: *curve, centre_precision, background_precision: [1.0 / spread; LANES] }
+    }
+
+    /// For steps relative to the curve's own height and width.
+    #[inline(always)]
+    fn of_lane(&self, lane: usize, curve: &Curve) -> LanePrior {
+        let (amplitude, sigma_px) = (curve.amplitude[lane], curve.sigma_px[lane]);
+        let start = self.curve.sigma_px[lane] * SIGMA_SPREAD;
+        let by_sigma = sigma_px / (start * start);
+        let by_background = amplitude * self.background_precision[lane];
+        let by_centre = sigma_px * self.centre_precision[lane];
+        LanePrior {
+            precision: [
+                AMPLITUDE_PRECISION,
+                by_sigma * sigma_px,
+                by_background * amplitude,
+                by_centre * sigma_px,
+            ],
+            gradient: [
+                0.0,
+                by_sigma * (self.curve.sigma_px[lane] - sigma_px),
+                by_background * (self.curve.background[lane] - curve.background[lane]),
+                by_centre * (self.curve.centre_px[lane] - curve.centre_px[lane]),
+            ],
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! The camera's noise, from the frame itself: a photon transfer curve.
+//!
+//! Along the stripe the light changes slowly: what second differences a - 2b + c of three neighbouring samples show is
+//! noise, of six times a sample's variance. They are sorted by the mean of the three samples, which does not depend on
+//! the difference; in each class of levels the median of the absolute differences, 0.6745 standard deviations of normal noise,
+//! stands against edges and dirt. A straight line through variance over level gives read noise and shot gain (Janesick
+//! 2007, Photon Transfer, chapter 5; EMVA 1288, section 6).
+//!
+//! Texture and speckle along the stripe count as noise, as they should: they move the centre too. A stripe that runs
+//! steeply through its columns changes quickly along them, which counts as well: up to a slope of about a quarter it hardly shows.
+
+use super::{
+    blur::Sample,
+    picture::Picture,
+    section::{Found, Noise},
+};
+
+/// Classes of levels.
+const CLASSES: usize = 16;
+/// Cells of a class's histogram: 16 of one level each, then 8 an octave up to 2¹⁸.
+const CELLS: usize = 16 + 8 * 14;
+/// Triples of samples looked at in a frame, about.
+const TRIPLES: u32 = 32_768;
+/// Positions of background looked at to either side of the stripe.
+const MARGIN: u32 = 8;
+/// Positions of one line at most.
+const MOST_POSITIONS: usize = 96;
+/// A class with fewer triples says nothing.
+const CLASS_LEAST: u32 = 64;
+/// Of a normal distribution, half lies within so many standard deviations.
+const MEDIAN_SIGMAS: f64 = 0.674_489_75;
+/// Variance of a second difference, in variances of a sample.
+const DIFFERENCE_GAIN: f64 = 6.0;
+/// Rounding to integers.
+const ROUNDING: f64 = 1.0 / 12.0;
+
+/// Estimates noise frame after frame.
+#[derive(Clone, Debug)]
+pub struct NoiseEstimator {
+    classes: Box<[Class; CLASSES]>,
+}
+
+/// Second differences of samples of about one level.
+#[derive(Clone, Copy, Debug)]
+struct Class {
+    cells: [u32; CELLS],
+    count: u32,
+    /// Triples with a clipped sample.
+    clipped: u32,
+    /// Σ of the triples' mean levels, times three.
+    level: u64,
+}
+
+impl Default for NoiseEstimator {
+    fn default() -> Self {
+        Self { classes: Box::new([Class::EMPTY; CLASSES]) }
+    }
+}
+
+impl NoiseEstimator {
+    /// Replaces the stated noise by that of the samples about these candidates. When too few of them tell anything (less than
+    /// 64 triples in any class of levels: a short stripe, or all of it clipped), the stated noise stays.
+    pub fn estimate<S: Sample>(
+        &mut self,
+        picture: &Picture<'_, S>,
+        found: &[Found],
+        full_scale: u32,
+        noise: &mut Noise<'_>,
+    ) {
+        self.classes.fill(Class::EMPTY);
+        let positions: u64 = found.iter().map(|found| reach(found, usize::MAX).len() as u64).sum();
+        let step = (positions / u64::from(TRIPLES)) as usize + 1;
+        let (lines, length) = picture.size();
+        for found in found.iter().step_by(step) {
+            let line = found.line as usize;
+            if line == 0 || line + 1 >= lines {
+                continue;
+            }
+            for position in reach(found, length) {
+                let three = [line - 1, line, line + 1]
+                    .map(|line| picture.at(line as isize, position as isize) as u32);
+                self.add(three, full_scale);
+            }
+        }
+        if let Some((constant, per_level)) = self.line() {
+            noise.constant = constant;
+            noise.per_level = per_level;
+        }
+    }
+
+    fn add(&mut self, three: [u32; 3], full_scale: u32) {
+        let [a, b, c] = three;
+        let sum = a + b + c;
+        let class = (u64::from(sum) * CLASSES as u64 / (3 * u64::from(full_scale) + 1)) as usize;
+        let class = &mut self.classes[class.min(CLASSES - 1)];
+        if three.iter().any(|&sample| sample == 0 || sample >= full_scale) {
+            class.clipped += 1;
+            return;
+        }
+        class.count += 1;
+        class.level += u64::from(sum);
+        class.cells[cell((a + c).abs_diff(2 * b)).min(CELLS - 1)] += 1;
+    }
+
+    /// Variance over level: constant and slope by weighted least squares, neither below what it can be.
+    fn line(&self) -> Option<(f64, f64)> {
+        // Σ w, Σ wL, Σ wL², Σ wV, Σ wLV
+        let mut sums = [0.0; 5];
+        for class in self.classes.iter().filter(|class| class.is_sound()) {
+            let level = class.level as f64 / 3.0 / f64::from(class.count);
+            let variance = class.variance();
+            // A variance is as uncertain as it is large.
+            let weight = f64::from(class.count) / variance.powi(2);
+            let terms = [1.0, level, level * level, variance, level * variance];
+            for (sum, term) in sums.iter_mut().zip(terms) {
+                *sum += weight * term;
+            }
+        }
+        let [w, l, ll, v, lv] = sums;
+        if w == 0.0 {
+            return None;
+        }
+        let spread = w * ll - l * l;
+        let slope = if spread > 1e-9 * w * ll { (w * lv - l * v) / spread } else { 0.0 };
+        if slope <= 0.0 {
+            return Some(((v / w).max(ROUNDING), 0.0));
+        }
+        let constant = (v - slope * l) / w;
+        if constant < ROUNDING {
+            return Some((ROUNDING, ((lv - ROUNDING * l) / ll).max(0.0)));
+        }
+        Some((constant, slope))
+    }
+}
+
+/// Positions of a candidate's line that are looked at.
+fn reach(found: &Found, length: usize) -> std::ops::Range<usize> {
+    let candidate = &found.candidate;
+    let from = candidate.first.saturating_sub(MARGIN) as usize;
+    from..((candidate.last + MARGIN) as usize + 1).min(length).min(from + MOST_POSITIONS)
+}
+
+impl Class {
+    const EMPTY: Self = Self { cells: [0; CELLS], count: 0, clipped: 0, level: 0 };
+
+    /// Many samples, and none that clipping has kept from being as far out as the others.
+    const fn is_sound(&self) -> bool {
+        self.count >= CLASS_LEAST && self.clipped * 50 < self.count
+    }
+
+    /// Of one sample, from the median of the absolute differences; within a cell they are taken as evenly spread.
+    fn variance(&self) -> f64 {
+        let half = f64::from(self.count) / 2.0;
+        let mut below = 0.0;
+        for (cell, &count) in self.cells.iter().enumerate() {
+            let count = f64::from(count);
+            if below + count >= half {
+                let (from, to) = (edge(cell), edge(cell + 1));
+                let median = from + (to - from) * (half - below) / count.max(1.0);
+                return ((median / MEDIAN_SIGMAS).powi(2) / DIFFERENCE_GAIN).max(ROUNDING);
+            }
+            below += count;
+        }
+        ROUNDING
+    }
+}
+
+/// Cell of an absolute difference.
+const fn cell(difference: u32) -> usize {
+    if difference < 16 {
+        return difference as usize;
+    }
+    let octave = difference.ilog2();
+    let eighth = (difference >> (octave - 3)) & 7;
+    16 + 8 * (octave as usize - 4) + eighth as usize
+}
+
+/// Lower edge of a cell; differences are integers, each stands for half a level to either side.
+fn edge(cell: usize) -> f64 {
+    let lowest = match cell.checked_sub(16) {
+        None => cell as f64,
+        Some(above) => ((8 + above % 8) as f64) * f64::from(1_u32 << (above / 8 + 1)),
+    };
+    (lowest - 0.5).max(0.0)
+}

@@ -1,0 +1,36 @@
+//! The frame about a stripe, whichever way that runs.
+
+use super::blur::Sample;
+use crate::scanner::{channel::Plane, params::StripeDirection};
+
+/// An image as its stripe sees it: a line is a column for a horizontal stripe, a position a row.
+#[derive(Debug)]
+pub struct Picture<'a, S> {
+    /// The frame.
+    pub plane: &'a Plane<'a, S>,
+    /// Which way the stripe runs.
+    pub direction: StripeDirection,
+}
+
+impl<S: Sample> Picture<'_, S> {
+    /// Lines, and positions in each.
+    pub fn size(&self) -> (usize, usize) {
+        match self.direction {
+            StripeDirection::Horizontal => (self.plane.width, self.plane.height),
+            StripeDirection::Vertical => (self.plane.height, self.plane.width),
+        }
+    }
+
+    /// The sample at a place; beyond the border the nearest one.
+    #[inline(always)]
+    pub fn at(&self, line: isize, position: isize) -> f32 {
+        let (x, y) = match self.direction {
+            StripeDirection::Horizontal => (line, position),
+            StripeDirection::Vertical => (position, line),
+        };
+        let x = x.clamp(0, self.plane.width as isize - 1) as usize;
+        let y = y.clamp(0, self.plane.height as isize - 1) as usize;
+        let sample: u32 = self.plane.at(x, y).into();
+        sample as f32
+    }
+}

@@ -1,0 +1,89 @@
+//! One run of bright samples, several maxima: a stripe that touches its halo, a reflection or another surface.
+
+use super::section::Candidate;
+
+/// Two maxima are two candidates when the samples between them fall to the smaller one's half or less: two Gaussians
+/// 2.5 standard deviations apart are one, 3.4 apart are two.
+const VALLEY: u32 = 2;
+/// Samples below a quarter of the maximum are not the stripe's but a halo's that it stands on. A Gaussian is cut at 1.7
+/// standard deviations.
+const SKIRT: u32 = 4;
+
+/// A candidate and twice the position of the middle of its largest samples, which is a whole number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Maximum {
+    /// The samples about the maximum.
+    pub candidate: Candidate,
+    /// Half pixels.
+    pub middle: u32,
+}
+
+/// Calls `put` with every maximum of a run, in order; `sample` gives the samples at the run's positions.
+pub fn split(run: &Candidate, sample: impl Fn(u32) -> u32, mut put: impl FnMut(Maximum)) {
+    let mut first = run.first;
+    // The largest sample since `first`, and the smallest since that one; with their positions.
+    let mut peak = (0, first);
+    let mut valley = (u32::MAX, first);
+    for at in run.first..=run.last {
+        let level = sample(at);
+        if valley.0 <= peak.0.min(level) / VALLEY {
+            put(about(peak, (first, valley.1 - 1), &sample));
+            first = valley.1;
+            peak = (level, at);
+            valley = (u32::MAX, at);
+        } else if level > peak.0 {
+            peak = (level, at);
+            valley = (u32::MAX, at);
+        } else if level < valley.0 {
+            valley = (level, at);
+        }
+    }
+    put(about(peak, (first, run.last), &sample));
+}
+
+/// The maximum whose largest sample and its first position are given, within `from..=to`.
+fn about((peak, at): (u32, u32), (from, to): (u32, u32), sample: &impl Fn(u32) -> u32) -> Maximum {
+    let is_above = |&at: &u32| sample(at) >= peak.div_ceil(SKIRT);
+    let first = (from..at).rev().take_while(is_above).last().unwrap_or(at);
+    let last = (at + 1..=to).take_while(is_above).last().unwrap_or(at);
+    let last_peak = (at..=last).rev().find(|&at| sample(at) == peak).unwrap_or(at);
+    Maximum { candidate: Candidate { first, last, peak, count: 1 }, middle: at + last_peak }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// First and last position, peak and middle of every maximum.
+    fn maxima(levels: &[u32]) -> Vec<(u32, u32, u32, f64)> {
+        let run = Candidate { first: 5, last: 4 + levels.len() as u32, ..Candidate::default() };
+        let mut found = Vec::new();
+        split(
+            &run,
+            |at| levels[at as usize - 5],
+            |maximum| {
+                let Candidate { first, last, peak, .. } = maximum.candidate;
+                found.push((first - 5, last - 5, peak, f64::from(maximum.middle) / 2.0 - 5.0));
+            },
+        );
+        found
+    }
+
+    #[test]
+    fn a_stripe_is_one() {
+        assert_eq!(maxima(&[9]), [(0, 0, 9, 0.0)]);
+        assert_eq!(maxima(&[19, 50, 80, 80, 40, 19]), [(1, 4, 80, 2.5)]);
+        assert_eq!(maxima(&[19, 50, 80, 41, 80, 50, 19]), [(1, 5, 80, 3.0)], "speckle");
+    }
+
+    #[test]
+    fn a_valley_parts_two() {
+        assert_eq!(maxima(&[19, 80, 30, 10, 90, 30]), [(1, 2, 80, 1.0), (4, 5, 90, 4.0)]);
+        assert_eq!(maxima(&[30, 80, 30, 60, 90, 120]), [(0, 1, 80, 1.0), (2, 5, 120, 5.0)]);
+    }
+
+    #[test]
+    fn a_halo_is_left_out() {
+        assert_eq!(maxima(&[39, 39, 39, 90, 160, 80, 39, 39]), [(3, 5, 160, 4.0)]);
+    }
+}

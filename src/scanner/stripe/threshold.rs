@@ -1,0 +1,82 @@
+//! The adaptive segment threshold: so many standard deviations of the searched image's noise above its median.
+//!
+//! The standard deviation is 1.4826 times the median absolute deviation from the median (Rousseeuw and Croux 1993,
+//! doi 10.1080/01621459.1993.10476408), which a stripe or a few bright objects do not move. Both medians are those of a
+//! grid of samples, so that the cost is bounded.
+
+use super::blur::UNITS;
+
+/// Samples of the grid in a row and in a column, at most.
+const GRID: usize = 128;
+/// From the median absolute deviation to the standard deviation of a Gaussian.
+const SIGMAS_PER_MAD: f64 = 1.4826;
+
+/// Finds thresholds frame after frame. The buffer is kept.
+#[derive(Debug, Default)]
+pub struct NoiseThreshold {
+    samples: Vec<u32>,
+}
+
+impl NoiseThreshold {
+    /// The threshold of an image of `width` x `height` samples, blurred units; `sample` gives the one in a column and row.
+    /// It lies `sigmas` standard deviations above the median, which are at least `floor`, blurred units.
+    pub fn find(
+        &mut self,
+        (width, height): (usize, usize),
+        sample: impl Fn(usize, usize) -> u32,
+        (sigmas, floor): (f64, f64),
+    ) -> u32 {
+        let (step_x, step_y) = (width.div_ceil(GRID), height.div_ceil(GRID));
+        self.samples.clear();
+        for y in (step_y / 2..height).step_by(step_y) {
+            self.samples.extend((step_x / 2..width).step_by(step_x).map(|x| sample(x, y)));
+        }
+        let median = middle(&mut self.samples);
+        for sample in &mut self.samples {
+            *sample = sample.abs_diff(median);
+        }
+        let deviation = SIGMAS_PER_MAD * f64::from(middle(&mut self.samples));
+        (f64::from(median) + sigmas * deviation.max(floor)).round() as u32
+    }
+}
+
+/// Standard deviation of rounding to whole grey levels, blurred units.
+pub fn rounding_noise() -> f64 {
+    f64::from(UNITS) / 12.0_f64.sqrt()
+}
+
+/// The upper median; 0 of nothing.
+fn middle(samples: &mut [u32]) -> u32 {
+    let at = samples.len() / 2;
+    if samples.is_empty() { 0 } else { *samples.select_nth_unstable(at).1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::Distribution;
+
+    #[test]
+    fn gaussian_noise_is_found_under_a_stripe() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+        let noise = rand_distr::Normal::new(5000.0_f64, 300.0).unwrap();
+        let (width, height) = (640, 480);
+        let mut image: Vec<u32> =
+            (0..width * height).map(|_| noise.sample(&mut rng).round() as u32).collect();
+        // One row in a hundred is stripe.
+        image[200 * width..205 * width].fill(60_000);
+        let sample = |x: usize, y: usize| image[y * width + x];
+        let found = NoiseThreshold::default().find((width, height), sample, (8.0, 1.0));
+        assert!((f64::from(found) - 5000.0 - 8.0 * 300.0).abs() < 250.0, "{found}");
+    }
+
+    #[test]
+    fn a_black_image_has_the_noise_of_rounding() {
+        let find = |size, level| {
+            NoiseThreshold::default().find(size, |_, _| level, (8.0, rounding_noise()))
+        };
+        assert_eq!(find((640, 480), 0), 591, "8 · 256 / √12");
+        assert_eq!(find((1, 1), 1000), 1591);
+    }
+}
