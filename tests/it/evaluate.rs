@@ -151,7 +151,7 @@ fn plots_lie_where_markdown_says() {
     assert_eq!(ended.code, Some(0), "{ended:?}");
     let shown: Vec<_> =
         ended.stdout.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()).collect();
-    assert_eq!(shown.len(), 2, "{}", ended.stdout);
+    assert_eq!(shown.len(), 3, "{}", ended.stdout);
     for file in shown {
         let svg = fs::read_to_string(file).unwrap();
         assert!(svg.starts_with("<svg") && svg.contains("improved_gravity"), "{file}");
