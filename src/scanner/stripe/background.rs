@@ -4,11 +4,8 @@
 //! wide as the window stays, narrower maxima are cut off. Blurred image minus opening is the white top-hat (Meyer 1979;
 //! Soille, Morphological Image Analysis, 2nd ed., section 4.5). `reference` is a stored frame without laser.
 
-use super::blur::{Kernel, Number, Sample, Scratch, blur_span};
-use crate::scanner::{
-    channel::Plane,
-    params::{Background, ExtractionParams, StripeDirection},
-};
+use super::blur::Number;
+use crate::scanner::params::{Background, ExtractionParams, StripeDirection};
 
 /// Columns that are opened together: rows of the image are read in pieces of so many samples.
 const BATCH: usize = 32;
@@ -42,14 +39,10 @@ impl<T: Number> BackgroundFilter<T> {
         !matches!(self.kind, Background::None)
     }
 
-    /// Takes this frame for the light without laser. It has the size of the frames that follow.
-    pub fn set_ambient<S: Sample<Sum = T>>(&mut self, plane: &Plane<'_, S>, kernel: &Kernel) {
-        let mut scratch = Scratch::default();
+    /// Takes this blurred frame for the light without laser. It has the size of the frames that follow.
+    pub fn set_ambient(&mut self, blurred: &[T]) {
         self.ambient.clear();
-        self.ambient.resize(plane.width * plane.height, T::default());
-        for (y, row) in self.ambient.chunks_exact_mut(plane.width).enumerate() {
-            blur_span(plane, kernel, (y, 0, plane.width), &mut scratch, row);
-        }
+        self.ambient.extend_from_slice(blurred);
     }
 
     /// Replaces a blurred image of `width` columns by what it has above the background.

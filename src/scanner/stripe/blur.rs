@@ -4,8 +4,12 @@
 //! bits ("blurred units": 256 a grey level). Both passes are exact; one rounding, half up, ends the second. Beyond the
 //! border the nearest sample is repeated.
 
-use super::lanes::{Lane, each};
+use super::{
+    lanes::{Lane, each},
+    tile_blur::{COLUMNS, MARGIN, PADDED, ROWS},
+};
 use crate::scanner::channel::Plane;
+use fearless_simd::{Simd, prelude::*, u8x64, u16x32, u32x16};
 use std::{
     fmt::Debug,
     ops::{Add, Mul, Sub},
@@ -31,12 +35,14 @@ pub trait Number:
 }
 
 impl Number for u16 {
+    #[inline(always)]
     fn from_weight(weight: u16) -> Self {
         weight
     }
 }
 
 impl Number for u32 {
+    #[inline(always)]
     fn from_weight(weight: u16) -> Self {
         weight.into()
     }
@@ -54,27 +60,114 @@ pub trait Sample:
     fn split(sum: Self::Sum) -> (Self::Sum, Self::Sum);
     /// The number, or the largest that [`Self::Sum`] holds, which no blurred sample exceeds.
     fn narrow(sum: u32) -> Self::Sum;
+    /// Whether some sample of the rows is above the limit.
+    fn some_above<V: Simd>(vectors: V, rows: &[&[Self; COLUMNS]; ROWS], limit: u32) -> bool;
+    /// The second pass along one row: from sums of the first pass, divided by 256, and their remainders.
+    fn along<V: Simd>(
+        vectors: V,
+        weights: &[u16],
+        sums: (&[Self::Sum; PADDED], &[Self::Sum; PADDED]),
+        blurred: &mut [Self::Sum; COLUMNS],
+    );
+    /// Bit i: whether blurred sample i is above the threshold.
+    fn above<V: Simd>(vectors: V, sums: &[Self::Sum; 64], threshold: Self::Sum) -> u64;
+}
+
+/// [`Sample::along`] in vectors of one type. Left to itself the compiler shuffles overlapping samples instead of loading
+/// them again.
+macro_rules! along {
+    ($vector:ident, $sum:ty, $lanes:literal) => {
+        #[inline(always)]
+        fn along<V: Simd>(
+            vectors: V,
+            weights: &[u16],
+            (high, low): (&[$sum; PADDED], &[$sum; PADDED]),
+            blurred: &mut [$sum; COLUMNS],
+        ) {
+            #[inline(always)]
+            fn near<V: Simd>(vectors: V, row: &[$sum; PADDED], from: usize) -> $vector<V> {
+                $vector::from_slice(vectors, &row[from..][..$lanes])
+            }
+            #[inline(always)]
+            fn weighed<V: Simd>(
+                vectors: V,
+                weights: &[u16],
+                row: &[$sum; PADDED],
+                from: usize,
+            ) -> $vector<V> {
+                let r = weights.len() / 2;
+                let mut sum = near(vectors, row, from + r) * <$sum>::from(weights[r]);
+                for i in 0..r {
+                    let pair = near(vectors, row, from + i) + near(vectors, row, from + 2 * r - i);
+                    sum += pair * <$sum>::from(weights[i]);
+                }
+                sum
+            }
+            let from = MARGIN - weights.len() / 2;
+            for (at, blurred) in (from..).step_by($lanes).zip(blurred.chunks_exact_mut($lanes)) {
+                let carried = (weighed(vectors, weights, low, at) + Self::HALF) >> 8_u32;
+                (weighed(vectors, weights, high, at) + carried).store_slice(blurred);
+            }
+        }
+    };
 }
 
 impl Sample for u8 {
     type Sum = u16;
     const HALF: u16 = 128;
+    #[inline(always)]
     fn split(sum: u16) -> (u16, u16) {
         (sum >> 8, sum & 0xff)
     }
     fn narrow(sum: u32) -> u16 {
         u16::try_from(sum).unwrap_or(u16::MAX)
     }
+    #[inline(always)]
+    fn some_above<V: Simd>(vectors: V, rows: &[&[Self; COLUMNS]; ROWS], limit: u32) -> bool {
+        let limit = Self::try_from(limit).unwrap_or(Self::MAX);
+        let mut maximum = u8x64::from_slice(vectors, rows[0]);
+        for row in &rows[1..] {
+            maximum = maximum.max(u8x64::from_slice(vectors, *row));
+        }
+        maximum.simd_gt(limit).any_true()
+    }
+    along!(u16x32, u16, 32);
+    #[inline(always)]
+    fn above<V: Simd>(vectors: V, sums: &[u16; 64], threshold: u16) -> u64 {
+        let left = u16x32::from_slice(vectors, &sums[..32]).simd_gt(threshold).to_bitmask();
+        let right = u16x32::from_slice(vectors, &sums[32..]).simd_gt(threshold).to_bitmask();
+        left | right << 32
+    }
 }
 
 impl Sample for u16 {
     type Sum = u32;
     const HALF: u32 = 128;
+    #[inline(always)]
     fn split(sum: u32) -> (u32, u32) {
         (sum >> 8, sum & 0xff)
     }
     fn narrow(sum: u32) -> u32 {
         sum
+    }
+    #[inline(always)]
+    fn some_above<V: Simd>(vectors: V, rows: &[&[Self; COLUMNS]; ROWS], limit: u32) -> bool {
+        let limit = Self::try_from(limit).unwrap_or(Self::MAX);
+        let mut maximum = u16x32::from_slice(vectors, &rows[0][..COLUMNS / 2]);
+        for row in rows {
+            maximum = maximum.max(u16x32::from_slice(vectors, &row[..COLUMNS / 2]));
+            maximum = maximum.max(u16x32::from_slice(vectors, &row[COLUMNS / 2..]));
+        }
+        maximum.simd_gt(limit).any_true()
+    }
+    along!(u32x16, u32, 16);
+    #[inline(always)]
+    fn above<V: Simd>(vectors: V, sums: &[u32; 64], threshold: u32) -> u64 {
+        let mut bits = 0;
+        for (i, sums) in sums.as_chunks::<16>().0.iter().enumerate() {
+            bits |= u32x16::from_slice(vectors, sums).simd_gt(threshold).to_bitmask() << (16 * i);
+        }
+        bits
     }
 }
 
@@ -187,87 +280,9 @@ pub fn blurred_at<S: Sample>(plane: &Plane<'_, S>, kernel: &Kernel, x: usize, y:
     (sum + UNITS / 2) / UNITS
 }
 
-/// Scratch space of [`blur_span`], kept between calls.
-#[derive(Debug, Default)]
-pub struct Scratch<T> {
-    /// Sums of the first pass, divided by 256, and their remainders.
-    high: Vec<T>,
-    low: Vec<T>,
-    /// What the second pass makes of the remainders.
-    carried: Vec<T>,
-}
-
-/// Blurs the samples `x0..x1` of row `y` into `out[x0..x1]`: columns first, then along the row.
-///
-/// The second pass weighs quotients and remainders of the first pass's sums by 256 apart: `Σ w·s / 256 =
-/// Σ w·⌊s/256⌋ + Σ w·(s mod 256) / 256`. Both stay in the narrow integers that vector units are fastest with.
-pub fn blur_span<S: Sample>(
-    plane: &Plane<'_, S>,
-    kernel: &Kernel,
-    (y, x0, x1): (usize, usize, usize),
-    scratch: &mut Scratch<S::Sum>,
-    out: &mut [S::Sum],
-) {
-    let r = kernel.radius();
-    let Scratch { high, low, carried } = scratch;
-    let padded = x1 - x0 + 2 * r;
-    high.resize(padded, S::Sum::default());
-    low.resize(padded, S::Sum::default());
-    carried.resize(x1 - x0, S::Sum::default());
-    let (from, to) = (x0.saturating_sub(r), (x1 + r).min(plane.width));
-    let inner = from + r - x0..to + r - x0;
-    let row = |i: usize| &plane.row((y + i).saturating_sub(r).min(plane.height - 1))[from..to];
-    let sums = &mut high[inner.clone()];
-    weigh_centre(kernel, row(r), sums);
-    for i in 0..r {
-        weigh_pair(kernel.weights[i], row(i), row(2 * r - i), sums);
-    }
-    let (first, last) = (high[inner.start], high[inner.end - 1]);
-    high[..inner.start].fill(first);
-    high[inner.end..].fill(last);
-    for (high, low) in high.iter_mut().zip(low.iter_mut()) {
-        (*high, *low) = S::split(*high);
-    }
-    let out = &mut out[x0..x1];
-    along_row(kernel, high, out);
-    along_row(kernel, low, carried);
-    for (out, carried) in out.iter_mut().zip(carried) {
-        *out = *out + S::split(*carried + S::HALF).0;
-    }
-}
-
-fn along_row<T: Number>(kernel: &Kernel, padded: &[T], out: &mut [T]) {
-    let (r, length) = (kernel.radius(), out.len());
-    weigh_centre::<T, T>(kernel, &padded[r..][..length], out);
-    for i in 0..r {
-        weigh_pair::<T, T>(
-            kernel.weights[i],
-            &padded[i..][..length],
-            &padded[2 * r - i..][..length],
-            out,
-        );
-    }
-}
-
-fn weigh_centre<T: Number, S: Copy + Into<T>>(kernel: &Kernel, samples: &[S], out: &mut [T]) {
-    let weight = T::from_weight(kernel.weights[kernel.radius()]);
-    for (out, &sample) in out.iter_mut().zip(samples) {
-        *out = weight * sample.into();
-    }
-}
-
-/// Two samples at the same distance from the centre share a weight.
-fn weigh_pair<T: Number, S: Copy + Into<T>>(weight: u16, left: &[S], right: &[S], out: &mut [T]) {
-    let weight = T::from_weight(weight);
-    for ((out, &left), &right) in out.iter_mut().zip(left).zip(right) {
-        *out = *out + weight * (left.into() + right.into());
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
     #[test]
     fn the_papers_kernel_is_a_gaussian_of_1_4_px() {
         let kernel = Kernel::gaussian(3);
@@ -326,8 +341,5 @@ mod tests {
         let white = vec![u16::MAX; 64];
         let plane = Plane { width: 8, height: 8, stride: 8, samples: &white };
         assert_eq!(blurred_at(&plane, &kernel, 4, 4), u32::from(u16::MAX) * UNITS);
-        let mut out = vec![0; 8];
-        blur_span(&plane, &kernel, (4, 0, 8), &mut Scratch::default(), &mut out);
-        assert_eq!(out, vec![u32::from(u16::MAX) * UNITS; 8]);
     }
 }

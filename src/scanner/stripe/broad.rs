@@ -1,6 +1,7 @@
 //! Candidates that are too long for the cross-section of a stripe: a lamp, a white wall, a threshold below the background.
 
-use super::section::Section;
+use super::section::{Found, Section};
+use std::ops::Range;
 
 /// What is told of such a candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,23 +15,104 @@ pub struct Broad {
 }
 
 impl Broad {
-    /// That of a section which holds the whole candidate.
+    /// That of a section which holds the candidate and nothing else.
     pub fn of(section: &Section<'_>) -> Self {
-        let from = (section.candidate.first - section.origin) as usize;
-        let run = from..from + section.candidate.length() as usize;
         let (mut level, mut moment) = (0_u64, 0_u64);
-        for (place, &sample) in (0_u64..).zip(&section.samples[run.clone()]) {
+        for (place, &sample) in (0_u64..).zip(section.samples) {
             level += u64::from(sample);
             moment += place * u64::from(sample);
         }
-        let raw = &section.raw[run];
+        let brightest_raw = section.raw.iter().copied().max().unwrap_or(0);
+        let raw_at = |place: usize| section.raw[place.min(section.raw.len() - 1)];
+        Self::from_sums((level, moment), brightest_raw, raw_at)
+    }
+
+    /// From Σ G and Σ i·G; `raw_at` gives the unblurred sample at a place, or the last one beyond it.
+    fn from_sums(
+        (level, moment): (u64, u64),
+        brightest_raw: u32,
+        raw_at: impl Fn(usize) -> u32,
+    ) -> Self {
         let position_px = moment as f64 / level as f64;
         let left = position_px as usize;
-        let [at, next] = [left, (left + 1).min(raw.len() - 1)].map(|i| f64::from(raw[i]));
-        Self {
-            position_px,
-            intensity: (at + (next - at) * (position_px - left as f64)) as f32,
-            brightest_raw: raw.iter().copied().max().unwrap_or(0),
+        let [at, next] = [left, left + 1].map(|place| f64::from(raw_at(place)));
+        let intensity = (at + (next - at) * (position_px - left as f64)) as f32;
+        Self { position_px, intensity, brightest_raw }
+    }
+}
+
+/// The sums over several such candidates, kept side by side. Whole numbers: the order of adding does not matter.
+#[derive(Debug, Default)]
+pub struct BroadRuns {
+    first: Vec<u32>,
+    last: Vec<u32>,
+    level: Vec<u64>,
+    moment: Vec<u64>,
+    brightest: Vec<u32>,
+}
+
+impl BroadRuns {
+    /// Starts with these candidates.
+    pub fn clear(&mut self, batch: &[Found]) {
+        self.first.clear();
+        self.first.extend(batch.iter().map(|found| found.candidate.first));
+        self.last.clear();
+        self.last.extend(batch.iter().map(|found| found.candidate.last));
+        for sums in [&mut self.level, &mut self.moment] {
+            sums.clear();
+            sums.resize(batch.len(), 0);
         }
+        self.brightest.clear();
+        self.brightest.resize(batch.len(), 0);
+    }
+
+    /// All positions that some candidate covers.
+    pub fn positions(&self) -> Range<u32> {
+        let first = self.first.iter().copied().min().unwrap_or(0);
+        first..self.last.iter().copied().max().map_or(first, |last| last + 1)
+    }
+
+    /// Adds one sample to every candidate that covers `position`: raw and blurred ones, in the candidates' order.
+    #[inline(always)]
+    pub fn add_across<R: Copy + Into<u32>, S: Copy + Into<u32>>(
+        &mut self,
+        position: u32,
+        raw: &[R],
+        samples: &[S],
+    ) {
+        let runs = self.first.iter().zip(&self.last).zip(raw.iter().zip(samples));
+        let sums = self.level.iter_mut().zip(&mut self.moment).zip(&mut self.brightest);
+        for (((&first, &last), (&raw, &sample)), ((level, moment), brightest)) in runs.zip(sums) {
+            let is_inside = (first <= position) & (position <= last);
+            let (raw, sample): (u32, u32) = (raw.into(), sample.into());
+            let (raw, sample) = if is_inside { (raw, sample) } else { (0, 0) };
+            *level += u64::from(sample);
+            *moment += u64::from(position.wrapping_sub(first)) * u64::from(sample);
+            *brightest = (*brightest).max(raw);
+        }
+    }
+
+    /// Adds all samples of candidate i, given its whole line.
+    #[inline(always)]
+    pub fn add_along<R: Copy + Into<u32>, S: Copy + Into<u32>>(
+        &mut self,
+        i: usize,
+        raw: &[R],
+        samples: &[S],
+    ) {
+        let run = self.first[i] as usize..self.last[i] as usize + 1;
+        let (mut level, mut moment, mut brightest) = (0, 0, 0);
+        for (place, (&raw, &sample)) in (0_u32..).zip(raw[run.clone()].iter().zip(&samples[run])) {
+            let (raw, sample): (u32, u32) = (raw.into(), sample.into());
+            level += u64::from(sample);
+            moment += u64::from(place) * u64::from(sample);
+            brightest = raw.max(brightest);
+        }
+        (self.level[i], self.moment[i], self.brightest[i]) = (level, moment, brightest);
+    }
+
+    /// What is told of candidate i; `raw_at` gives the unblurred sample at a place in it, or its last one beyond it.
+    pub fn broad(&self, i: usize, raw_at: impl Fn(usize) -> u32) -> Broad {
+        Broad::from_sums((self.level[i], self.moment[i]), self.brightest[i], raw_at)
     }
 }

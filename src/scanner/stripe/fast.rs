@@ -4,7 +4,9 @@ use super::{
     Centerline,
     background::BackgroundFilter,
     blur::{Kernel, Sample, blurred_at},
-    lanes::{LANES, Sections},
+    broad::BroadRuns,
+    columns::Columns,
+    lanes::{Centres, LANES, Sections},
     load::Loader,
     measure::Assembler,
     noise_estimate::NoiseEstimator,
@@ -15,11 +17,14 @@ use super::{
     steger::Ridge,
     threshold::{NoiseThreshold, rounding_noise},
     tiles::BlurredTiles,
+    vectors::Vectors,
+    work::{AddUp, Blur, Find, Load, Measure},
 };
 use crate::scanner::{
     channel::Plane,
     params::{ExtractionParams, Method, NoiseSource, StripeDirection, Threshold},
 };
+use fearless_simd::Simd;
 
 /// Extracts frame after frame without allocating once the first of a size has been seen.
 #[derive(Debug)]
@@ -31,12 +36,13 @@ pub struct FastExtractor<S: Sample> {
     background: BackgroundFilter<S::Sum>,
     noise_threshold: NoiseThreshold,
     regions: Regions,
-    /// Candidates that may still grow, one a line while runs arrive row by row; `count` 0: none.
-    open: Vec<Candidate>,
+    columns: Columns,
     found: Vec<Found>,
     selector: Selector,
     chosen: Vec<Found>,
     sections: Sections,
+    runs: BroadRuns,
+    vectors: Vectors,
     noise: NoiseEstimator,
     ridge: Ridge,
 }
@@ -52,11 +58,13 @@ impl<S: Sample> FastExtractor<S> {
             background: BackgroundFilter::new(&params),
             noise_threshold: NoiseThreshold::default(),
             regions: Regions::default(),
-            open: Vec::new(),
+            columns: Columns::default(),
             found: Vec::new(),
             selector: Selector::new(params),
             chosen: Vec::new(),
             sections: Sections::default(),
+            runs: BroadRuns::default(),
+            vectors: Vectors::widest(),
             noise: NoiseEstimator::default(),
             ridge: Ridge::new(params.ridge_sigma_px),
         }
@@ -64,7 +72,9 @@ impl<S: Sample> FastExtractor<S> {
 
     /// Takes this frame for the light without laser, for `background: reference`. It has the size of those that follow.
     pub fn set_ambient(&mut self, plane: &Plane<'_, S>) {
-        self.background.set_ambient(plane, &self.kernel);
+        let Self { kernel, tiles, background, vectors, .. } = self;
+        vectors.run(Blur { tiles, kernel, plane, threshold: None });
+        background.set_ambient(tiles.samples_mut());
     }
 
     /// Forgets the last frame: the next one is searched everywhere.
@@ -90,6 +100,8 @@ impl<S: Sample> FastExtractor<S> {
             found,
             chosen,
             sections,
+            runs,
+            vectors,
             noise,
             ridge,
             ..
@@ -115,26 +127,41 @@ impl<S: Sample> FastExtractor<S> {
         let mut loader = Loader { plane, kernel, tiles, direction: *direction };
         let mut rest = &chosen[..];
         while let Some(next) = rest.first() {
-            if next.candidate.is_broad() {
-                assembler.push_broad(next, &loader.broad(next), &levels);
-                rest = &rest[1..];
+            let is_broad = next.candidate.is_broad();
+            let alike = (0..).zip(rest).take_while(|(i, found)| {
+                let is_next = !is_broad || found.line == next.line + i;
+                found.candidate.is_broad() == is_broad && is_next
+            });
+            let count = alike.take(if is_broad { usize::MAX } else { LANES }).count();
+            let (batch, behind) = rest.split_at(count);
+            rest = behind;
+            if is_broad {
+                vectors.run(AddUp { loader: &loader, batch, runs });
+                for (i, found) in batch.iter().enumerate() {
+                    assembler.push_broad(found, &loader.broad(found, (i, runs)), &levels);
+                }
                 continue;
             }
-            let count = rest.iter().take(LANES).take_while(|f| !f.candidate.is_broad()).count();
-            let (batch, behind) = rest.split_at(count);
-            loader.load(batch, &levels, sections);
-            assembler.push(batch, sections, &levels, |centres| {
-                if params.method == Method::Steger {
-                    ridge.refine(&picture, batch, (&levels.noise, full_scale), centres);
-                }
+            let levels = &levels;
+            vectors.run(Load { loader: &mut loader, batch, levels, sections });
+            vectors.run(Measure {
+                assembler: &mut assembler,
+                batch,
+                levels,
+                sections,
+                refine: |centres: &mut Centres| {
+                    if params.method == Method::Steger {
+                        ridge.refine(&picture, batch, (&levels.noise, full_scale), centres);
+                    }
+                },
             });
-            rest = behind;
         }
     }
 
     /// Finds all candidates, in order of their lines and of their positions; returns the segment threshold, blurred units.
     fn find(&mut self, plane: &Plane<'_, S>, full_scale: u32) -> u32 {
-        let Self { kernel, params, direction, tiles, background, noise_threshold, .. } = self;
+        let Self { kernel, params, direction, tiles, background, noise_threshold, vectors, .. } =
+            self;
         let mut threshold = Levels::new(params, kernel, full_scale).segment_threshold;
         let is_adaptive = params.threshold == Threshold::Adaptive;
         let mut adapt = |sample: &dyn Fn(usize, usize) -> u32| {
@@ -143,8 +170,8 @@ impl<S: Sample> FastExtractor<S> {
             noise_threshold.find(size, sample, (params.threshold_sigmas, floor))
         };
         if background.is_needed() {
-            let samples = tiles.compute_everywhere(plane, kernel);
-            background.subtract(samples, plane.width, *direction);
+            vectors.run(Blur { tiles, kernel, plane, threshold: None });
+            background.subtract(tiles.samples_mut(), plane.width, *direction);
             if is_adaptive {
                 threshold = adapt(&|x, y| tiles.known(x, y));
             }
@@ -152,253 +179,50 @@ impl<S: Sample> FastExtractor<S> {
             if is_adaptive {
                 threshold = adapt(&|x, y| blurred_at(plane, kernel, x, y));
             }
-            tiles.compute(plane, kernel, threshold);
+            vectors.run(Blur { tiles, kernel, plane, threshold: Some(threshold) });
         }
-        self.tiles.segment(threshold, &mut self.regions);
         self.found.clear();
-        match self.direction {
-            StripeDirection::Horizontal => self.find_in_columns(plane.width),
-            StripeDirection::Vertical => self.find_in_rows(),
+        self.vectors.run(Find { extractor: self, threshold });
+        if self.direction == StripeDirection::Horizontal {
+            self.columns.finish(&mut self.found);
         }
         threshold
     }
 
+    /// Step 4, once the tiles are blurred.
+    #[inline(always)]
+    pub(super) fn segment<V: Simd>(&mut self, vectors: V, threshold: u32) {
+        self.tiles.segment(vectors, threshold, &mut self.regions);
+        match self.direction {
+            StripeDirection::Horizontal => self.find_in_columns(),
+            StripeDirection::Vertical => self.find_in_rows(),
+        }
+    }
+
     /// The candidates of a vertical stripe: the kept runs themselves.
+    #[inline(always)]
     fn find_in_rows(&mut self) {
         let Self { tiles, regions, found, params, .. } = self;
         found.extend(regions.larger_than(params.min_segment_area).map(|run| {
-            let samples = (run.start..run.end).map(|x| tiles.known(x as usize, run.row as usize));
-            let peak = samples.max().unwrap_or(0);
-            let candidate = Candidate { first: run.start, last: run.end - 1, peak, count: 1 };
+            let samples = &tiles.row(run.row as usize)[run.start as usize..run.end as usize];
+            let peak = samples.iter().fold(S::Sum::default(), |peak, &sample| peak.max(sample));
+            let candidate =
+                Candidate { first: run.start, last: run.end - 1, peak: peak.into(), count: 1 };
             Found { line: run.row, candidate }
         }));
     }
 
     /// The candidates of a horizontal stripe: what the kept runs make in every column.
-    fn find_in_columns(&mut self, columns: usize) {
-        let Self { tiles, regions, open, found, params, .. } = self;
-        open.clear();
-        open.resize(columns, Candidate::default());
+    #[inline(always)]
+    fn find_in_columns(&mut self) {
+        let Self { tiles, regions, found, params, .. } = self;
+        self.columns.clear(tiles.width());
         for run in regions.larger_than(params.min_segment_area) {
-            for x in run.start..run.end {
-                let level = tiles.known(x as usize, run.row as usize);
-                let open = &mut open[x as usize];
-                if open.count > 0 && open.last + 1 == run.row {
-                    open.last = run.row;
-                    open.peak = open.peak.max(level);
-                } else {
-                    let new = Candidate { first: run.row, last: run.row, peak: level, count: 1 };
-                    let candidate = std::mem::replace(open, new);
-                    found.extend((candidate.count > 0).then_some(Found { line: x, candidate }));
-                }
-            }
+            let samples = &tiles.row(run.row as usize)[run.start as usize..run.end as usize];
+            self.columns.add((run.row, run.start), samples, found);
         }
-        for (line, &candidate) in (0..).zip(&*open) {
-            found.extend((candidate.count > 0).then_some(Found { line, candidate }));
-        }
-        found.sort_unstable_by_key(|found| (found.line, found.candidate.first));
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scanner::{
-        params::{Background, PeakSelection, Window},
-        stripe::{
-            reference::{self, LitFrame},
-            tiles::{COLUMNS, ROWS},
-        },
-    };
-    use proptest::prelude::*;
-
-    /// Width, height, stride and samples.
-    type OwnedPlane<S> = (usize, usize, usize, Vec<S>);
-
-    /// Every value of a choice, by its names: a new estimator is tested as soon as it has one.
-    fn any_of<T: Clone + std::fmt::Debug + 'static>(
-        names: &'static [&'static str],
-        from_name: fn(&str) -> Option<T>,
-    ) -> impl Strategy<Value = T> {
-        prop::sample::select(names.iter().filter_map(|name| from_name(name)).collect::<Vec<_>>())
-    }
-
-    fn any_params() -> impl Strategy<Value = ExtractionParams> {
-        let choices = (
-            any_of(Method::NAMES, Method::from_name),
-            any_of(Window::NAMES, Window::from_name),
-            any_of(PeakSelection::NAMES, PeakSelection::from_name),
-        );
-        // The plain definition takes (2r + 1)² steps a pixel: large radii now and then.
-        let radius = prop_oneof![3 => 0..4_u32, 1 => 4..=15_u32];
-        // Halves of grey levels: samples can lie exactly on a threshold, and between two.
-        let threshold = prop_oneof![0..20_u32, 0..200_u32];
-        (choices, radius, threshold, 0..40_u32, 0..255_u32, any_scene()).prop_map(
-            |((method, window, peak_selection), blur_radius, threshold, area, width, scene)| {
-                ExtractionParams {
-                    method,
-                    window,
-                    blur_radius,
-                    segment_threshold: f64::from(threshold) / 2.0,
-                    min_segment_area: area,
-                    width_threshold: f64::from(width),
-                    peak_selection,
-                    ..scene
-                }
-            },
-        )
-    }
-
-    /// What scenes that are not black need, each as often as not.
-    fn any_scene() -> impl Strategy<Value = ExtractionParams> {
-        let choices = (
-            any_of(Background::NAMES, Background::from_name),
-            any_of(Threshold::NAMES, Threshold::from_name),
-        );
-        let widths = (prop_oneof![Just(1), 1..9_u32], prop_oneof![Just(0), 0..40_u32]);
-        let lines = (1..4_u32, 1..20_u32, prop_oneof![Just(0), 0..30_u32]);
-        let contrast = prop_oneof![Just(0), 0..255_u32];
-        (choices, 3..60_u32, 2..40_u32, contrast, widths, lines).prop_map(
-            |((background, threshold), window_px, sigmas, contrast, widths, lines)| {
-                ExtractionParams {
-                    background,
-                    background_window_px: window_px,
-                    threshold,
-                    threshold_sigmas: f64::from(sigmas) / 2.0,
-                    min_contrast: f64::from(contrast),
-                    min_width_px: widths.0,
-                    max_width_px: widths.1,
-                    max_stripes: lines.0,
-                    max_step_px: f64::from(lines.1) / 2.0,
-                    tracking_margin_px: lines.2,
-                    ..ExtractionParams::default()
-                }
-            },
-        )
-    }
-
-    /// From 1 to `tiles` tiles and a little, half of them about the border of a tile.
-    fn any_side(tile: usize, tiles: usize) -> impl Strategy<Value = usize> {
-        let about_borders = (1..=tiles, 0..=2_usize);
-        prop_oneof![
-            about_borders.prop_map(move |(count, beyond)| count * tile + beyond - 1),
-            1..=tiles * tile + 8,
-        ]
-    }
-
-    /// Any level, or one about the lower thresholds.
-    fn any_level<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = S> {
-        prop_oneof![any::<S>(), (0..12_u8).prop_map(S::from)]
-    }
-
-    /// Over an even background, a few blocks that leave most tiles cold, or dense noise; a stride wider than the rows.
-    fn any_plane<S: Sample + Arbitrary + From<u8>>(
-        (width, height, padding): (usize, usize, usize),
-    ) -> impl Strategy<Value = OwnedPlane<S>> {
-        let stride = width + padding;
-        let block = (0..stride, 0..height, 1..9_usize, 1..17_usize, any_level::<S>());
-        let few = prop::collection::vec(block, 0..5);
-        let many = (1..50_usize).prop_flat_map(move |sparsity| {
-            let pixel = (0..stride, 0..height, Just(1), Just(1), any_level::<S>());
-            prop::collection::vec(pixel, stride * height / sparsity)
-        });
-        let background = prop_oneof![Just(0), 0..12_u8];
-        (background, prop_oneof![few, many]).prop_map(move |(background, blocks)| {
-            let mut samples = vec![S::from(background); stride * height];
-            for (x, y, columns, rows, level) in blocks {
-                for row in y..(y + rows).min(height) {
-                    let end = (x + columns).min(stride);
-                    samples[row * stride + x..row * stride + end].fill(level);
-                }
-            }
-            (width, height, stride, samples)
-        })
-    }
-
-    /// Frames of one size, then frames of another.
-    fn any_planes<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = Vec<OwnedPlane<S>>> {
-        let size = || (any_side(COLUMNS, 2), any_side(ROWS, 5), 0..5_usize);
-        let frames = |size| prop::collection::vec(any_plane(size), 1..4);
-        (size().prop_flat_map(frames), size().prop_flat_map(frames))
-            .prop_map(|(one, other)| one.into_iter().chain(other).collect())
-    }
-
-    /// Bits, so that NaN equals itself.
-    fn bits(values: &[f32]) -> Vec<u32> {
-        values.iter().map(|v| v.to_bits()).collect()
-    }
-
-    fn assert_equal(fast: &Centerline, reference: &Centerline) {
-        assert_eq!(bits(&fast.u_px), bits(&reference.u_px));
-        assert_eq!(bits(&fast.v_px), bits(&reference.v_px));
-        assert_eq!(fast.stripe_start, reference.stripe_start);
-        assert_eq!(bits(&fast.width_px), bits(&reference.width_px));
-        assert_eq!(bits(&fast.intensity), bits(&reference.intensity));
-        assert_eq!(bits(&fast.sigma_px), bits(&reference.sigma_px));
-        assert_eq!(fast.flags, reference.flags);
-    }
-
-    fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPlane<S>]) {
-        for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
-            // One extractor for all: what an earlier frame left behind must not show.
-            let mut fast = FastExtractor::new(params, direction);
-            let mut selector = Selector::new(params);
-            let mut centerline = Centerline::default();
-            let mut previous: Option<Plane<'_, S>> = None;
-            for (width, height, stride, samples) in planes {
-                let plane = Plane { width: *width, height: *height, stride: *stride, samples };
-                // The frame before stands for the one without laser, if it has the size.
-                let ambient = previous.filter(|p| (p.width, p.height) == (*width, *height));
-                let ambient = ambient.unwrap_or(plane);
-                fast.set_ambient(&ambient);
-                fast.extract(&plane, (3, 7), full_scale, &mut centerline);
-                let frame = LitFrame { plane: &plane, ambient: Some(&ambient) };
-                let state = (&params, &mut selector);
-                let expected =
-                    reference::extract_next(&frame, (3, 7), state, direction, full_scale);
-                assert_equal(&centerline, &expected);
-                previous = Some(plane);
-            }
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn fast_equals_reference_on_8_bit(
-            params in any_params(),
-            planes in any_planes::<u8>(),
-        ) {
-            check(params, 255, &planes);
-        }
-
-        #[test]
-        fn fast_equals_reference_on_16_bit(
-            params in any_params(),
-            planes in any_planes::<u16>(),
-            full_scale in prop::sample::select(vec![1023_u32, 4095, 65_535]),
-        ) {
-            check(params, full_scale, &planes);
-        }
-    }
-
-    /// One run every second pixel, joined into one region (a checkerboard) or each a region of its own (dots).
-    #[test]
-    fn the_densest_patterns_are_measured_too() {
-        let (width, height) = (130, 70);
-        let pattern = |is_bright: fn(usize, usize) -> bool| {
-            let samples = (0..width * height)
-                .map(|at| if is_bright(at % width, at / width) { 255_u8 } else { 0 })
-                .collect();
-            (width, height, width, samples)
-        };
-        let planes = [pattern(|x, y| (x + y) % 2 == 0), pattern(|x, y| x % 2 == 0 && y % 2 == 0)];
-        for min_segment_area in [0, 1, 4549, 4550] {
-            let params = ExtractionParams {
-                blur_radius: 0,
-                min_segment_area,
-                ..ExtractionParams::default()
-            };
-            check(params, 255, &planes);
-        }
-    }
-}
+mod tests;

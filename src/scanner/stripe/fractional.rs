@@ -13,8 +13,9 @@ use super::{
 const MAX_ROUNDS: u32 = 12;
 /// The window covers three pixels at least, as the rounded one does.
 const MIN_REACH_PX: f32 = 1.5;
-/// A window that moves by less stands still, pixels.
-const STANDSTILL_PX: f32 = 1e-4;
+/// A window that moves by less stands still, pixels. Each of Newton's steps squares the error: what is left after one of
+/// this length is a millionth of a pixel.
+const STANDSTILL_PX: f32 = 4e-3;
 
 /// Formula 7 as integrals, c = ∫ x·G dx / ∫ G dx over `[c - R, c + R]`: the centre of gravity of a window about itself,
 /// which reaches R = L to either side of it. A border of the image cuts the window short.
@@ -92,8 +93,17 @@ impl Integral {
         let mut sum = Self { level: none, moment: none, low_level: none, high_level: none };
         let from = each(|lane| sections.first[lane] + low[lane]);
         let to = each(|lane| sections.first[lane] + high[lane] + 1.0);
+        let whole = sections.within(&each(|lane| from[lane] + 1.0), &each(|lane| to[lane] - 2.0));
         for i in sections.reach(&from, &to) {
             let (place, sample) = (sections.place(i), sections.blurred[i]);
+            if whole.contains(&i) {
+                // All of every lane's triangle: what follows would give area 1, lever 0 and no level at an end.
+                for lane in 0..LANES {
+                    sum.level[lane] += sample[lane];
+                    sum.moment[lane] += sample[lane] * place[lane];
+                }
+                continue;
+            }
             for lane in 0..LANES {
                 let x = place[lane];
                 let is_inside = (x > low[lane] - 1.0) & (x < high[lane] + 1.0);

@@ -51,15 +51,17 @@ impl Fit {
         let mut powers = [[0.0; LANES]; 5];
         let mut right = [[0.0; LANES]; 3];
         let last = sections.last_place();
+        let by_peak = each(|lane| 1.0 / sections.peak[lane]);
+        let ln_peak = each(|lane| ln(sections.peak[lane]));
         for i in sections.candidate_rows() {
             let (place, level) = (sections.place(i), sections.blurred[i]);
             for lane in 0..LANES {
                 let is_inside = (place[lane] >= 0.0) & (place[lane] <= last[lane]);
-                // Relative to the peak, so that equal samples make an exactly level parabola.
-                let share = if is_inside { level[lane] / sections.peak[lane] } else { 1.0 };
+                let share = level[lane] * by_peak[lane];
                 let weight = if is_inside { share * share } else { 0.0 };
                 let t = place[lane] - brightest[lane];
-                let logarithm = ln(share);
+                // Relative to the peak, so that equal samples make an exactly level parabola.
+                let logarithm = ln(if is_inside { level[lane] } else { 1.0 }) - ln_peak[lane];
                 let (first, second) = (weight * t, weight * t * t);
                 powers[0][lane] += weight;
                 powers[1][lane] += first;

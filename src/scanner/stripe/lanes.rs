@@ -19,7 +19,7 @@ pub type Lane = [f32; LANES];
 /// Up to [`LANES`] cross-sections. Row i of a lane lies i positions across the stripe from its row 0.
 #[derive(Clone, Debug)]
 pub struct Sections {
-    /// Lanes in use, from lane 0; the others have an empty window.
+    /// Lanes in use, from lane 0; the others repeat the window of lane 0 over samples that mean nothing.
     pub count: usize,
     /// Unblurred samples, sample units, row by row; as many rows as the longest reach of a window.
     pub raw: Vec<Lane>,
@@ -72,6 +72,18 @@ pub fn each(f: impl Fn(usize) -> f32) -> Lane {
     lanes
 }
 
+/// What `f` makes of all lanes, by halves. `f32::min` and `f32::max` pass over NaN.
+#[inline(always)]
+fn fold(lanes: &Lane, f: fn(f32, f32) -> f32) -> f32 {
+    let mut half: [f32; 8] = std::array::from_fn(|i| f(lanes[i], lanes[i + 8]));
+    for width in [4, 2, 1] {
+        for i in 0..width {
+            half[i] = f(half[i], half[i + width]);
+        }
+    }
+    half[0]
+}
+
 impl Sections {
     /// Rows held.
     pub fn rows(&self) -> usize {
@@ -115,16 +127,20 @@ impl Sections {
         self.reach(&self.first, &self.last)
     }
 
-    /// Rows that hold every place between `low` and `high` (rows, as numbers) of the lanes in use.
+    /// Rows that hold every place between `low` and `high` (rows, as numbers) of the lanes.
     #[inline(always)]
     pub fn reach(&self, low: &Lane, high: &Lane) -> Range<usize> {
-        let (mut from, mut to) = (f32::INFINITY, 0.0_f32);
-        for lane in 0..self.count {
-            from = from.min(low[lane]);
-            to = to.max(high[lane]);
-        }
-        let end = (to.max(0.0) as usize + 1).min(self.rows());
+        let (from, to) = (fold(low, f32::min), fold(high, f32::max));
+        let end = ((to.max(-1.0) + 1.0) as usize).min(self.rows());
         (from.max(0.0) as usize).min(end)..end
+    }
+
+    /// Rows that lie between `low` and `high` (rows, as numbers, both included) in every lane.
+    #[inline(always)]
+    pub fn within(&self, low: &Lane, high: &Lane) -> Range<usize> {
+        let (from, to) = (fold(low, f32::max), fold(high, f32::min));
+        let end = ((to.max(-1.0) + 1.0) as usize).min(self.rows());
+        (from.max(0.0).ceil() as usize).min(end)..end
     }
 
     /// Makes room for `rows` rows of `count` lanes. Samples of earlier batches stay where they are: they lie in no window.
@@ -132,11 +148,9 @@ impl Sections {
         self.count = count;
         self.raw.resize(rows, [0.0; LANES]);
         self.blurred.resize(rows, [0.0; LANES]);
-        let none = [0.0; LANES];
-        (self.start, self.end, self.first, self.last, self.peak) = (none, none, none, none, none);
     }
 
-    /// Says where in a lane a candidate lies whose window `held` (positions) begins in row `start`.
+    /// Says, lane after lane from lane 0, where in a lane a candidate lies whose window `held` (positions) begins in row `start`.
     pub fn place_lane(
         &mut self,
         lane: usize,
@@ -150,6 +164,13 @@ impl Sections {
         self.first[lane] = first as f32;
         self.last[lane] = (first + candidate.length() as usize - 1) as f32;
         self.peak[lane] = grey(candidate.peak) as f32;
+        if lane == 0 {
+            for array in
+                [&mut self.start, &mut self.end, &mut self.first, &mut self.last, &mut self.peak]
+            {
+                *array = [array[0]; LANES];
+            }
+        }
     }
 
     /// Replaces all lanes by these sections, each with its whole samples as window.

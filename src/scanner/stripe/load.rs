@@ -2,12 +2,13 @@
 
 use super::{
     blur::{Kernel, Sample, UNITS},
-    broad::Broad,
-    lanes::Sections,
-    section::{Found, Levels, Section},
+    broad::{Broad, BroadRuns},
+    lanes::{LANES, Sections, each},
+    section::{Found, Levels},
     tiles::BlurredTiles,
 };
 use crate::scanner::{channel::Plane, params::StripeDirection};
+use fearless_simd::Simd;
 use std::ops::Range;
 
 /// Takes cross-sections from one frame.
@@ -26,47 +27,130 @@ pub struct Loader<'a, S: Sample> {
 impl<S: Sample> Loader<'_, S> {
     /// Replaces `sections` by those about the candidates, one a lane.
     #[inline(always)]
-    pub fn load(&mut self, batch: &[Found], levels: &Levels<'_>, sections: &mut Sections) {
+    pub fn load<V: Simd>(
+        &mut self,
+        vectors: V,
+        batch: &[Found],
+        levels: &Levels<'_>,
+        sections: &mut Sections,
+    ) {
         let length = match self.direction {
             StripeDirection::Horizontal => self.plane.height,
             StripeDirection::Vertical => self.plane.width,
         };
+        let mut ends: [Range<usize>; LANES] = std::array::from_fn(|_| 0..0);
         let held = |found: &Found| {
             let candidate = &found.candidate;
             candidate.reach(levels.margin(candidate), length)
         };
-        let rows = batch.iter().map(|found| held(found).len()).max().unwrap_or(0);
-        sections.clear(batch.len(), rows);
+        let (mut low, mut high, mut longest) = (usize::MAX, 0, 0);
         for (lane, found) in batch.iter().enumerate() {
             let held = held(found);
-            let line = found.line as usize;
-            self.ensure(line, held.clone());
-            sections.place_lane(lane, 0, &held, &found.candidate);
-            for (row, position) in held.enumerate() {
-                let (raw, blurred) = self.sample(line, position);
-                sections.raw[row][lane] = raw as f32;
-                sections.blurred[row][lane] = blurred as f32 * (1.0 / UNITS as f32);
+            (low, high) = (low.min(held.start), high.max(held.end));
+            longest = longest.max(held.len());
+            ends[lane] = held;
+        }
+        let first = batch[0].line as usize;
+        let is_side_by_side = batch.len() == LANES
+            && self.direction == StripeDirection::Horizontal
+            && batch[LANES - 1].line as usize == first + LANES - 1
+            && (0..).zip(batch).all(|(i, found)| found.line as usize == first + i);
+        if is_side_by_side && high - low <= longest + LANES {
+            sections.clear(batch.len(), high - low);
+            self.tiles.ensure(
+                vectors,
+                (self.plane, self.kernel),
+                (first..first + LANES, low..high),
+            );
+            for (lane, found) in batch.iter().enumerate() {
+                sections.place_lane(lane, ends[lane].start - low, &ends[lane], &found.candidate);
+            }
+            self.copy_rows(first, low, sections);
+        } else {
+            sections.clear(batch.len(), longest);
+            for (lane, found) in batch.iter().enumerate() {
+                let held = ends[lane].clone();
+                self.ensure(vectors, found.line as usize, held.clone());
+                sections.place_lane(lane, 0, &held, &found.candidate);
+                self.copy_lane(lane, (found.line as usize, held), sections);
             }
         }
     }
 
-    /// What is told of a candidate that is too long for a cross-section.
-    pub fn broad(&mut self, found: &Found) -> Broad {
-        let candidate = found.candidate;
-        let held = candidate.first as usize..candidate.last as usize + 1;
-        let line = found.line as usize;
-        self.ensure(line, held.clone());
-        let (raw, samples): (Vec<_>, Vec<_>) = held.map(|at| self.sample(line, at)).unzip();
-        Broad::of(&Section { samples: &samples, raw: &raw, origin: candidate.first, candidate })
+    /// Rows from `y` on of the columns from `x` on: consecutive samples are consecutive lanes.
+    #[inline(always)]
+    fn copy_rows(&self, x: usize, y: usize, sections: &mut Sections) {
+        let width = self.plane.width;
+        let raw_rows = self.plane.samples[y * self.plane.stride + x..].chunks(self.plane.stride);
+        let rows = self.tiles.rows_from(y)[x..].chunks(width);
+        let sections = sections.raw.iter_mut().zip(&mut sections.blurred);
+        for ((raw, blurred), (raw_row, row)) in sections.zip(raw_rows.zip(rows)) {
+            let (Some(raw_row), Some(row)) =
+                (raw_row.first_chunk::<LANES>(), row.first_chunk::<LANES>())
+            else {
+                return;
+            };
+            *raw = each(|lane| Into::<u32>::into(raw_row[lane]) as i32 as f32);
+            *blurred = each(|lane| grey_of(row[lane].into()));
+        }
     }
 
-    fn ensure(&mut self, line: usize, held: Range<usize>) {
+    /// The held positions of one line.
+    #[inline(always)]
+    fn copy_lane(&self, lane: usize, (line, held): (usize, Range<usize>), sections: &mut Sections) {
+        let rows = sections.raw.iter_mut().zip(&mut sections.blurred);
+        for (position, (raw, blurred)) in held.zip(rows) {
+            let (raw_sample, sample) = self.sample(line, position);
+            raw[lane] = raw_sample as f32;
+            blurred[lane] = grey_of(sample);
+        }
+    }
+
+    /// Adds up candidates that are too long for cross-sections and lie in consecutive lines, in row order: where a row
+    /// of samples crosses a horizontal stripe's candidates it crosses many.
+    #[inline(always)]
+    pub fn add_up(&self, batch: &[Found], runs: &mut BroadRuns) {
+        runs.clear(batch);
+        let lines = batch[0].line as usize..batch[0].line as usize + batch.len();
+        match self.direction {
+            StripeDirection::Horizontal => {
+                for y in runs.positions() {
+                    let row = y as usize;
+                    let (raw, sums) = (self.plane.row(row), self.tiles.row(row));
+                    runs.add_across(y, &raw[lines.clone()], &sums[lines.clone()]);
+                }
+            }
+            StripeDirection::Vertical => {
+                for (i, line) in lines.enumerate() {
+                    runs.add_along(i, self.plane.row(line), self.tiles.row(line));
+                }
+            }
+        }
+    }
+
+    /// What is told of candidate i of those.
+    pub fn broad(&self, found: &Found, (i, runs): (usize, &BroadRuns)) -> Broad {
+        let first = found.candidate.first as usize;
+        let length = found.candidate.length() as usize;
+        let raw_at = |place: usize| {
+            let (line, position) = (found.line as usize, first + place.min(length - 1));
+            match self.direction {
+                StripeDirection::Horizontal => self.plane.at(line, position),
+                StripeDirection::Vertical => self.plane.at(position, line),
+            }
+            .into()
+        };
+        runs.broad(i, raw_at)
+    }
+
+    #[inline(always)]
+    fn ensure<V: Simd>(&mut self, vectors: V, line: usize, held: Range<usize>) {
         let lines = line..line + 1;
         let pixels = match self.direction {
             StripeDirection::Horizontal => (lines, held),
             StripeDirection::Vertical => (held, lines),
         };
-        self.tiles.ensure(self.plane, self.kernel, pixels);
+        self.tiles.ensure(vectors, (self.plane, self.kernel), pixels);
     }
 
     /// The raw and the blurred sample at a position of a line.
@@ -77,4 +161,11 @@ impl<S: Sample> Loader<'_, S> {
         };
         (self.plane.at(x, y).into(), self.tiles.known(x, y))
     }
+}
+
+/// Grey level of a blurred sample, at most 2²⁴ - 1.
+#[inline(always)]
+fn grey_of(sample: u32) -> f32 {
+    // Signed: vector units convert that faster.
+    sample as i32 as f32 * (1.0 / UNITS as f32)
 }

@@ -9,7 +9,7 @@ use super::{
     gaussian_fit::{coarse_peak, gaussian_fit},
     gaussian_ml::gaussian_ml,
     gravity::{gray_gravity, rounded_window_gravity, width_samples, window_half_length_px},
-    lanes::{Centres, Lane, Sections},
+    lanes::{Centres, LANES, Lane, Sections},
     log_gaussian::log_gaussian,
     section::{Candidate, Found, Levels},
     width::{brightest, brightest_raw, full_width_half_maximum, raw_at},
@@ -60,16 +60,6 @@ pub struct Assembler<'a> {
     previous: Option<Found>,
 }
 
-/// What is measured of one cross-section.
-struct Point {
-    /// Pixels from the candidate's first sample.
-    position_px: f64,
-    sigma_px: f32,
-    width_px: f32,
-    intensity: f32,
-    flags: u8,
-}
-
 impl<'a> Assembler<'a> {
     /// Starts an empty centreline.
     pub fn new(
@@ -99,6 +89,7 @@ impl<'a> Assembler<'a> {
             full_width_half_maximum(sections, &brightest, levels.noise.kernel.variance_px2());
         let intensity = raw_at(sections, &centres.position_px);
         let brightest_raw = brightest_raw(sections);
+        let mut across_px = [0.0; LANES];
         for (lane, found) in found.iter().enumerate() {
             let mut flags = 0;
             if brightest_raw[lane] >= levels.full_scale as f32 {
@@ -107,59 +98,72 @@ impl<'a> Assembler<'a> {
             if levels.is_low(found.candidate.peak, intensity[lane]) {
                 flags |= flag::LOW_CONTRAST;
             }
-            self.add(
-                found,
-                &Point {
-                    position_px: centres.position_px[lane].into(),
-                    sigma_px: centres.sigma_px[lane],
-                    width_px: width_px[lane],
-                    intensity: intensity[lane],
-                    flags,
-                },
-            );
+            self.join(found, flags);
+            across_px[lane] = self.across_px(found, centres.position_px[lane].into());
         }
+        let count = found.len();
+        self.across().extend_from_slice(&across_px[..count]);
+        self.centerline.width_px.extend_from_slice(&width_px[..count]);
+        self.centerline.intensity.extend_from_slice(&intensity[..count]);
+        self.centerline.sigma_px.extend_from_slice(&centres.sigma_px[..count]);
     }
 
     /// Adds the point of a candidate that is too long for a cross-section of the stripe: its centre of gravity, which
     /// may be anywhere in it.
     pub fn push_broad(&mut self, found: &Found, broad: &Broad, levels: &Levels<'_>) {
         let is_saturated = broad.brightest_raw >= levels.full_scale;
-        let point = Point {
-            position_px: broad.position_px,
-            // As if it were anywhere in the candidate.
-            sigma_px: (f64::from(found.candidate.length()) / 12.0_f64.sqrt()) as f32,
-            width_px: f32::NAN,
-            intensity: broad.intensity,
-            flags: flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 },
-        };
-        self.add(found, &point);
+        self.join(found, flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 });
+        let across_px = self.across_px(found, broad.position_px);
+        self.across().push(across_px);
+        self.centerline.width_px.push(f32::NAN);
+        self.centerline.intensity.push(broad.intensity);
+        // As if it were anywhere in the candidate.
+        let sigma_px = f64::from(found.candidate.length()) / 12.0_f64.sqrt();
+        self.centerline.sigma_px.push(sigma_px as f32);
     }
 
-    fn add(&mut self, found: &Found, point: &Point) {
+    /// Adds the line and the flags of a point: those given, and what its candidate tells.
+    #[inline(always)]
+    fn join(&mut self, found: &Found, mut flags: u8) {
         let Found { line, candidate } = *found;
         if !self.previous.is_some_and(|previous| continues(&previous, found)) {
-            self.centerline.stripe_start.push(self.centerline.len() as u32);
+            self.centerline.stripe_start.push(self.centerline.flags.len() as u32);
         }
         self.previous = Some(*found);
-        let mut flags = point.flags;
         if candidate.count > 1 {
             flags |= flag::MULTIPLE_PEAKS;
         }
         if candidate.first == 0 || candidate.last + 1 == self.length_across {
             flags |= flag::CLIPPED;
         }
-        let (x, y) = (self.offset.0 as f64, self.offset.1 as f64);
-        let position_px = f64::from(candidate.first) + point.position_px;
-        let (u_px, v_px) = match self.direction {
-            StripeDirection::Horizontal => (x + f64::from(line), y + position_px),
-            StripeDirection::Vertical => (x + position_px, y + f64::from(line)),
-        };
-        self.centerline.u_px.push(u_px as f32);
-        self.centerline.v_px.push(v_px as f32);
-        self.centerline.width_px.push(point.width_px);
-        self.centerline.intensity.push(point.intensity);
-        self.centerline.sigma_px.push(point.sigma_px);
         self.centerline.flags.push(flags);
+        match self.direction {
+            StripeDirection::Horizontal => {
+                self.centerline.u_px.push((self.offset.0 as u32 + line) as f32);
+            }
+            StripeDirection::Vertical => {
+                self.centerline.v_px.push((self.offset.1 as u32 + line) as f32);
+            }
+        }
+    }
+
+    /// Position across the stripe in the image of a place in a candidate, pixels.
+    #[inline(always)]
+    fn across_px(&self, found: &Found, position_px: f64) -> f32 {
+        let offset = match self.direction {
+            StripeDirection::Horizontal => self.offset.1,
+            StripeDirection::Vertical => self.offset.0,
+        };
+        (f64::from(offset as u32 + found.candidate.first) + position_px) as f32
+    }
+
+    /// Where positions across the stripe are kept.
+    #[inline(always)]
+    const fn across(&mut self) -> &mut Vec<f32> {
+        match self.direction {
+            StripeDirection::Horizontal => &mut self.centerline.v_px,
+            StripeDirection::Vertical => &mut self.centerline.u_px,
+        }
     }
 }
 

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | 1 crop | [`channel::window`](super::channel::window) |
 //! | 2 grey | [`channel::Decoder::decode`](super::channel::Decoder::decode) |
-//! | 3 blur | [`blur::blurred_at`]; fast: [`blur::blur_span`], where [`tiles`] says that it matters |
+//! | 3 blur | [`blur::blurred_at`]; fast: [`tile_blur::TileBlur`], where [`tiles`] says that it matters |
 //! | 3a background | [`background::BackgroundFilter`], when the scene is not black |
 //! | 4 segment | [`segment::Regions`], above [`threshold::NoiseThreshold`] when it is adaptive |
 //! | 4a choose | [`select::Selector`] takes one candidate a cross-section, or more: [`split`], [`continuity`], [`tracking`] |
@@ -45,8 +45,12 @@ pub mod measure;
 pub mod correlation;
 pub mod smooth;
 pub mod reference;
+pub mod vectors;
+pub mod tile_blur;
 pub mod tiles;
+pub mod columns;
 pub mod load;
+pub mod work;
 pub mod fast;
 #[cfg(test)]
 mod bad_sections;

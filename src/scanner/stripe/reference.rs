@@ -52,18 +52,7 @@ pub fn extract_next<S: Sample>(
     let kernel = Kernel::gaussian(params.blur_radius);
     let mut levels = Levels::new(params, &kernel, full_scale);
     let (width, height) = (plane.width, plane.height);
-    let blur = |plane: &Plane<'_, S>| -> Vec<u32> {
-        (0..width * height).map(|i| blurred_at(plane, &kernel, i % width, i / width)).collect()
-    };
-    let mut blurred = blur(plane);
-    let background = match (params.background, ambient) {
-        (Background::Local, _) => local_background(&blurred, width, params, direction),
-        (Background::Reference, Some(ambient)) => blur(ambient),
-        (Background::None, _) | (Background::Reference, None) => vec![0; width * height],
-    };
-    for (sample, background) in blurred.iter_mut().zip(background) {
-        *sample = sample.saturating_sub(background);
-    }
+    let blurred = without_background(&LitFrame { plane, ambient }, &kernel, params, direction);
     if params.threshold == Threshold::Adaptive {
         let floor = rounding_noise() * kernel.noise_gain();
         let sample = |x: usize, y: usize| blurred[y * width + x];
@@ -128,6 +117,29 @@ pub fn extract_next<S: Sample>(
         }
     }
     centerline
+}
+
+/// The blurred image without its background.
+fn without_background<S: Sample>(
+    frame: &LitFrame<'_, S>,
+    kernel: &Kernel,
+    params: &ExtractionParams,
+    direction: StripeDirection,
+) -> Vec<u32> {
+    let (width, height) = (frame.plane.width, frame.plane.height);
+    let blur = |plane: &Plane<'_, S>| -> Vec<u32> {
+        (0..width * height).map(|i| blurred_at(plane, kernel, i % width, i / width)).collect()
+    };
+    let mut blurred = blur(frame.plane);
+    let background = match (params.background, frame.ambient) {
+        (Background::Local, _) => local_background(&blurred, width, params, direction),
+        (Background::Reference, Some(ambient)) => blur(ambient),
+        (Background::None, _) | (Background::Reference, None) => vec![0; width * height],
+    };
+    for (sample, background) in blurred.iter_mut().zip(background) {
+        *sample = sample.saturating_sub(background);
+    }
+    blurred
 }
 
 /// What is wider across the stripe than the window.

@@ -5,16 +5,13 @@
 //! one read of the image; everything after it grows with the stripe, not with the frame.
 
 use super::{
-    blur::{Kernel, Sample, Scratch, UNITS, blur_span},
+    blur::{Kernel, Sample, UNITS},
     segment::Regions,
+    tile_blur::{COLUMNS, ROWS, TileBlur},
 };
 use crate::scanner::channel::Plane;
+use fearless_simd::Simd;
 use std::ops::Range;
-
-/// Rows of a tile.
-pub(super) const ROWS: usize = 8;
-/// Columns of a tile: one cache line of bytes.
-pub(super) const COLUMNS: usize = 64;
 
 /// Blurred samples of the tiles near bright pixels. Buffers are kept from frame to frame.
 #[derive(Debug)]
@@ -29,7 +26,7 @@ pub struct BlurredTiles<S: Sample> {
     blurred: Vec<bool>,
     /// Blurred samples, row by row; only those in blurred tiles are of this frame.
     samples: Vec<S::Sum>,
-    scratch: Scratch<S::Sum>,
+    tile: TileBlur<S>,
 }
 
 impl<S: Sample> Default for BlurredTiles<S> {
@@ -41,42 +38,45 @@ impl<S: Sample> Default for BlurredTiles<S> {
             hot: Vec::new(),
             blurred: Vec::new(),
             samples: Vec::new(),
-            scratch: Scratch::default(),
+            tile: TileBlur::default(),
         }
     }
 }
 
 impl<S: Sample> BlurredTiles<S> {
-    /// Blurs every tile of `plane` in which a blurred sample above `threshold` (blurred units) can lie.
-    pub fn compute(&mut self, plane: &Plane<'_, S>, kernel: &Kernel, threshold: u32) {
+    /// Blurs every tile of `plane` in which a blurred sample above `threshold` (blurred units) can lie; every tile without
+    /// a threshold.
+    #[inline(always)]
+    pub fn compute<V: Simd>(
+        &mut self,
+        vectors: V,
+        plane: &Plane<'_, S>,
+        kernel: &Kernel,
+        threshold: Option<u32>,
+    ) {
         self.resize(plane.width, plane.height);
-        self.find_hot(plane, threshold);
-        self.spread(kernel.radius());
-        self.blur_marked(plane, kernel);
-    }
-
-    /// Blurs all tiles, and hands out the samples to be changed, row by row.
-    pub fn compute_everywhere(&mut self, plane: &Plane<'_, S>, kernel: &Kernel) -> &mut [S::Sum] {
-        self.resize(plane.width, plane.height);
-        self.blurred.fill(true);
-        self.blur_marked(plane, kernel);
-        &mut self.samples
-    }
-
-    fn blur_marked(&mut self, plane: &Plane<'_, S>, kernel: &Kernel) {
-        for tile_row in 0..self.hot.len() / self.across {
-            let mut from = 0;
-            while let Some(span) =
-                next_span(&self.blurred[tile_row * self.across..][..self.across], from)
-            {
-                from = span.end;
-                self.blur(plane, kernel, (span, tile_row));
+        if let Some(threshold) = threshold {
+            self.find_hot(vectors, plane, threshold);
+            self.spread(kernel.radius());
+        } else {
+            self.blurred.fill(true);
+        }
+        for tile_row in 0..self.blurred.len() / self.across {
+            let row = tile_row * self.across..(tile_row + 1) * self.across;
+            if !self.blurred[row.clone()].contains(&true) {
+                continue;
+            }
+            for tile in row {
+                if self.blurred[tile] {
+                    self.blur(vectors, (plane, kernel), tile);
+                }
             }
         }
     }
 
     /// Puts the runs of blurred samples above `threshold` into `regions`.
-    pub fn segment(&self, threshold: u32, regions: &mut Regions) {
+    #[inline(always)]
+    pub fn segment<V: Simd>(&self, vectors: V, threshold: u32, regions: &mut Regions) {
         regions.clear();
         let threshold = S::narrow(threshold);
         for (tile_row, tiles) in self.blurred.chunks_exact(self.across).enumerate() {
@@ -84,22 +84,51 @@ impl<S: Sample> BlurredTiles<S> {
             for y in tile_row * ROWS..((tile_row + 1) * ROWS).min(self.height) {
                 regions.start_row();
                 if some {
-                    self.segment_row(y, tiles, threshold, regions);
+                    self.segment_row(vectors, (y, tiles), threshold, regions);
                 }
             }
         }
     }
 
-    fn segment_row(&self, y: usize, tiles: &[bool], threshold: S::Sum, regions: &mut Regions) {
-        let row = &self.samples[y * self.width..][..self.width];
-        let mut from = 0;
-        while let Some(span) = next_span(tiles, from) {
-            from = span.end;
-            let end = (span.end * COLUMNS).min(self.width);
-            let mut x = span.start * COLUMNS;
-            while let Some(start) = row[x..end].iter().position(|&s| s > threshold).map(|i| x + i) {
-                x = row[start..end].iter().position(|&s| s <= threshold).map_or(end, |i| start + i);
-                regions.push(y as u32, start as u32, x as u32);
+    #[inline(always)]
+    fn segment_row<V: Simd>(
+        &self,
+        vectors: V,
+        (y, tiles): (usize, &[bool]),
+        threshold: S::Sum,
+        regions: &mut Regions,
+    ) {
+        let row = self.row(y);
+        // Where a run began that has not ended.
+        let mut start = None;
+        for (tile, _) in tiles.iter().enumerate().filter(|&(_, &is_blurred)| is_blurred) {
+            let x = tile * COLUMNS;
+            let mask = if let Some(sums) = row[x..].first_chunk() {
+                S::above(vectors, sums, threshold)
+            } else {
+                let mut sums = [S::Sum::default(); COLUMNS];
+                sums[..row.len() - x].copy_from_slice(&row[x..]);
+                S::above(vectors, &sums, threshold)
+            };
+            // Bits that differ from the one before them: where runs begin and end.
+            let mut changes = mask ^ (mask << 1 | u64::from(start.is_some()));
+            while changes != 0 {
+                let at = (x + changes.trailing_zeros() as usize) as u32;
+                start = match start {
+                    None => Some(at),
+                    Some(start) => {
+                        regions.push(y as u32, start, at);
+                        None
+                    }
+                };
+                changes &= changes - 1;
+            }
+            // Beyond a blurred tile that is followed by none, and beyond the row, nothing is above the threshold.
+            if let Some(begun) = start
+                && tiles.get(tile + 1) != Some(&true)
+            {
+                regions.push(y as u32, begun, (x + COLUMNS).min(row.len()) as u32);
+                start = None;
             }
         }
     }
@@ -110,39 +139,54 @@ impl<S: Sample> BlurredTiles<S> {
     }
 
     /// Blurs the tiles that hold these pixels, if they have not been blurred.
-    pub fn ensure(
+    #[inline(always)]
+    pub fn ensure<V: Simd>(
         &mut self,
-        plane: &Plane<'_, S>,
-        kernel: &Kernel,
+        vectors: V,
+        (plane, kernel): (&Plane<'_, S>, &Kernel),
         (xs, ys): (Range<usize>, Range<usize>),
     ) {
         for tile_y in ys.start / ROWS..ys.end.div_ceil(ROWS) {
             for tile_x in xs.start / COLUMNS..xs.end.div_ceil(COLUMNS) {
-                let blurred = &mut self.blurred[tile_y * self.across + tile_x];
-                if !std::mem::replace(blurred, true) {
-                    self.blur(plane, kernel, (tile_x..tile_x + 1, tile_y));
+                let tile = tile_y * self.across + tile_x;
+                if !std::mem::replace(&mut self.blurred[tile], true) {
+                    self.blur(vectors, (plane, kernel), tile);
                 }
             }
         }
     }
 
-    /// Blurs consecutive tiles of a row of tiles.
-    fn blur(
+    #[inline(always)]
+    fn blur<V: Simd>(
         &mut self,
-        plane: &Plane<'_, S>,
-        kernel: &Kernel,
-        (tiles, tile_y): (Range<usize>, usize),
+        vectors: V,
+        (plane, kernel): (&Plane<'_, S>, &Kernel),
+        tile: usize,
     ) {
-        let (x0, x1) = (tiles.start * COLUMNS, (tiles.end * COLUMNS).min(self.width));
-        for y in tile_y * ROWS..((tile_y + 1) * ROWS).min(self.height) {
-            let out = &mut self.samples[y * self.width..][..self.width];
-            blur_span(plane, kernel, (y, x0, x1), &mut self.scratch, out);
-        }
+        let origin = (tile % self.across * COLUMNS, tile / self.across * ROWS);
+        self.tile.blur(vectors, (plane, kernel), origin, &mut self.samples);
+    }
+
+    /// Columns.
+    pub const fn width(&self) -> usize {
+        self.width
+    }
+
+    /// All samples, row by row, to be changed; only those in blurred tiles are of this frame.
+    pub fn samples_mut(&mut self) -> &mut [S::Sum] {
+        &mut self.samples
     }
 
     /// Blurred samples of row `y`; only those in blurred tiles are of this frame.
+    #[inline(always)]
     pub fn row(&self, y: usize) -> &[S::Sum] {
         &self.samples[y * self.width..][..self.width]
+    }
+
+    /// All rows from `y` on.
+    #[inline(always)]
+    pub fn rows_from(&self, y: usize) -> &[S::Sum] {
+        &self.samples[y * self.width..]
     }
 
     fn resize(&mut self, width: usize, height: usize) {
@@ -158,37 +202,36 @@ impl<S: Sample> BlurredTiles<S> {
     }
 
     /// The one read of the whole image.
-    fn find_hot(&mut self, plane: &Plane<'_, S>, threshold: u32) {
-        let is_hot = |maximum: S| Into::<u32>::into(maximum) > threshold / UNITS;
+    #[inline(always)]
+    fn find_hot<V: Simd>(&mut self, vectors: V, plane: &Plane<'_, S>, threshold: u32) {
+        let limit = threshold / UNITS;
         for (tile_row, hot) in self.hot.chunks_exact_mut(self.across).enumerate() {
             let rows = tile_row * ROWS..((tile_row + 1) * ROWS).min(plane.height);
             let whole = plane.width / COLUMNS;
-            // Fixed sizes: the maxima stay in vector registers. Below the last row it is read again, which changes none.
+            // Below the last row it is read again, which changes no maximum.
             let tiles: [&[[S; COLUMNS]]; ROWS] = std::array::from_fn(|i| {
-                plane.row((rows.start + i).min(rows.end - 1)).as_chunks().0
+                &plane.row((rows.start + i).min(rows.end - 1)).as_chunks().0[..whole]
             });
             for (tile, hot) in hot[..whole].iter_mut().enumerate() {
-                let mut maxima = tiles[0][tile];
-                for row in &tiles[1..] {
-                    for (maximum, sample) in maxima.iter_mut().zip(row[tile]) {
-                        *maximum = (*maximum).max(sample);
-                    }
-                }
-                *hot = is_hot(maxima.into_iter().fold(S::default(), S::max));
+                *hot = S::some_above(vectors, &tiles.map(|row| &row[tile]), limit);
             }
             if let Some(hot) = hot.get_mut(whole) {
-                let rest = rows.flat_map(|y| &plane.row(y)[whole * COLUMNS..]);
-                *hot = is_hot(rest.copied().max().unwrap_or_default());
+                let mut rest = rows.flat_map(|y| &plane.row(y)[whole * COLUMNS..]);
+                *hot = rest.any(|&sample| Into::<u32>::into(sample) > limit);
             }
         }
     }
 
     /// Marks the tiles that the kernel can reach from a hot one.
+    #[inline(always)]
     fn spread(&mut self, radius: usize) {
         let down = self.hot.len() / self.across;
         let (reach_x, reach_y) = (radius.div_ceil(COLUMNS), radius.div_ceil(ROWS));
         self.blurred.fill(false);
         for tile_y in 0..down {
+            if !self.hot[tile_y * self.across..(tile_y + 1) * self.across].contains(&true) {
+                continue;
+            }
             for tile_x in 0..self.across {
                 if !self.hot[tile_y * self.across + tile_x] {
                     continue;
@@ -200,12 +243,4 @@ impl<S: Sample> BlurredTiles<S> {
             }
         }
     }
-}
-
-/// The next consecutive tiles that are set, at or after `from`.
-fn next_span(tiles: &[bool], from: usize) -> Option<Range<usize>> {
-    let start = from + tiles[from..].iter().position(|&set| set)?;
-    let end =
-        tiles[start..].iter().position(|&set| !set).map_or(tiles.len(), |length| start + length);
-    Some(start..end)
 }

@@ -32,37 +32,53 @@ pub fn full_width_half_maximum(
     let mut rise = [[f32::NAN; LANES]; 3];
     let mut fall = [[f32::NAN; LANES]; 3];
     let half = each(|lane| sections.peak[lane] / 2.0);
-    let rows = sections.reach(&sections.start, &each(|lane| sections.end[lane] - 1.0));
-    for i in rows.start + 1..rows.end {
+    let top = each(|lane| sections.first[lane] + brightest[lane]);
+    // From the peak outwards, until every lane has its edge.
+    let rows = sections.reach(&sections.start, &top);
+    for i in (rows.start + 1..rows.end).rev() {
         let (place, before, level) =
-            (sections.place(i), sections.blurred[i - 1], sections.blurred[i]);
+            (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
+        let mut is_open = false;
         for lane in 0..LANES {
-            let row = i as f32;
-            let is_inside = (row > sections.start[lane]) & (row < sections.end[lane]);
-            // The last rise up to the peak, the first fall behind it.
-            let is_before = place[lane] <= brightest[lane];
-            let is_rise =
-                is_inside & is_before & (before[lane] < half[lane]) & (level[lane] >= half[lane]);
+            let is_inside = (i as f32 > sections.start[lane]) & (place[lane] <= brightest[lane]);
+            let is_rise = is_inside & (before[lane] < half[lane]) & rise[0][lane].is_nan();
             rise[0][lane] = if is_rise { place[lane] } else { rise[0][lane] };
             rise[1][lane] = if is_rise { level[lane] } else { rise[1][lane] };
             rise[2][lane] = if is_rise { before[lane] } else { rise[2][lane] };
-            let is_first = fall[0][lane].is_nan();
-            let is_fall = is_inside & !is_before & is_first & (level[lane] < half[lane]);
+            is_open |= rise[0][lane].is_nan();
+        }
+        if !is_open {
+            break;
+        }
+    }
+    let rows = sections.reach(&top, &each(|lane| sections.end[lane] - 1.0));
+    for i in rows.start + 1..rows.end {
+        let (place, before, level) =
+            (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
+        let mut is_open = false;
+        for lane in 0..LANES {
+            let is_inside = (place[lane] > brightest[lane]) & ((i as f32) < sections.end[lane]);
+            let is_fall = is_inside & (level[lane] < half[lane]) & fall[0][lane].is_nan();
             fall[0][lane] = if is_fall { place[lane] - 1.0 } else { fall[0][lane] };
             fall[1][lane] = if is_fall { before[lane] } else { fall[1][lane] };
             fall[2][lane] = if is_fall { level[lane] } else { fall[2][lane] };
+            is_open |= fall[0][lane].is_nan();
+        }
+        if !is_open {
+            break;
         }
     }
     // 8 ln 2: from a Gaussian's variance to its squared full width at half maximum.
     let blur = (8.0 * std::f64::consts::LN_2 * blur_variance_px2) as f32;
+    let ([rise, inside, outside], [fall, fall_inside, fall_outside]) = (rise, fall);
     each(|lane| {
-        // Place of the crossing between a sample above half and its outer neighbour below, as a share of the way out.
-        let share = |[_, inner, outer]: [f32; 3]| (inner - half[lane]) / (inner - outer);
-        let (rise, fall) = (rise.map(|edge| edge[lane]), fall.map(|edge| edge[lane]));
-        let width = (fall[0] - rise[0]) + share(rise) + share(fall);
+        // Places of the crossings between a sample above half and its outer neighbour below, as shares of the way out.
+        let before = (inside[lane] - half[lane]) / (inside[lane] - outside[lane]);
+        let behind = (fall_inside[lane] - half[lane]) / (fall_inside[lane] - fall_outside[lane]);
+        let width = (fall[lane] - rise[lane]) + before + behind;
         let squared = width * width - blur;
         // Not `max`, which would take NaN for 0.
-        if squared < 0.0 { 0.0 } else { squared.sqrt() }
+        (if squared < 0.0 { 0.0 } else { squared }).sqrt()
     })
 }
 

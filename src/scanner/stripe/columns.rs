@@ -1,0 +1,99 @@
+//! The candidates of a horizontal stripe: what runs, which arrive row by row, make in every column.
+
+use super::section::{Candidate, Found};
+
+/// No candidate: later than every row.
+const NONE: u32 = u32::MAX;
+
+/// Candidates that may still grow, one a column. Arrays side by side: a run is worked on in whole vectors.
+#[derive(Debug, Default)]
+pub struct Columns {
+    first: Vec<u32>,
+    last: Vec<u32>,
+    peak: Vec<u32>,
+    /// Where each column's candidates begin while they are put in order.
+    starts: Vec<u32>,
+    in_order: Vec<Found>,
+}
+
+impl Columns {
+    /// Forgets all candidates, keeps the memory.
+    pub fn clear(&mut self, columns: usize) {
+        for (array, value) in [(&mut self.first, NONE), (&mut self.last, 0), (&mut self.peak, 0)] {
+            array.clear();
+            array.resize(columns, value);
+        }
+    }
+
+    /// Adds a run of samples of row `row` that begins in column `start`. Candidates that end above it go to `found`.
+    #[inline(always)]
+    pub fn add<T: Copy + Into<u32>>(
+        &mut self,
+        (row, start): (u32, u32),
+        samples: &[T],
+        found: &mut Vec<Found>,
+    ) {
+        let columns = start as usize..start as usize + samples.len();
+        let first = &mut self.first[columns.clone()];
+        let last = &mut self.last[columns.clone()];
+        let peak = &mut self.peak[columns];
+        let has_ended = |first: u32, last: u32| (first != NONE) & (last + 1 != row);
+        let mut some_ended = false;
+        for (&first, &last) in first.iter().zip(&*last) {
+            some_ended |= has_ended(first, last);
+        }
+        if some_ended {
+            for (i, (first, peak)) in first.iter_mut().zip(&mut *peak).enumerate() {
+                if has_ended(*first, last[i]) {
+                    found.push(closed(start + i as u32, *first, last[i], *peak));
+                    (*first, *peak) = (NONE, 0);
+                }
+            }
+        }
+        for ((first, last), (peak, &sample)) in
+            first.iter_mut().zip(last).zip(peak.iter_mut().zip(samples))
+        {
+            *first = (*first).min(row);
+            *last = row;
+            *peak = (*peak).max(sample.into());
+        }
+    }
+
+    /// Ends all candidates and puts what was found in order of its lines and of its positions.
+    pub fn finish(&mut self, found: &mut Vec<Found>) {
+        let ended_early = found.len();
+        let columns = self.first.iter().zip(&self.last).zip(&self.peak);
+        for (line, ((&first, &last), &peak)) in (0..).zip(columns) {
+            if first != NONE {
+                found.push(closed(line, first, last, peak));
+            }
+        }
+        if ended_early > 0 {
+            self.sort(found);
+        }
+    }
+
+    /// Puts candidates in order of their lines; those of a line stand in order already. Counts instead of comparing.
+    fn sort(&mut self, found: &mut Vec<Found>) {
+        self.starts.clear();
+        self.starts.resize(self.first.len() + 1, 0);
+        for found in &*found {
+            self.starts[found.line as usize + 1] += 1;
+        }
+        for line in 1..self.starts.len() {
+            self.starts[line] += self.starts[line - 1];
+        }
+        self.in_order.clear();
+        self.in_order.resize(found.len(), Found::default());
+        for &found in &*found {
+            let place = &mut self.starts[found.line as usize];
+            self.in_order[*place as usize] = found;
+            *place += 1;
+        }
+        std::mem::swap(found, &mut self.in_order);
+    }
+}
+
+const fn closed(line: u32, first: u32, last: u32, peak: u32) -> Found {
+    Found { line, candidate: Candidate { first, last, peak, count: 1 } }
+}

@@ -1,0 +1,172 @@
+//! The blur of one tile, in vectors: columns first, then along the rows. Equal to [`blurred_at`](super::blur::blurred_at)
+//! bit for bit.
+
+use super::blur::{Kernel, Number, Sample};
+use crate::scanner::channel::Plane;
+use fearless_simd::Simd;
+
+/// Columns of a tile: one cache line of bytes.
+pub const COLUMNS: usize = 64;
+/// Rows of a tile.
+pub const ROWS: usize = 8;
+/// Largest radius of a blur.
+pub const MAX_RADIUS: usize = 15;
+/// Columns to either side of a tile that are held with it: whole strips make a row.
+pub const MARGIN: usize = 16;
+/// A row of a tile and its margins.
+pub const PADDED: usize = COLUMNS + 2 * MARGIN;
+/// Samples that are worked on side by side.
+const STRIP: usize = 32;
+
+/// A tile and what the kernel reaches around it; scratch space that is kept between tiles.
+#[derive(Debug)]
+pub struct TileBlur<S: Sample> {
+    rows: Box<[[S; PADDED]; ROWS + 2 * MAX_RADIUS]>,
+    /// Sums of the first pass, divided by 256, and their remainders, row by row.
+    high: [[S::Sum; PADDED]; ROWS],
+    low: [[S::Sum; PADDED]; ROWS],
+}
+
+impl<S: Sample> Default for TileBlur<S> {
+    fn default() -> Self {
+        Self {
+            rows: Box::new([[S::default(); PADDED]; ROWS + 2 * MAX_RADIUS]),
+            high: [[S::Sum::default(); PADDED]; ROWS],
+            low: [[S::Sum::default(); PADDED]; ROWS],
+        }
+    }
+}
+
+impl<S: Sample> TileBlur<S> {
+    /// Blurs the tile whose top-left sample is (x, y) into `out`, an image of the plane's size: columns first, then
+    /// along the rows.
+    ///
+    /// The second pass weighs quotients and remainders of the first pass's sums by 256 apart: `Σ w·s / 256 =
+    /// Σ w·⌊s/256⌋ + Σ w·(s mod 256) / 256`. Both stay in the narrow integers that vector units are fastest with.
+    #[inline(always)]
+    pub fn blur<V: Simd>(
+        &mut self,
+        vectors: V,
+        (plane, kernel): (&Plane<'_, S>, &Kernel),
+        (x, y): (usize, usize),
+        out: &mut [S::Sum],
+    ) {
+        match kernel.radius() {
+            // The paper's radius: a fixed length unrolls.
+            3 => self.blur_by::<3, V>(vectors, (plane, kernel), (x, y), out),
+            _ => self.blur_by::<0, V>(vectors, (plane, kernel), (x, y), out),
+        }
+    }
+
+    /// The same for radius R, or any radius when R is 0.
+    #[inline(always)]
+    fn blur_by<const R: usize, V: Simd>(
+        &mut self,
+        vectors: V,
+        (plane, kernel): (&Plane<'_, S>, &Kernel),
+        (x, y): (usize, usize),
+        out: &mut [S::Sum],
+    ) {
+        let r = if R > 0 { R } else { kernel.radius() };
+        let weights = &kernel.weights()[..=2 * r];
+        let (width, height) = (COLUMNS.min(plane.width - x), ROWS.min(plane.height - y));
+        self.take(plane, (x, y), height + 2 * r, r);
+        // All rows before the second pass: what was just stored cannot be read again at other places at once.
+        for k in 0..ROWS {
+            let near = &self.rows[k..=k + 2 * r];
+            for strip in (0..PADDED).step_by(STRIP) {
+                let sums = down::<R, S>(weights, near, strip);
+                for (i, &sum) in sums.iter().enumerate() {
+                    (self.high[k][strip + i], self.low[k][strip + i]) = S::split(sum);
+                }
+            }
+        }
+        for k in 0..height {
+            let mut blurred = [S::Sum::default(); COLUMNS];
+            S::along(vectors, weights, (&self.high[k], &self.low[k]), &mut blurred);
+            let out = &mut out[(y + k) * plane.width + x..];
+            match out.first_chunk_mut() {
+                Some(out) if width == COLUMNS => *out = blurred,
+                _ => out[..width].copy_from_slice(&blurred[..width]),
+            }
+        }
+    }
+
+    /// Takes the samples that the tile's blur reads; beyond the border the nearest is repeated.
+    #[inline(always)]
+    fn take(&mut self, plane: &Plane<'_, S>, (x, y): (usize, usize), rows: usize, r: usize) {
+        let is_inside = x >= MARGIN && x + COLUMNS + MARGIN <= plane.width;
+        for (i, padded) in self.rows[..rows].iter_mut().enumerate() {
+            let row = plane.row((y + i).saturating_sub(r).min(plane.height - 1));
+            if is_inside {
+                padded.copy_from_slice(&row[x - MARGIN..][..PADDED]);
+            } else {
+                for (j, sample) in padded.iter_mut().enumerate() {
+                    *sample = row[(x + j).saturating_sub(MARGIN).min(plane.width - 1)];
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn strip_of<T>(row: &[T; PADDED], from: usize) -> &[T; STRIP] {
+    row[from..].first_chunk().expect("a strip lies within the padded row")
+}
+
+/// The first pass for a strip of columns: Σ weight · sample over rows. Two at the same distance from the centre share a
+/// weight.
+#[inline(always)]
+fn down<const R: usize, S: Sample>(
+    weights: &[u16],
+    rows: &[[S; PADDED]],
+    strip: usize,
+) -> [S::Sum; STRIP] {
+    let r = if R > 0 { R } else { weights.len() / 2 };
+    let weight = |i: usize| S::Sum::from_weight(weights[i]);
+    let mut sums = [S::Sum::default(); STRIP];
+    let (by, centre) = (weight(r), strip_of(&rows[r], strip));
+    for (sum, &sample) in sums.iter_mut().zip(centre) {
+        *sum = by * sample.into();
+    }
+    for i in 0..r {
+        let (by, above, below) =
+            (weight(i), strip_of(&rows[i], strip), strip_of(&rows[2 * r - i], strip));
+        for j in 0..STRIP {
+            let (above, below): (S::Sum, S::Sum) = (above[j].into(), below[j].into());
+            sums[j] = sums[j] + by * (above + below);
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scanner::stripe::{
+        blur::UNITS,
+        vectors::{Vectors, Work},
+    };
+
+    struct BlurTile<'a>(&'a Plane<'a, u16>, &'a Kernel, &'a mut [u32]);
+
+    impl Work for BlurTile<'_> {
+        type Output = ();
+        fn run<V: Simd>(self, vectors: V) {
+            TileBlur::default().blur(vectors, (self.0, self.1), (0, 0), self.2);
+        }
+    }
+
+    fn blur_tile(plane: &Plane<'_, u16>, kernel: &Kernel, out: &mut [u32]) {
+        Vectors::widest().run(BlurTile(plane, kernel, out));
+    }
+
+    #[test]
+    fn full_scale_stays_full_scale_without_overflow() {
+        let white = vec![u16::MAX; 64];
+        let plane = Plane { width: 8, height: 8, stride: 8, samples: &white };
+        let mut out = vec![0; 64];
+        blur_tile(&plane, &Kernel::gaussian(3), &mut out);
+        assert_eq!(out, vec![u32::from(u16::MAX) * UNITS; 64]);
+    }
+}

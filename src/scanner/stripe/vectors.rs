@@ -1,0 +1,39 @@
+//! Which vector instructions the machine has. Every level gives the same bits: Rust neither contracts nor reorders.
+
+use fearless_simd::{Level, Simd, dispatch};
+
+/// Work that is compiled once for every level.
+pub trait Work {
+    /// What it gives.
+    type Output;
+    /// Does it. `#[inline(always)]`, like everything below it that should use the wider instructions.
+    fn run<V: Simd>(self, vectors: V) -> Self::Output;
+}
+
+/// A level of vector instructions that this machine has.
+#[derive(Clone, Copy, Debug)]
+pub struct Vectors(Level);
+
+impl Vectors {
+    /// The widest.
+    pub fn widest() -> Self {
+        Self(Level::new())
+    }
+
+    /// Every one, narrowest first.
+    #[cfg(test)]
+    pub fn all() -> Vec<Self> {
+        let widest = Level::new();
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        let wider = [widest.as_sse4_2().map(Level::Sse4_2), widest.as_avx2().map(Level::Avx2)];
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+        let wider = [];
+        let levels = [Some(Level::baseline())].into_iter().chain(wider).chain([Some(widest)]);
+        levels.flatten().map(Self).collect()
+    }
+
+    /// Does the work with the instructions of this level.
+    pub fn run<W: Work>(self, work: W) -> W::Output {
+        dispatch!(self.0, vectors => work.run(vectors))
+    }
+}
