@@ -147,6 +147,8 @@ impl Floor {
                 offset[lane] += if holds { r - b } else { 0.0 };
                 rows[lane] += if holds { 1.0 } else { 0.0 };
                 let near = (at >= sections.first[lane] - 1.0) & (at <= sections.last[lane] + 1.0);
+                // Beyond the window lies what other lanes or batches have left.
+                let near = near & holds;
                 brightest[lane] = if near { brightest[lane].max(r) } else { brightest[lane] };
             }
         }
@@ -195,7 +197,9 @@ impl Sums {
                 let is_flat = floor.brightest[lane] >= full_scale;
                 let margin = if is_flat { 2.0 } else { 0.0 };
                 let last = sections.last[lane] - sections.first[lane];
-                let near = (x >= -margin) & (x <= last + margin);
+                let at = i as f32;
+                let holds = (at >= sections.start[lane]) & (at < sections.end[lane]);
+                let near = holds & (x >= -margin) & (x <= last + margin);
                 let raw = sections.raw[i][lane];
                 let y = if is_flat { raw } else { sections.blurred[i][lane] } - base[lane];
                 let counts = near & (y > faintest[lane]) & (y > 0.0);
