@@ -76,7 +76,7 @@ mod tests {
             let plane = AnyPlane::Sixteen(plane);
             share_above_threshold(&plane, &ExtractionParams::default(), full_scale)
         };
-        assert_eq!(share(65_535), Some(0.25), "35 of 255 is 8995 of 65535");
+        assert_eq!(share(65_535), Some(0.5), "35 of 255 is 8995 of 65535");
         assert_eq!(share(4095), Some(1.0));
         let none = Plane { width: 0, height: 0, stride: 0, samples: &samples[..0] };
         let params = ExtractionParams::default();
