@@ -113,6 +113,7 @@ struct LanePrior {
 }
 
 impl Prior {
+    #[inline(always)]
     fn of(sections: &Sections, curve: &Curve, noise: PixelNoise) -> Self {
         let centre_precision = each(|lane| {
             let half = 0.5 * (sections.last[lane] - sections.first[lane]) + 0.5;

@@ -44,13 +44,13 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
             let next = centre + scale * step;
             let (low, high) = SIGMA_RANGE_PX;
             let sigma = scale * (-0.5 / parabola.curvature).sqrt();
-            let is_peak = parabola.curvature < -1e-3
-                && step.abs() < 2.0
-                && next > -1.0
-                && next < length[lane]
-                && sigma > low
-                && sigma < high
-                && parabola.variance > 0.0;
+            let is_peak = (parabola.curvature < -1e-3)
+                & (step.abs() < 2.0)
+                & (next > -1.0)
+                & (next < length[lane])
+                & (sigma > low)
+                & (sigma < high)
+                & (parabola.variance > 0.0);
             let curve = &mut start.curve;
             curve.centre_px[lane] = if is_peak { next } else { centre };
             curve.sigma_px[lane] = if is_peak { sigma } else { scale };
@@ -72,12 +72,12 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
 fn background(sections: &Sections, start: &Start) -> Lane {
     let (mut sum, mut rows) = ([0.0_f32; LANES], [0.0_f32; LANES]);
     for i in start.rows(sections) {
-        let place = sections.place(i);
+        let (place, samples) = (sections.place(i), sections.raw[i]);
         for lane in 0..LANES {
             let away = (place[lane] - start.curve.centre_px[lane]).abs();
             let far = away > BACKGROUND_SIGMAS * start.curve.sigma_px[lane];
             let counts = far & start.holds(i as f32, lane);
-            sum[lane] += if counts { sections.raw[i][lane] } else { 0.0 };
+            sum[lane] += if counts { samples[lane] } else { 0.0 };
             rows[lane] += if counts { 1.0 } else { 0.0 };
         }
     }
@@ -114,13 +114,14 @@ impl Sums {
         // A sample whose level is three standard deviations below full scale is hardly ever cut.
         let bright = full_scale - 3.0 * noise.variance(full_scale).sqrt();
         for i in start.rows(sections) {
+            let (place, samples) = (sections.place(i), sections.raw[i]);
             for lane in 0..LANES {
-                let x = i as f32 - sections.first[lane];
+                let x = place[lane];
                 let t = (x - curve.centre_px[lane]) / curve.sigma_px[lane];
                 let share = exp(-0.5 * t * t);
                 let level = curve.amplitude[lane] * share;
                 let total = level + curve.background[lane];
-                let sample = sections.raw[i][lane];
+                let sample = samples[lane];
                 let counts = (level > FAINTEST * curve.amplitude[lane].min(full_scale))
                     & start.holds(i as f32, lane)
                     & (sample < full_scale)
