@@ -19,7 +19,7 @@ use super::{
 };
 
 /// Rounds of weighing anew.
-const ROUNDS: u32 = 4;
+const ROUNDS: u32 = 3;
 /// Samples below this share of the height or of full scale count nothing.
 const FAINTEST: f32 = 0.1;
 /// Samples this far beyond the first guess are background, standard deviations of the stripe.
@@ -111,13 +111,15 @@ impl Sums {
     fn of(sections: &Sections, start: &Start, noise: PixelNoise, full_scale: f32) -> Self {
         let mut sums = Self { powers: [[0.0; LANES]; 5], right: [[0.0; LANES]; 3] };
         let curve = &start.curve;
+        let by_sigma = each(|lane| 1.0 / curve.sigma_px[lane]);
+        let by_amplitude = each(|lane| 1.0 / curve.amplitude[lane]);
         // A sample whose level is three standard deviations below full scale is hardly ever cut.
         let bright = full_scale - 3.0 * noise.variance(full_scale).sqrt();
         for i in start.rows(sections) {
             let (place, samples) = (sections.place(i), sections.raw[i]);
             for lane in 0..LANES {
                 let x = place[lane];
-                let t = (x - curve.centre_px[lane]) / curve.sigma_px[lane];
+                let t = (x - curve.centre_px[lane]) * by_sigma[lane];
                 let share = exp(-0.5 * t * t);
                 let level = curve.amplitude[lane] * share;
                 let total = level + curve.background[lane];
@@ -129,7 +131,7 @@ impl Sums {
                 let weight = if counts { level * level / noise.variance(total) } else { 0.0 };
                 // Noise may leave nothing to take the logarithm of.
                 let seen = (sample - curve.background[lane]).max(0.05 * level).max(1e-6);
-                let logarithm = ln(seen / curve.amplitude[lane]);
+                let logarithm = ln(seen * by_amplitude[lane]);
                 let (first, second) = (weight * t, weight * t * t);
                 sums.powers[0][lane] += weight;
                 sums.powers[1][lane] += first;
