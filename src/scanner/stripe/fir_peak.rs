@@ -14,7 +14,7 @@
 use super::{
     elementary::{bounded, exp},
     gaussian_ml::start::Start,
-    lanes::{Centres, LANES, Lane, Sections, each},
+    lanes::{Centres, LANES, Lane, Sections, each, lane_of},
     logarithm::ln,
     noise::PixelNoise,
 };
@@ -115,7 +115,7 @@ impl Responses {
     /// The cubic's zero, by Newton's steps from the guess.
     #[inline(always)]
     fn crossing(&self, lane: usize, guess: f32) -> Crossing {
-        let [a, b, c, d] = self.response.map(|response| response[lane]);
+        let [a, b, c, d] = lane_of(&self.response, lane);
         // Through (-1, a), (0, b), (1, c), (2, d).
         let second = 0.5 * (a + c) - b;
         let third = (d - a) / 6.0 - 0.5 * (c - b);
@@ -127,7 +127,7 @@ impl Responses {
             let value = b + x * (first + x * (second + x * third));
             x = bounded(x - value / slope.min(-1e-6), -1.5, 2.5);
         }
-        let [low, high] = self.variance.map(|variance| variance[lane]);
+        let [low, high] = lane_of(&self.variance, lane);
         let share = bounded(x, 0.0, 1.0);
         Crossing { place: x, slope, variance: low + share * (high - low) }
     }

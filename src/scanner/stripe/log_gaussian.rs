@@ -13,7 +13,7 @@
 use super::{
     elementary::exp,
     gaussian_ml::start::{SIGMA_RANGE_PX, Start},
-    lanes::{Centres, LANES, Lane, Sections, each},
+    lanes::{Centres, LANES, Lane, Sections, each, lane_of},
     logarithm::ln,
     noise::PixelNoise,
 };
@@ -149,8 +149,8 @@ impl Sums {
     /// p₀ eliminated: two equations for p₁ and p₂, whose inverse is their covariance; too few samples make no number.
     #[inline(always)]
     fn solve(&self, lane: usize) -> Parabola {
-        let [s0, s1, s2, s3, s4] = self.powers.map(|sums| sums[lane]);
-        let [r0, r1, r2] = self.right.map(|sums| sums[lane]);
+        let [s0, s1, s2, s3, s4] = lane_of(&self.powers, lane);
+        let [r0, r1, r2] = lane_of(&self.right, lane);
         let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
         let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
         let determinant = a11 * a22 - a12 * a12;

@@ -3,7 +3,7 @@
 use super::{
     super::{
         elementary::{bounded, exp},
-        lanes::{LANES, Lane, Sections, each},
+        lanes::{LANES, Lane, Sections, each, lane_of},
         logarithm::ln,
         noise::PixelNoise,
     },
@@ -237,8 +237,8 @@ impl Sums {
     /// Gaussian with the same area.
     #[inline(always)]
     fn fit(&self, lane: usize, peak: f32, full_scale: f32, length: f32) -> Guess {
-        let [s0, s1, s2, s3, s4] = [0, 1, 2, 3, 4].map(|k: usize| self.powers[k][lane]);
-        let [r0, r1, r2] = [0, 1, 2].map(|k: usize| self.right[k][lane]);
+        let [s0, s1, s2, s3, s4] = lane_of(&self.powers, lane);
+        let [r0, r1, r2] = lane_of(&self.right, lane);
         let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
         let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
         let determinant = a11 * a22 - a12 * a12;
