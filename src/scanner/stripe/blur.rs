@@ -6,7 +6,7 @@
 
 use super::{
     lanes::{Lane, each},
-    tile_blur::{COLUMNS, MARGIN, PADDED, ROWS},
+    tile_blur::{COLUMNS, MARGIN, PADDED},
 };
 use crate::scanner::channel::Plane;
 use fearless_simd::{Simd, prelude::*, u8x64, u16x32, u32x16};
@@ -60,8 +60,10 @@ pub trait Sample:
     fn split(sum: Self::Sum) -> (Self::Sum, Self::Sum);
     /// The number, or the largest that [`Self::Sum`] holds, which no blurred sample exceeds.
     fn narrow(sum: u32) -> Self::Sum;
-    /// Whether some sample of the rows is above the limit.
-    fn some_above<V: Simd>(vectors: V, rows: &[&[Self; COLUMNS]; ROWS], limit: u32) -> bool;
+    /// Keeps the larger sample of every column.
+    fn raise<V: Simd>(vectors: V, maxima: &mut [Self; COLUMNS], row: &[Self; COLUMNS]);
+    /// Whether some sample is above the limit.
+    fn some_above<V: Simd>(vectors: V, samples: &[Self; COLUMNS], limit: u32) -> bool;
     /// The second pass along one row: from sums of the first pass, divided by 256, and their remainders.
     fn along<V: Simd>(
         vectors: V,
@@ -123,13 +125,14 @@ impl Sample for u8 {
         u16::try_from(sum).unwrap_or(u16::MAX)
     }
     #[inline(always)]
-    fn some_above<V: Simd>(vectors: V, rows: &[&[Self; COLUMNS]; ROWS], limit: u32) -> bool {
+    fn raise<V: Simd>(vectors: V, maxima: &mut [Self; COLUMNS], row: &[Self; COLUMNS]) {
+        let larger = u8x64::from_slice(vectors, maxima).max(u8x64::from_slice(vectors, row));
+        larger.store_slice(maxima);
+    }
+    #[inline(always)]
+    fn some_above<V: Simd>(vectors: V, samples: &[Self; COLUMNS], limit: u32) -> bool {
         let limit = Self::try_from(limit).unwrap_or(Self::MAX);
-        let mut maximum = u8x64::from_slice(vectors, rows[0]);
-        for row in &rows[1..] {
-            maximum = maximum.max(u8x64::from_slice(vectors, *row));
-        }
-        maximum.simd_gt(limit).any_true()
+        u8x64::from_slice(vectors, samples).simd_gt(limit).any_true()
     }
     along!(u16x32, u16, 32);
     #[inline(always)]
@@ -151,14 +154,18 @@ impl Sample for u16 {
         sum
     }
     #[inline(always)]
-    fn some_above<V: Simd>(vectors: V, rows: &[&[Self; COLUMNS]; ROWS], limit: u32) -> bool {
-        let limit = Self::try_from(limit).unwrap_or(Self::MAX);
-        let mut maximum = u16x32::from_slice(vectors, &rows[0][..COLUMNS / 2]);
-        for row in rows {
-            maximum = maximum.max(u16x32::from_slice(vectors, &row[..COLUMNS / 2]));
-            maximum = maximum.max(u16x32::from_slice(vectors, &row[COLUMNS / 2..]));
+    fn raise<V: Simd>(vectors: V, maxima: &mut [Self; COLUMNS], row: &[Self; COLUMNS]) {
+        for (maxima, row) in maxima.chunks_exact_mut(32).zip(row.chunks_exact(32)) {
+            let larger = u16x32::from_slice(vectors, maxima).max(u16x32::from_slice(vectors, row));
+            larger.store_slice(maxima);
         }
-        maximum.simd_gt(limit).any_true()
+    }
+    #[inline(always)]
+    fn some_above<V: Simd>(vectors: V, samples: &[Self; COLUMNS], limit: u32) -> bool {
+        let limit = Self::try_from(limit).unwrap_or(Self::MAX);
+        let [left, right] = [&samples[..32], &samples[32..]];
+        let larger = u16x32::from_slice(vectors, left).max(u16x32::from_slice(vectors, right));
+        larger.simd_gt(limit).any_true()
     }
     along!(u32x16, u32, 16);
     #[inline(always)]

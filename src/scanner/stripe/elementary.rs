@@ -32,16 +32,18 @@ pub fn exp(x: f32) -> f32 {
 /// The hazard λ(z) = φ(z) / Φ(-z) of a standard normal distribution: how fast ln Φ(-z) falls with z.
 ///
 /// For z ≥ 0, λ(z) - z is a ratio of polynomials that was fitted to it: off by 4·10⁻⁶ of its value. For z < 0,
-/// Φ(-z) = 1 - Φ(z) leads back to it.
+/// Φ(-z) = 1 - Φ(z) leads back to it. One division serves both. Beyond ±10⁶ it stays as it is there.
 #[inline(always)]
 pub fn hazard(z: f32) -> f32 {
-    let a = z.abs();
+    let a = bounded(z.abs(), 0.0, 1e6);
     let over = 40.540_234 + a * (24.854_07 + a * (7.247_615 + a));
     let under = 50.809_81 + a * (54.284_92 + a * (26.892_504 + a * (7.246_966_4 + a)));
-    let tail = a + over / under;
+    let above = a * under + over;
+    // λ(a) = above / under, and λ(-a) = φ λ(a) / (λ(a) - φ).
     let density = 0.398_942_3 * exp(-0.5 * a * a);
-    let body = density * tail / (tail - density);
-    if z < 0.0 { body } else { tail }
+    let is_below = z < 0.0;
+    let numerator = if is_below { density * above } else { above };
+    numerator / if is_below { above - density * under } else { under }
 }
 
 #[cfg(test)]

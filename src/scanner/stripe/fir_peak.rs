@@ -14,7 +14,7 @@
 use super::{
     elementary::{bounded, exp},
     gaussian_ml::start::Start,
-    lanes::{Centres, LANES, Lane, Sections, each},
+    lanes::{Centres, LANES, Lane, Sections, each, lane_of},
     logarithm::ln,
     noise::PixelNoise,
 };
@@ -37,12 +37,12 @@ pub fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Cent
         let length = sections.last[lane] - sections.first[lane] + 1.0;
         let crossing = responses.crossing(lane, guess);
         let position = base + crossing.place;
-        let is_found = crossing.place >= -1.0
-            && crossing.place <= 2.0
-            && crossing.slope < 0.0
-            && crossing.variance > 0.0
-            && position > -1.0
-            && position < length;
+        let is_found = (crossing.place >= -1.0)
+            & (crossing.place <= 2.0)
+            & (crossing.slope < 0.0)
+            & (crossing.variance > 0.0)
+            & (position > -1.0)
+            & (position < length);
         let guessed = start.curve.centre_px[lane];
         centres.position_px[lane] = if is_found { position } else { guessed };
         let any = 0.289 * length;
@@ -50,7 +50,7 @@ pub fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Cent
         // A stripe that the border or a neighbour cuts is pulled away from there.
         let reach = 1.5 * start.curve.sigma_px[lane];
         let row = sections.first[lane] + position;
-        let is_cut = row - reach < start.from[lane] || row + reach > start.to[lane] - 1.0;
+        let is_cut = (row - reach < start.from[lane]) | (row + reach > start.to[lane] - 1.0);
         let sigma = if is_cut { sigma.max(any) } else { sigma };
         centres.sigma_px[lane] = if is_found { sigma } else { any };
     }
@@ -85,10 +85,10 @@ impl Responses {
         let mut responses = Self { response: [[0.0; LANES]; PLACES], variance: [[0.0; LANES]; 2] };
         let rate = filter_rate(start, full_scale);
         for i in start.rows(sections) {
-            let place = sections.place(i);
+            let (place, samples) = (sections.place(i), sections.raw[i]);
             for lane in 0..LANES {
                 let holds = start.holds(i as f32, lane);
-                let sample = sections.raw[i][lane];
+                let sample = samples[lane];
                 // Beyond the window is background: taken off, it counts nothing.
                 let light = if holds { sample - start.curve.background[lane] } else { 0.0 };
                 let share = if sample >= full_scale {
@@ -115,7 +115,7 @@ impl Responses {
     /// The cubic's zero, by Newton's steps from the guess.
     #[inline(always)]
     fn crossing(&self, lane: usize, guess: f32) -> Crossing {
-        let [a, b, c, d] = self.response.map(|response| response[lane]);
+        let [a, b, c, d] = lane_of(&self.response, lane);
         // Through (-1, a), (0, b), (1, c), (2, d).
         let second = 0.5 * (a + c) - b;
         let third = (d - a) / 6.0 - 0.5 * (c - b);
@@ -127,7 +127,7 @@ impl Responses {
             let value = b + x * (first + x * (second + x * third));
             x = bounded(x - value / slope.min(-1e-6), -1.5, 2.5);
         }
-        let [low, high] = self.variance.map(|variance| variance[lane]);
+        let [low, high] = lane_of(&self.variance, lane);
         let share = bounded(x, 0.0, 1.0);
         Crossing { place: x, slope, variance: low + share * (high - low) }
     }

@@ -2,7 +2,7 @@
 
 use super::{
     blur::UNITS,
-    lanes::{Centres, LANES, Lane, Sections, each},
+    lanes::{Centres, LANES, Lane, Sections, each, lane_of},
     logarithm::ln,
     section::Noise,
 };
@@ -16,7 +16,7 @@ use super::{
 #[inline(always)]
 pub fn coarse_peak(sections: &Sections, brightest: &Lane) -> Lane {
     let fit = Fit::of(sections, brightest);
-    each(|lane| if fit.is_peak[lane] { fit.position_px[lane] } else { brightest[lane] })
+    each(|lane| if fit.is_peak[lane] > 0.0 { fit.position_px[lane] } else { brightest[lane] })
 }
 
 /// The same as an estimator of its own, with its uncertainty: the derivative of the maximum by each sample times that
@@ -27,17 +27,19 @@ pub fn gaussian_fit(sections: &Sections, brightest: &Lane, noise: &Noise<'_>) ->
     let sigma = fit.sigma(sections, brightest, noise);
     let length = sections.length();
     Centres {
-        position_px: each(
-            |lane| if fit.is_peak[lane] { fit.position_px[lane] } else { brightest[lane] },
+        position_px: each(|lane| {
+            if fit.is_peak[lane] > 0.0 { fit.position_px[lane] } else { brightest[lane] }
+        }),
+        sigma_px: each(
+            |lane| if fit.is_peak[lane] > 0.0 { sigma[lane] } else { length[lane] / 2.0 },
         ),
-        sigma_px: each(|lane| if fit.is_peak[lane] { sigma[lane] } else { length[lane] / 2.0 }),
     }
 }
 
 /// A parabola through the logarithms of every lane, t = 0 at the brightest sample, levels in shares of the peak.
 struct Fit {
-    /// Whether the parabola has its maximum inside the candidate.
-    is_peak: [bool; LANES],
+    /// Whether the parabola has its maximum inside the candidate: 1 or 0.
+    is_peak: Lane,
     /// Where the maximum lies, pixels from the candidate's first sample.
     position_px: Lane,
     /// How the maximum moves with the right-hand side Σ w tᵏ ln G of the normal equations, k = 0, 1, 2.
@@ -79,10 +81,10 @@ impl Fit {
     #[inline(always)]
     fn solve(powers: &[Lane; 5], right: &[Lane; 3], brightest: &Lane, last: &Lane) -> Self {
         let none = [0.0; LANES];
-        let mut fit = Self { is_peak: [false; LANES], position_px: none, gradient: [none; 3] };
+        let mut fit = Self { is_peak: none, position_px: none, gradient: [none; 3] };
         for lane in 0..LANES {
-            let [s0, s1, s2, s3, s4] = powers.map(|power| power[lane]);
-            let [r0, r1, r2] = right.map(|sum| sum[lane]);
+            let [s0, s1, s2, s3, s4] = lane_of(powers, lane);
+            let [r0, r1, r2] = lane_of(right, lane);
             // p₀ eliminated: two equations for p₁ and p₂.
             let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
             let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
@@ -91,8 +93,8 @@ impl Fit {
             let curvature = (b2 * a11 - b1 * a12) / determinant;
             let position_px = brightest[lane] - slope / (2.0 * curvature);
             // Not so for too few samples either: the determinant is 0, the position not a number.
-            fit.is_peak[lane] =
-                (curvature < 0.0) & (position_px >= 0.0) & (position_px <= last[lane]);
+            let is_peak = (curvature < 0.0) & (position_px >= 0.0) & (position_px <= last[lane]);
+            fit.is_peak[lane] = if is_peak { 1.0 } else { 0.0 };
             fit.position_px[lane] = position_px;
             // d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂², with p₁ and p₂ by b₁ and b₂, and those by the right-hand side.
             let (by_slope, by_curvature) =
@@ -124,7 +126,7 @@ impl Fit {
                 for lane in 0..LANES {
                     let is_inside = (place[lane] >= 0.0) & (place[lane] <= last[lane]);
                     let t = place[lane] - brightest[lane];
-                    let [g0, g1, g2] = [0, 1, 2].map(|k| self.gradient[k][lane]);
+                    let [g0, g1, g2] = lane_of(&self.gradient, lane);
                     // d(w ln G) = w dG / G: the weight times what the maximum moves with the logarithm.
                     let by_level = (g0 + t * (g1 + t * g2)) * level[lane];
                     moved[lane] += if is_inside { by_level * weight } else { 0.0 };

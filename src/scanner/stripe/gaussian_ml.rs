@@ -26,12 +26,12 @@ use start::{SIGMA_RANGE_PX, Start};
 /// Rounds after which a lane that still moves is left where it is.
 const MAX_ROUNDS: u32 = 16;
 /// A lane stands still when its centre moves by less than this share of its uncertainty, and its shape by less than
-/// [`STILL_SHAPE`].
-const STILL_CENTRE: f32 = 0.01;
+/// [`STILL_SHAPE`]. That step is still taken: what the next one would add is a small share of it.
+const STILL_CENTRE: f32 = 0.1;
 /// The smallest uncertainty that is told: single precision knows no less, pixels.
 const LEAST_PX: f32 = 1e-5;
 /// Relative change of height and width.
-const STILL_SHAPE: f32 = 0.02;
+const STILL_SHAPE: f32 = 0.05;
 
 /// The most probable centre of every lane.
 #[inline(always)]
@@ -113,6 +113,7 @@ struct LanePrior {
 }
 
 impl Prior {
+    #[inline(always)]
     fn of(sections: &Sections, curve: &Curve, noise: PixelNoise) -> Self {
         let centre_precision = each(|lane| {
             let half = 0.5 * (sections.last[lane] - sections.first[lane]) + 0.5;

@@ -72,6 +72,16 @@ pub fn each(f: impl Fn(usize) -> f32) -> Lane {
     lanes
 }
 
+/// One lane of several numbers.
+#[inline(always)]
+pub fn lane_of<const N: usize>(numbers: &[Lane; N], lane: usize) -> [f32; N] {
+    let mut of_lane = [0.0; N];
+    for (of_lane, number) in of_lane.iter_mut().zip(numbers) {
+        *of_lane = number[lane];
+    }
+    of_lane
+}
+
 /// What `f` makes of all lanes, by halves. `f32::min` and `f32::max` pass over NaN.
 #[inline(always)]
 fn fold(lanes: &Lane, f: fn(f32, f32) -> f32) -> f32 {

@@ -13,13 +13,13 @@
 use super::{
     elementary::exp,
     gaussian_ml::start::{SIGMA_RANGE_PX, Start},
-    lanes::{Centres, LANES, Lane, Sections, each},
+    lanes::{Centres, LANES, Lane, Sections, each, lane_of},
     logarithm::ln,
     noise::PixelNoise,
 };
 
 /// Rounds of weighing anew.
-const ROUNDS: u32 = 4;
+const ROUNDS: u32 = 3;
 /// Samples below this share of the height or of full scale count nothing.
 const FAINTEST: f32 = 0.1;
 /// Samples this far beyond the first guess are background, standard deviations of the stripe.
@@ -44,13 +44,13 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
             let next = centre + scale * step;
             let (low, high) = SIGMA_RANGE_PX;
             let sigma = scale * (-0.5 / parabola.curvature).sqrt();
-            let is_peak = parabola.curvature < -1e-3
-                && step.abs() < 2.0
-                && next > -1.0
-                && next < length[lane]
-                && sigma > low
-                && sigma < high
-                && parabola.variance > 0.0;
+            let is_peak = (parabola.curvature < -1e-3)
+                & (step.abs() < 2.0)
+                & (next > -1.0)
+                & (next < length[lane])
+                & (sigma > low)
+                & (sigma < high)
+                & (parabola.variance > 0.0);
             let curve = &mut start.curve;
             curve.centre_px[lane] = if is_peak { next } else { centre };
             curve.sigma_px[lane] = if is_peak { sigma } else { scale };
@@ -72,12 +72,12 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
 fn background(sections: &Sections, start: &Start) -> Lane {
     let (mut sum, mut rows) = ([0.0_f32; LANES], [0.0_f32; LANES]);
     for i in start.rows(sections) {
-        let place = sections.place(i);
+        let (place, samples) = (sections.place(i), sections.raw[i]);
         for lane in 0..LANES {
             let away = (place[lane] - start.curve.centre_px[lane]).abs();
             let far = away > BACKGROUND_SIGMAS * start.curve.sigma_px[lane];
             let counts = far & start.holds(i as f32, lane);
-            sum[lane] += if counts { sections.raw[i][lane] } else { 0.0 };
+            sum[lane] += if counts { samples[lane] } else { 0.0 };
             rows[lane] += if counts { 1.0 } else { 0.0 };
         }
     }
@@ -111,16 +111,19 @@ impl Sums {
     fn of(sections: &Sections, start: &Start, noise: PixelNoise, full_scale: f32) -> Self {
         let mut sums = Self { powers: [[0.0; LANES]; 5], right: [[0.0; LANES]; 3] };
         let curve = &start.curve;
+        let by_sigma = each(|lane| 1.0 / curve.sigma_px[lane]);
+        let by_amplitude = each(|lane| 1.0 / curve.amplitude[lane]);
         // A sample whose level is three standard deviations below full scale is hardly ever cut.
         let bright = full_scale - 3.0 * noise.variance(full_scale).sqrt();
         for i in start.rows(sections) {
+            let (place, samples) = (sections.place(i), sections.raw[i]);
             for lane in 0..LANES {
-                let x = i as f32 - sections.first[lane];
-                let t = (x - curve.centre_px[lane]) / curve.sigma_px[lane];
+                let x = place[lane];
+                let t = (x - curve.centre_px[lane]) * by_sigma[lane];
                 let share = exp(-0.5 * t * t);
                 let level = curve.amplitude[lane] * share;
                 let total = level + curve.background[lane];
-                let sample = sections.raw[i][lane];
+                let sample = samples[lane];
                 let counts = (level > FAINTEST * curve.amplitude[lane].min(full_scale))
                     & start.holds(i as f32, lane)
                     & (sample < full_scale)
@@ -128,7 +131,7 @@ impl Sums {
                 let weight = if counts { level * level / noise.variance(total) } else { 0.0 };
                 // Noise may leave nothing to take the logarithm of.
                 let seen = (sample - curve.background[lane]).max(0.05 * level).max(1e-6);
-                let logarithm = ln(seen / curve.amplitude[lane]);
+                let logarithm = ln(seen * by_amplitude[lane]);
                 let (first, second) = (weight * t, weight * t * t);
                 sums.powers[0][lane] += weight;
                 sums.powers[1][lane] += first;
@@ -146,8 +149,8 @@ impl Sums {
     /// p₀ eliminated: two equations for p₁ and p₂, whose inverse is their covariance; too few samples make no number.
     #[inline(always)]
     fn solve(&self, lane: usize) -> Parabola {
-        let [s0, s1, s2, s3, s4] = self.powers.map(|sums| sums[lane]);
-        let [r0, r1, r2] = self.right.map(|sums| sums[lane]);
+        let [s0, s1, s2, s3, s4] = lane_of(&self.powers, lane);
+        let [r0, r1, r2] = lane_of(&self.right, lane);
         let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
         let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
         let determinant = a11 * a22 - a12 * a12;

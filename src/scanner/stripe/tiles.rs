@@ -27,6 +27,8 @@ pub struct BlurredTiles<S: Sample> {
     /// Blurred samples, row by row; only those in blurred tiles are of this frame.
     samples: Vec<S::Sum>,
     tile: TileBlur<S>,
+    /// Largest samples of one row of tiles, column by column.
+    maxima: Vec<[S; COLUMNS]>,
 }
 
 impl<S: Sample> Default for BlurredTiles<S> {
@@ -39,6 +41,7 @@ impl<S: Sample> Default for BlurredTiles<S> {
             blurred: Vec::new(),
             samples: Vec::new(),
             tile: TileBlur::default(),
+            maxima: Vec::new(),
         }
     }
 }
@@ -197,6 +200,7 @@ impl<S: Sample> BlurredTiles<S> {
         self.across = width.div_ceil(COLUMNS);
         let tiles = self.across * height.div_ceil(ROWS);
         self.hot.resize(tiles, false);
+        self.maxima.resize(self.across, [S::default(); COLUMNS]);
         self.blurred.resize(tiles, false);
         self.samples.resize(width * height, S::Sum::default());
     }
@@ -205,19 +209,22 @@ impl<S: Sample> BlurredTiles<S> {
     #[inline(always)]
     fn find_hot<V: Simd>(&mut self, vectors: V, plane: &Plane<'_, S>, threshold: u32) {
         let limit = threshold / UNITS;
-        for (tile_row, hot) in self.hot.chunks_exact_mut(self.across).enumerate() {
-            let rows = tile_row * ROWS..((tile_row + 1) * ROWS).min(plane.height);
-            let whole = plane.width / COLUMNS;
-            // Below the last row it is read again, which changes no maximum.
-            let tiles: [&[[S; COLUMNS]]; ROWS] = std::array::from_fn(|i| {
-                &plane.row((rows.start + i).min(rows.end - 1)).as_chunks().0[..whole]
-            });
-            for (tile, hot) in hot[..whole].iter_mut().enumerate() {
-                *hot = S::some_above(vectors, &tiles.map(|row| &row[tile]), limit);
+        let Self { hot, maxima, across, .. } = self;
+        for (tile_row, hot) in hot.chunks_exact_mut(*across).enumerate() {
+            maxima.fill([S::default(); COLUMNS]);
+            // Row by row: memory is read fastest in its own order.
+            for y in tile_row * ROWS..((tile_row + 1) * ROWS).min(plane.height) {
+                let row = plane.row(y);
+                let (tiles, rest) = row.as_chunks();
+                for (maxima, tile) in maxima.iter_mut().zip(tiles) {
+                    S::raise(vectors, maxima, tile);
+                }
+                if let (false, Some(last)) = (rest.is_empty(), maxima.last_mut()) {
+                    raise_last(vectors, last, row);
+                }
             }
-            if let Some(hot) = hot.get_mut(whole) {
-                let mut rest = rows.flat_map(|y| &plane.row(y)[whole * COLUMNS..]);
-                *hot = rest.any(|&sample| Into::<u32>::into(sample) > limit);
+            for (hot, maxima) in hot.iter_mut().zip(maxima.iter()) {
+                *hot = S::some_above(vectors, maxima, limit);
             }
         }
     }
@@ -242,5 +249,18 @@ impl<S: Sample> BlurredTiles<S> {
                 }
             }
         }
+    }
+}
+
+/// The last tile of a row that is no whole one: with it goes what lies before it in the row, which its neighbour counts
+/// too. A tile that is hot without need costs time and changes nothing.
+#[inline(always)]
+fn raise_last<S: Sample, V: Simd>(vectors: V, maxima: &mut [S; COLUMNS], row: &[S]) {
+    if let Some(tile) = row.last_chunk() {
+        S::raise(vectors, maxima, tile);
+    } else {
+        let mut tile = [S::default(); COLUMNS];
+        tile[..row.len()].copy_from_slice(row);
+        S::raise(vectors, maxima, &tile);
     }
 }

@@ -57,7 +57,7 @@ impl NormalEquations {
             std::array::from_fn(|lane| PixelWidth::of(curve.sigma_px[lane]));
         for i in start.rows(sections) {
             let place = sections.place(i);
-            let samples = &sections.raw[i];
+            let samples = sections.raw[i];
             let is_clipped = samples.iter().any(|&sample| sample <= 0.0 || sample >= full_scale);
             for lane in 0..LANES {
                 let u = (place[lane] - curve.centre_px[lane]) * inverse[lane];

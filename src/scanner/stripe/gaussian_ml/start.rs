@@ -3,7 +3,7 @@
 use super::{
     super::{
         elementary::{bounded, exp},
-        lanes::{LANES, Lane, Sections, each},
+        lanes::{LANES, Lane, Sections, each, lane_of},
         logarithm::ln,
         noise::PixelNoise,
     },
@@ -33,6 +33,7 @@ pub(in super::super) struct Start {
 impl Start {
     /// A parabola through the logarithms of the candidate's blurred samples, or of the unsaturated raw ones where some are
     /// saturated: the blur spoils the flanks of a flat top.
+    #[inline(always)]
     pub(in super::super) fn of(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Self {
         let (from, to) = own_rows(sections, noise);
         let floor = Floor::of(sections, &from, &to, full_scale);
@@ -71,6 +72,7 @@ impl Start {
     }
 
     /// The rows that count in some lane.
+    #[inline(always)]
     pub(in super::super) fn rows(&self, sections: &Sections) -> std::ops::Range<usize> {
         let used = 0..sections.count;
         let from = used.clone().map(|lane| self.from[lane]).fold(f32::MAX, f32::min);
@@ -81,6 +83,7 @@ impl Start {
 
 /// Rows of each lane in which no neighbour lies: from the candidate outwards, up to the lowest sample before the blurred
 /// cross-section rises again by more than noise.
+#[inline(always)]
 fn own_rows(sections: &Sections, noise: PixelNoise) -> (Lane, Lane) {
     let rise: Lane = each(|lane| 0.12 * sections.peak[lane] + noise.constant.sqrt());
     let rows = sections.rows();
@@ -107,7 +110,7 @@ fn valley(
     let mut at = [-1.0; LANES];
     let mut cut = [-1.0; LANES];
     for i in rows {
-        let row = &sections.blurred[i];
+        let row = sections.blurred[i];
         for lane in 0..LANES {
             let counts = is_outside(i as f32, lane) & (cut[lane] < 0.0);
             let is_lower = counts & (row[lane] < lowest[lane]);
@@ -132,13 +135,14 @@ struct Floor {
 }
 
 impl Floor {
+    #[inline(always)]
     fn of(sections: &Sections, from: &Lane, to: &Lane, full_scale: f32) -> Self {
         let (mut raw, mut blurred) = ([full_scale; LANES], [full_scale; LANES]);
         let (mut offset, mut rows): (Lane, Lane) = ([0.0; LANES], [0.0; LANES]);
         let mut brightest: Lane = [0.0; LANES];
         for i in 0..sections.rows() {
             let at = i as f32;
-            let (raw_row, blurred_row) = (&sections.raw[i], &sections.blurred[i]);
+            let (raw_row, blurred_row) = (sections.raw[i], sections.blurred[i]);
             for lane in 0..LANES {
                 let holds = (at >= from[lane]) & (at < to[lane]);
                 let (r, b) = (raw_row[lane], blurred_row[lane]);
@@ -177,6 +181,7 @@ struct Guess {
 }
 
 impl Sums {
+    #[inline(always)]
     fn of(sections: &Sections, floor: &Floor, full_scale: f32) -> Self {
         let none = [0.0; LANES];
         let mut sums = Self {
@@ -192,6 +197,7 @@ impl Sums {
         let faintest: Lane = each(|lane| 0.2 * (sections.peak[lane] - base[lane]));
         for i in 0..sections.rows() {
             let place = sections.place(i);
+            let (raw_row, blurred_row) = (sections.raw[i], sections.blurred[i]);
             for lane in 0..LANES {
                 let x = place[lane];
                 let is_flat = floor.brightest[lane] >= full_scale;
@@ -200,8 +206,8 @@ impl Sums {
                 let at = i as f32;
                 let holds = (at >= sections.start[lane]) & (at < sections.end[lane]);
                 let near = holds & (x >= -margin) & (x <= last + margin);
-                let raw = sections.raw[i][lane];
-                let y = if is_flat { raw } else { sections.blurred[i][lane] } - base[lane];
+                let raw = raw_row[lane];
+                let y = if is_flat { raw } else { blurred_row[lane] } - base[lane];
                 let counts = near & (y > faintest[lane]) & (y > 0.0);
                 let summed = if counts { y } else { 0.0 };
                 sums.level[lane] += summed;
@@ -231,8 +237,8 @@ impl Sums {
     /// Gaussian with the same area.
     #[inline(always)]
     fn fit(&self, lane: usize, peak: f32, full_scale: f32, length: f32) -> Guess {
-        let [s0, s1, s2, s3, s4] = [0, 1, 2, 3, 4].map(|k: usize| self.powers[k][lane]);
-        let [r0, r1, r2] = [0, 1, 2].map(|k: usize| self.right[k][lane]);
+        let [s0, s1, s2, s3, s4] = lane_of(&self.powers, lane);
+        let [r0, r1, r2] = lane_of(&self.right, lane);
         let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
         let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
         let determinant = a11 * a22 - a12 * a12;
@@ -244,18 +250,15 @@ impl Sums {
         let (level, moment) = (self.level[lane], self.moment[lane]);
         let centroid = if level > 0.0 { moment / level } else { 0.0 };
         // Not so for too few samples either: then nothing here is a number.
-        if curvature < -1e-4 && (at - centroid).abs() <= 0.2 * length + 0.5 {
-            let logarithm = (constant + 0.5 * slope * at).min(LN_MOST);
-            return Guess {
-                amplitude: (MOST * full_scale * exp(logarithm - LN_MOST)).max(peak),
-                centre_px: middle + at,
-                sigma_px: (-0.5 / curvature).sqrt(),
-            };
-        }
+        let is_peak = (curvature < -1e-4) & ((at - centroid).abs() <= 0.2 * length + 0.5);
+        let logarithm = (constant + 0.5 * slope * at).min(LN_MOST);
+        let height = (MOST * full_scale * exp(logarithm - LN_MOST)).max(peak);
+        let area_px = level / peak / std::f32::consts::TAU.sqrt();
+        let width_px = (-0.5 / curvature).sqrt();
         Guess {
-            amplitude: peak,
-            centre_px: middle + bounded(centroid, -middle, middle),
-            sigma_px: (level / peak / std::f32::consts::TAU.sqrt()).min(length),
+            amplitude: if is_peak { height } else { peak },
+            centre_px: middle + if is_peak { at } else { bounded(centroid, -middle, middle) },
+            sigma_px: if is_peak { width_px } else { area_px.min(length) },
         }
     }
 }
