@@ -12,10 +12,10 @@ use super::{
 /// 30 % of 40 rows.
 pub const LARGEST_SHARE: f64 = 0.3;
 /// Pixels that are looked at: `SIDE` columns in `SIDE` rows. At [`LARGEST_SHARE`], one standard deviation of the share is
-/// 0.7 %.
-const SIDE: usize = 64;
+/// 1.4 %.
+const SIDE: usize = 32;
 
-/// Share of the pixels above a fixed segment threshold, from 0 to 1, from a grid of 64 x 64 pixels, or of all in a smaller
+/// Share of the pixels above a fixed segment threshold, from 0 to 1, from a grid of 32 x 32 pixels, or of all in a smaller
 /// plane. `full_scale` is the level of a saturated sample, to which the threshold is scaled. `None` where the threshold is
 /// not one of the image's grey levels: adaptive, or above a background.
 pub fn share_above_threshold(
@@ -65,7 +65,7 @@ mod tests {
         assert_eq!(share_of(0, &params), Some(0.0));
         assert_eq!(share_of(300, &params), Some(1.0));
         let third = share_of(100, &params).unwrap();
-        assert!((third - 1.0 / 3.0).abs() < 1.0 / 64.0, "{third}");
+        assert!((third - 1.0 / 3.0).abs() < 1.0 / 32.0, "{third}");
     }
 
     #[test]
