@@ -1,54 +1,175 @@
-//! Extraction of one frame of 2592 x 2048 beside one read of it (the maximum of all pixels) in the same run.
+//! Extraction of one frame beside one read of it (the maximum of all pixels) in the same run: every method, frames from
+//! the cache and from memory, frames in which nothing can be left out, larger frames and more stripe.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
-use criterion::{Criterion, criterion_group, criterion_main};
+mod frames;
+
+use criterion::{
+    BenchmarkGroup, BenchmarkId, Criterion, criterion_group, criterion_main, measurement::WallTime,
+};
+use frames::{FULL, Frame, Ring};
 use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
-        channel::{AnyPlane, Plane},
+        params::{
+            ExtractionParams, Method,
+            StripeDirection::{self, Horizontal, Vertical},
+        },
         stripe::{Centerline, Extractor},
     },
-    simulate::stripe::{StripeScene, render_stripe},
 };
-use std::{hint::black_box, time::Duration};
+use std::{cell::LazyCell, hint::black_box, time::Duration};
 
-fn extract(criterion: &mut Criterion) {
-    let scene = StripeScene {
-        width: 2592,
-        height: 2048,
-        amplitude: 199.0,
-        sigma_px: 2.2,
-        read_noise: 2.0,
-        ..StripeScene::default()
-    };
-    let mut samples = Vec::new();
-    render_stripe(&scene, |column| 900.0 + 0.05 * f64::from(column), &mut samples);
-    let plane =
-        AnyPlane::Eight(Plane { width: 2592, height: 2048, stride: 2592, samples: &samples });
-    let params =
-        NodeParams::new(&Parameters::default()).expect("defaults are valid").cameras[0].scanner;
-    let mut extractor = Extractor::new(params.extraction, params.stripe_direction);
-    let mut centerline = Centerline::default();
+/// The default method.
+const DEFAULT: &str = "improved_gravity";
+/// 85 MB: more than the last cache of any processor that this is measured on holds.
+const NUM_COLD: usize = 16;
+/// Columns of the stripe in frames of every size.
+const SHORT_STRIPE: u32 = 1024;
 
-    let mut group = criterion.benchmark_group("frame_2592x2048");
-    group.measurement_time(Duration::from_secs(5));
-    group.bench_function("read", |bencher| {
-        bencher.iter(|| black_box(&samples).iter().copied().max());
-    });
-    group.bench_function("extract", |bencher| {
-        bencher.iter(|| extractor.extract(black_box(&plane), (0, 0), 255, &mut centerline));
-    });
-    // The worst case: nothing may be left out, and every column is one candidate from border to border.
-    let white = vec![255; samples.len()];
-    let all = AnyPlane::Eight(Plane { width: 2592, height: 2048, stride: 2592, samples: &white });
-    let mut cut = Centerline::default();
-    group.sample_size(10).bench_function("extract_white", |bencher| {
-        bencher.iter(|| extractor.extract(black_box(&all), (0, 0), 255, &mut cut));
-    });
-    group.finish();
-    assert_eq!(cut.len(), 2592);
-    assert_eq!(centerline.len(), 2592);
+fn group<'a>(criterion: &'a mut Criterion, name: &str) -> BenchmarkGroup<'a, WallTime> {
+    let mut group = criterion.benchmark_group(name);
+    group
+        .sample_size(20)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_millis(1200));
+    group
 }
 
-criterion_group!(benches, extract);
+fn params(method: &str) -> ExtractionParams {
+    let defaults = NodeParams::new(&Parameters::default()).expect("defaults are valid");
+    let method = Method::from_name(method).expect("one of Method::NAMES");
+    ExtractionParams { method, ..defaults.cameras[0].scanner.extraction }
+}
+
+/// Times a method on frames that are rendered only if the benchmark runs, with one extractor, as in the node. What finds
+/// nothing is fast: so many points must be there.
+fn time<F: FnOnce() -> Ring>(
+    group: &mut BenchmarkGroup<'_, WallTime>,
+    id: BenchmarkId,
+    (method, direction): (&str, StripeDirection),
+    (frames, least): (&LazyCell<Ring, F>, u32),
+) {
+    let mut extractor = Extractor::new(params(method), direction);
+    let mut centerline = Centerline::default();
+    let mut extract = |frame: &Frame| {
+        let plane = black_box(frame.plane());
+        extractor.extract(&plane, (0, 0), frame.full_scale(), &mut centerline);
+        centerline.len()
+    };
+    group.bench_function(id, |bencher| {
+        assert!(extract(frames.turn()) >= least as usize, "the stripe is found");
+        bencher.iter(|| extract(frames.turn()));
+    });
+}
+
+/// Times one read of the same frames.
+fn time_read<F: FnOnce() -> Ring>(
+    group: &mut BenchmarkGroup<'_, WallTime>,
+    id: BenchmarkId,
+    frames: &LazyCell<Ring, F>,
+) {
+    group.bench_function(id, |bencher| bencher.iter(|| frames.turn().read()));
+}
+
+/// One read and every method.
+fn all_methods<F: FnOnce() -> Ring>(
+    group: &mut BenchmarkGroup<'_, WallTime>,
+    (frames, least): (&LazyCell<Ring, F>, u32),
+) {
+    time_read(group, BenchmarkId::from_parameter("read"), frames);
+    for &method in Method::NAMES {
+        time(group, BenchmarkId::from_parameter(method), (method, Horizontal), (frames, least));
+    }
+}
+
+/// The same frame again and again: as far as it fits, it is in the processor's cache.
+fn warm(criterion: &mut Criterion) {
+    let frame = LazyCell::new(|| Frame::new(Horizontal).alone());
+    let mut group = group(criterion, "frame_2592x2048");
+    all_methods(&mut group, (&frame, FULL.0));
+    group.finish();
+}
+
+/// Frames in turn from a ring larger than the cache, as a camera's frames come: from memory.
+fn cold(criterion: &mut Criterion) {
+    let frames = LazyCell::new(|| Frame::new(Horizontal).times(NUM_COLD));
+    let mut group = group(criterion, "cold_2592x2048");
+    all_methods(&mut group, (&frames, FULL.0));
+    group.finish();
+}
+
+/// The default method down the frame.
+fn vertical(criterion: &mut Criterion) {
+    let frame = LazyCell::new(|| Frame::new(Vertical).alone());
+    let mut group = group(criterion, "vertical_2592x2048");
+    time_read(&mut group, BenchmarkId::from_parameter("read"), &frame);
+    time(&mut group, BenchmarkId::from_parameter(DEFAULT), (DEFAULT, Vertical), (&frame, FULL.1));
+    group.finish();
+}
+
+/// The default method in samples of 16 bits.
+fn mono16(criterion: &mut Criterion) {
+    let frame = LazyCell::new(|| Frame::deep().alone());
+    let mut group = group(criterion, "mono16_2592x2048");
+    time_read(&mut group, BenchmarkId::from_parameter("read"), &frame);
+    time(&mut group, BenchmarkId::from_parameter(DEFAULT), (DEFAULT, Horizontal), (&frame, FULL.0));
+    group.finish();
+}
+
+/// The same stripe in a frame of which every block must be blurred.
+fn dense(criterion: &mut Criterion) {
+    let frame = LazyCell::new(|| Frame::new(Horizontal).with_salt().alone());
+    let mut group = group(criterion, "dense_2592x2048");
+    all_methods(&mut group, (&frame, FULL.0));
+    group.finish();
+}
+
+/// The worst case: every column is one candidate from border to border. No method must find a stripe in it.
+fn white(criterion: &mut Criterion) {
+    let frame = LazyCell::new(|| Frame::white().alone());
+    let mut group = group(criterion, "white_2592x2048");
+    group.sample_size(10);
+    all_methods(&mut group, (&frame, 0));
+    group.finish();
+}
+
+/// The same stripe of 1024 columns in ever larger frames: what is more than one read must stay.
+fn frame_sizes(criterion: &mut Criterion) {
+    let mut group = group(criterion, "frame_size");
+    for (label, size) in [
+        ("1_mpx", (1024, 1024)),
+        ("2_mpx", (1632, 1224)),
+        ("5_mpx", FULL),
+        ("12_mpx", (4096, 3000)),
+        ("25_mpx", (5120, 5120)),
+    ] {
+        let frame = LazyCell::new(|| Frame::short_stripe(size, SHORT_STRIPE).alone());
+        time_read(&mut group, BenchmarkId::new("read", label), &frame);
+        let id = BenchmarkId::new(DEFAULT, label);
+        time(&mut group, id, (DEFAULT, Horizontal), (&frame, SHORT_STRIPE));
+    }
+    group.finish();
+}
+
+/// More and more stripe in the frame, beside the same with nothing left out: the skipping must never cost more.
+fn bright_shares(criterion: &mut Criterion) {
+    let mut group = group(criterion, "bright_share");
+    for (label, share, least) in [
+        ("0.1_percent", 0.001, 600),
+        ("1_percent", 0.01, FULL.0),
+        ("3_percent", 0.03, FULL.0),
+        ("10_percent", 0.1, FULL.0),
+    ] {
+        let skipping = LazyCell::new(|| Frame::bright(share).alone());
+        let dense = LazyCell::new(|| Frame::bright(share).with_salt().alone());
+        let method = (DEFAULT, Horizontal);
+        time_read(&mut group, BenchmarkId::new("read", label), &skipping);
+        time(&mut group, BenchmarkId::new("skipping", label), method, (&skipping, least));
+        time(&mut group, BenchmarkId::new("dense", label), method, (&dense, least));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, warm, cold, vertical, mono16, dense, white, frame_sizes, bright_shares);
 criterion_main!(benches);

@@ -14,8 +14,8 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 8] =
-    ["run", "replay", "parameters", "info", "recover", "simulate", "evaluate", "demo"];
+const VERBS: [&str; 9] =
+    ["run", "replay", "parameters", "info", "recover", "simulate", "evaluate", "ambient", "demo"];
 
 #[test]
 fn every_verb_explains_itself() {

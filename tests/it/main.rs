@@ -13,7 +13,6 @@ mod recordings;
 
 mod accuracy;
 mod evaluate;
-mod bound;
 mod estimators;
 mod ambient;
 mod bright_scene;
