@@ -146,7 +146,7 @@ def peers_table(peers, count):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("peers", type=Path)
     parser.add_argument("--all", action="store_true", help="the whole benchmark")
     parser.add_argument("--bench", type=int, default=20, help="frames of every peer")
