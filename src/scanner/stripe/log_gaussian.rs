@@ -19,7 +19,7 @@ use super::{
 };
 
 /// Rounds of weighing anew.
-const ROUNDS: u32 = 3;
+const ROUNDS: u32 = 4;
 /// Samples below this share of the height or of full scale count nothing.
 const FAINTEST: f32 = 0.1;
 /// Samples this far beyond the first guess are background, standard deviations of the stripe.
