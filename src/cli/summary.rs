@@ -105,6 +105,9 @@ pub(super) fn text(summary: &Summary) -> String {
     if counts.unpaired > 0 {
         _ = writeln!(out, "frames without their other exposure: {}", counts.unpaired);
     }
+    if counts.flooded > 0 {
+        _ = writeln!(out, "frames too bright for extraction.segment_threshold: {}", counts.flooded);
+    }
     if summary.was_interrupted {
         _ = writeln!(out, "interrupted: the rest of the input was not read");
     }

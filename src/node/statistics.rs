@@ -33,6 +33,8 @@ pub struct Counts {
     pub recorder_bytes: u64,
     /// Frames measured without their other exposure although exposures alternate; the first one is among them.
     pub unpaired: u64,
+    /// Frames of which too much is above the segment threshold for a line.
+    pub flooded: u64,
 }
 
 impl Counts {
@@ -61,6 +63,7 @@ impl Counts {
         self.unpublished += other.unpublished;
         self.recorder_bytes += other.recorder_bytes;
         self.unpaired += other.unpaired;
+        self.flooded += other.flooded;
     }
 
     /// Whether every frame that exists was measured, and every result kept.

@@ -217,6 +217,7 @@ impl Reporter {
             ("results not recorded", counts.recorder_dropped.to_string()),
             ("slices", counts.slices.to_string()),
             ("frames without their other exposure", counts.unpaired.to_string()),
+            ("frames too bright for the threshold", counts.flooded.to_string()),
         ];
         let value = |(key, value)| KeyValue { key: Cow::Borrowed(key), value: Cow::Owned(value) };
         let rejection = state.last_rejection.iter().map(|text| ("last rejection", text.clone()));

@@ -5,6 +5,7 @@
 pub mod image;
 pub mod channel;
 pub mod ambient;
+pub mod coverage;
 pub mod stripe;
 pub mod exposure_pair;
 pub mod calibration;

@@ -5,6 +5,7 @@ use super::{
     ambient::{Ambient, AmbientError},
     calibration::{Calibration, Lines},
     channel::{Decoder, RoiError, window},
+    coverage::share_above_threshold,
     exposure_pair::{ExposurePairs, Pairing},
     height_map::HeightMap,
     image::{Frame, OwnedImage},
@@ -79,6 +80,10 @@ impl Pipeline {
         let plane = self.decoder.decode(&image, self.params.channel, &searched);
         on_stage(Stage::Decode);
 
+        // A line is a small part of the image.
+        let share_above_threshold =
+            share_above_threshold(&plane, &self.params.extraction, full_scale);
+
         // Steps 3 to 8: blur, segment, coarse peak, width, window, centre.
         self.extractor.extract(&plane, (searched.x, searched.y), full_scale, &mut self.centerline);
         let image_px = (image.width(), image.height());
@@ -105,6 +110,7 @@ impl Pipeline {
         Ok(Output {
             centerline: &self.centerline,
             pairing,
+            share_above_threshold,
             position_m,
             profile: self.calibration.is_some().then_some(&self.profile),
             slice: completed.slice,
@@ -213,6 +219,11 @@ pub struct Output<'a> {
     pub centerline: &'a Centerline,
     /// How it was made of two exposures, when those alternate.
     pub pairing: Option<Pairing>,
+    /// Share of the searched pixels above a fixed segment threshold, from 0 to 1: above [`LARGEST_SHARE`] the threshold is
+    /// too low for the scene. `None` where the threshold follows the scene.
+    ///
+    /// [`LARGEST_SHARE`]: super::coverage::LARGEST_SHARE
+    pub share_above_threshold: Option<f64>,
     /// Position along the scan, metres.
     pub position_m: f64,
     /// The metric profile, when calibrated.

@@ -5,7 +5,10 @@ use laser_profiler::{
     scanner::{
         calibration::Calibration,
         image::{Frame, Image, PixelFormat},
-        params::{Exposure, ExtractionParams, Params, StripeDirection},
+        params::{
+            Background, Exposure, ExtractionParams, Method, NoiseSource, Params, PeakSelection,
+            StripeDirection, Threshold,
+        },
         pipeline::{FrameIndex, Pipeline},
     },
     simulate::stripe::{StripeScene, render_stripe},
@@ -16,58 +19,96 @@ const RIG: &str = "{type: vertical_incidence, frame_id: laser_plane, image_dista
 
 #[test]
 fn frames_slices_and_scans_allocate_nothing() {
-    for (direction, exposure, smoothing_columns) in [
-        (StripeDirection::Horizontal, Exposure::Single, 1),
-        (StripeDirection::Vertical, Exposure::Single, 1),
-        (StripeDirection::Horizontal, Exposure::Alternating, 9),
+    let plain = ExtractionParams::default();
+    let smoothed = ExtractionParams { smoothing_columns: 9, ..plain };
+    for (direction, exposure, extraction) in [
+        (StripeDirection::Horizontal, Exposure::Single, plain),
+        (StripeDirection::Vertical, Exposure::Single, plain),
+        (StripeDirection::Horizontal, Exposure::Alternating, smoothed),
     ] {
-        let scanner = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner;
-        let params = Params {
-            stripe_direction: direction,
-            exposure,
-            extraction: ExtractionParams { smoothing_columns, ..scanner.extraction },
-            slice_profiles: 4,
-            scan_max_profiles: 10,
-            ..scanner
-        };
-        let (width, height) = match direction {
-            StripeDirection::Horizontal => (640, 128),
-            StripeDirection::Vertical => (128, 640),
-        };
-        let scene =
-            StripeScene { width, height, direction, read_noise: 2.0, ..StripeScene::default() };
-        let frames: Vec<Vec<u8>> = (0..5_u32)
-            .map(|i| {
-                let mut samples = Vec::new();
-                let centre = move |along: u32| 40.0 + f64::from(i) * 3.0 + 0.02 * f64::from(along);
-                // Two exposures in turn, dim and saturated.
-                let amplitude = if i % 2 == 0 { 90.0 } else { 400.0 };
-                render_stripe(
-                    &StripeScene { seed: i.into(), amplitude, ..scene },
-                    centre,
-                    &mut samples,
-                );
-                samples
-            })
-            .collect();
-        let mut pipeline = Pipeline::new(params, Some(Calibration::from_yaml(RIG).unwrap()));
-        let mut points = 0;
-        let mut process = |number: usize| {
-            let image =
-                Image::new(width, height, width, PixelFormat::Mono8, &frames[number % 5]).unwrap();
-            let index = FrameIndex { frame_number: number as u64, ..FrameIndex::default() };
-            let output =
-                pipeline.process(&Frame { stamp_ns: number as i64, image }, index, |_| ()).unwrap();
-            points += output.slice.map_or(0, |slice| slice.account.points);
-        };
-        // Two whole scans: every buffer has been both of a pair that takes turns.
-        (0..25).for_each(&mut process);
-        let counted = allocation_counter::measure(|| (25..125).for_each(&mut process));
-        assert_eq!(
-            (counted.count_total, counted.bytes_total),
-            (0, 0),
-            "{direction:?}: {counted:?}"
-        );
-        assert!(points > 100 * 600, "the frames were measured: {points} points");
+        allocates_nothing(direction, exposure, extraction);
     }
+}
+
+#[test]
+fn no_method_allocates_in_a_real_scenes_configuration() {
+    for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
+        for method in Method::NAMES {
+            let extraction = ExtractionParams {
+                method: Method::from_name(method).unwrap(),
+                background: Background::Local,
+                threshold: Threshold::Adaptive,
+                peak_selection: PeakSelection::Continuity,
+                max_stripes: 2,
+                tracking_margin_px: 16,
+                noise: NoiseSource::Estimated,
+                ..ExtractionParams::default()
+            };
+            allocates_nothing(direction, Exposure::Single, extraction);
+        }
+    }
+}
+
+/// Every other selection, with limits that every candidate is held against.
+#[test]
+fn no_selection_allocates() {
+    for selection in PeakSelection::NAMES {
+        let extraction = ExtractionParams {
+            peak_selection: PeakSelection::from_name(selection).unwrap(),
+            min_contrast: 10.0,
+            max_width_px: 60,
+            ..ExtractionParams::default()
+        };
+        allocates_nothing(StripeDirection::Horizontal, Exposure::Single, extraction);
+    }
+}
+
+fn allocates_nothing(direction: StripeDirection, exposure: Exposure, extraction: ExtractionParams) {
+    let scanner = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner;
+    let params = Params {
+        stripe_direction: direction,
+        exposure,
+        extraction,
+        slice_profiles: 4,
+        scan_max_profiles: 10,
+        ..scanner
+    };
+    let (width, height) = match direction {
+        StripeDirection::Horizontal => (640, 128),
+        StripeDirection::Vertical => (128, 640),
+    };
+    let scene = StripeScene { width, height, direction, read_noise: 2.0, ..StripeScene::default() };
+    let frames: Vec<Vec<u8>> = (0..5_u32)
+        .map(|i| {
+            let mut samples = Vec::new();
+            let centre = move |along: u32| 40.0 + f64::from(i) * 3.0 + 0.02 * f64::from(along);
+            // Two exposures in turn, dim and saturated.
+            let amplitude = if i % 2 == 0 { 90.0 } else { 400.0 };
+            render_stripe(
+                &StripeScene { seed: i.into(), amplitude, ..scene },
+                centre,
+                &mut samples,
+            );
+            samples
+        })
+        .collect();
+    let mut pipeline = Pipeline::new(params, Some(Calibration::from_yaml(RIG).unwrap()));
+    let mut points = 0;
+    let mut process = |number: usize| {
+        let image =
+            Image::new(width, height, width, PixelFormat::Mono8, &frames[number % 5]).unwrap();
+        let index = FrameIndex { frame_number: number as u64, ..FrameIndex::default() };
+        let output =
+            pipeline.process(&Frame { stamp_ns: number as i64, image }, index, |_| ()).unwrap();
+        points += output.slice.map_or(0, |slice| slice.account.points);
+    };
+    // Two whole scans: every buffer has been both of a pair that takes turns.
+    (0..25).for_each(&mut process);
+    let counted = allocation_counter::measure(|| (25..125).for_each(&mut process));
+    assert_eq!(
+        (counted.count_total, counted.bytes_total),
+        (0, 0),
+        "{direction:?} {extraction:?}: {counted:?}"
+    );
+    assert!(points > 100 * 600, "the frames were measured: {points} points");
 }

@@ -36,13 +36,14 @@ fn messages(bag: &Path, topic: &str) -> Vec<Vec<u8>> {
     reader.messages(&Filter::topics([topic])).map(|message| message.unwrap().data).collect()
 }
 
-/// Share of the points that lie on the line, and of the rows with a line that have a point on it.
-fn shares(recording: &Path, parameters: &[&str]) -> (f64, f64) {
+/// Share of the points that lie on the line, and of the rows with a line that have a point on it; and how often the log
+/// said that the threshold is too low.
+fn shares(recording: &Path, parameters: &[&str]) -> (f64, f64, usize) {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("results");
     let mut arguments = vec!["--ros-args", "-p", "stripe_direction:=vertical"];
     arguments.extend(parameters.iter().flat_map(|parameter| ["-p", parameter]));
-    replay(recording, &output, 0, &arguments);
+    let (_, log) = replay(recording, &output, 0, &arguments);
     let (mut num_rows, mut num_points, mut num_on_line) = (0, 0, 0);
     let images = messages(recording, "/camera/image_raw");
     let centerlines = messages(&output, "/laser_profiler/centerline");
@@ -68,8 +69,10 @@ fn shares(recording: &Path, parameters: &[&str]) -> (f64, f64) {
         100.0 * of_points,
         100.0 * of_rows
     );
-    (of_points, of_rows)
+    (of_points, of_rows, log.matches(TOO_LOW).count())
 }
+
+const TOO_LOW: &str = "above extraction.segment_threshold";
 
 const RAISED: [&str; 3] = [
     "extraction.segment_threshold:=180.0",
@@ -80,17 +83,28 @@ const RAISED: [&str; 3] = [
 #[test]
 fn the_papers_threshold_takes_the_background_for_the_stripe() {
     let Some(recording) = real("turntable_empty") else { return };
-    let (of_points, _) = shares(&recording, &[]);
+    let (of_points, _, warnings) = shares(&recording, &[]);
     assert!(of_points < 0.02, "{of_points}: better than the README says");
-    let (of_points, of_rows) = shares(&recording, &RAISED);
+    assert_eq!(warnings, 1, "told once");
+    let (of_points, of_rows, warnings) = shares(&recording, &RAISED);
+    assert_eq!(warnings, 0);
     assert!(of_points > 0.95 && of_rows > 0.5, "{of_points}, {of_rows}");
 }
 
 #[test]
 fn a_brighter_object_needs_a_higher_threshold_too() {
     let Some(recording) = real("turntable_object") else { return };
-    let (of_points, _) = shares(&recording, &[]);
+    let (of_points, ..) = shares(&recording, &[]);
     assert!(of_points < 0.25, "{of_points}: better than the README says");
-    let (of_points, of_rows) = shares(&recording, &RAISED);
+    let (of_points, of_rows, _) = shares(&recording, &RAISED);
     assert!(of_points > 0.95 && of_rows > 0.85, "{of_points}, {of_rows}");
+}
+
+#[test]
+fn no_threshold_is_called_too_low_that_follows_the_scene() {
+    let Some(recording) = real("turntable_empty") else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/launch_configs/bright_ambient.yaml");
+    let (_, log) = replay(&recording, &directory.path().join("out"), 0, &["--params-file", file]);
+    assert!(!log.contains(TOO_LOW), "{log}");
 }

@@ -10,8 +10,8 @@ needs: pip install -r scenes.requirements.txt; Debian: g++ libpng-dev
 
 The scene is that of benches/extract.rs: 2592 x 2048 pixels of 8 bit, a stripe of amplitude 199, standard deviation 2.2 px,
 slope 0.05, read noise 2. It is rendered here anew, so the noise differs. Everything runs on one thread, on one frame again
-and again. Ours is the median of criterion's samples, a peer's the median that it prints: of processor time for
-reference_methods, of time for opencv_pipeline.
+and again. A peer's figure is the median of the processor time of a frame, ours the median of criterion's samples of time:
+when other programs run, that is to our disadvantage.
 """
 import argparse, json, math, os, re, subprocess, sys, tempfile, time
 from pathlib import Path
@@ -146,7 +146,8 @@ def peers_table(peers, count):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    formatter = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=formatter, allow_abbrev=False)
     parser.add_argument("peers", type=Path)
     parser.add_argument("--all", action="store_true", help="the whole benchmark")
     parser.add_argument("--bench", type=int, default=20, help="frames of every peer")

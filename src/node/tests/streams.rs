@@ -80,6 +80,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         recorder_bytes: 10,
         unpublished: 11,
         unpaired: 12,
+        flooded: 13,
         ..Counts::default()
     };
     let reporter = Reporter {
@@ -129,6 +130,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("results not recorded", "9"),
         ("slices", "8"),
         ("frames without their other exposure", "12"),
+        ("frames too bright for the threshold", "13"),
         ("last rejection", "odd"),
         ("disk", "roomy"),
         ("disk", "full"),

@@ -19,11 +19,12 @@ use crate::{
         publisher::{Halt, Publisher},
         results::Measured,
         sink::Purpose,
-        statistics::StageTimes,
+        statistics::{Counts, StageTimes},
         unpack::Picture,
     },
     ros::node_params::ImageTransport,
     scanner::{
+        coverage::LARGEST_SHARE,
         exposure_pair::Pairing,
         image,
         pipeline::{FrameError, FrameIndex, Stage},
@@ -164,6 +165,7 @@ impl Worker {
         self.counts.points += output.centerline.len() as u64;
         self.counts.slices += u64::from(output.slice.is_some());
         self.counts.unpaired += u64::from(is_unpaired(output.pairing));
+        count_flooded(output.share_above_threshold, &mut self.counts);
         let time_ns = message.log_time_ns;
         self.results
             .publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
@@ -213,6 +215,19 @@ fn is_unpaired(pairing: Option<Pairing>) -> bool {
         tracing::debug!("exposures alternate, but this frame is as bright as the one before it");
     }
     matches!(pairing, Some(Pairing::Alone | Pairing::Alike))
+}
+
+/// Counts a frame of which too much is above the threshold for a line, and says so once.
+fn count_flooded(share_above_threshold: Option<f64>, counts: &mut Counts) {
+    let Some(share) = share_above_threshold.filter(|share| *share > LARGEST_SHARE) else { return };
+    counts.flooded += 1;
+    if counts.flooded == 1 {
+        tracing::warn!(
+            "{:.0} % of the searched pixels are above extraction.segment_threshold, which is no line: raise it, or set \
+             extraction.background: local and extraction.threshold: adaptive; further frames like this are only counted",
+            100.0 * share
+        );
+    }
 }
 
 /// Writes down how long each stage took.

@@ -10,7 +10,7 @@ use laser_profiler::{
     scanner::{
         image::{Frame, Image, PixelFormat},
         params::{ExtractionParams, Params, StripeDirection},
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::{FrameIndex, Output, Pipeline},
     },
 };
 
@@ -57,6 +57,29 @@ impl Labelled {
     /// What the scene's parameters find after `change`.
     pub(crate) fn score(&self, change: impl Fn(ExtractionParams) -> ExtractionParams) -> Score {
         let params = Params { extraction: change(self.params.extraction), ..self.params };
+        self.measure(params, |output| {
+            let line = output.centerline;
+            let (along, across) = match params.stripe_direction {
+                StripeDirection::Horizontal => (&line.u_px, &line.v_px),
+                StripeDirection::Vertical => (&line.v_px, &line.u_px),
+            };
+            let points = along.iter().zip(across);
+            let points: Vec<_> =
+                points.map(|(&along, &across)| (along as u32, f64::from(across))).collect();
+            Score::of(&self.labels, &points)
+        })
+    }
+
+    /// Share of the pixels above the threshold with the scene's parameters after `change`.
+    pub(crate) fn share_above_threshold(
+        &self,
+        change: impl Fn(ExtractionParams) -> ExtractionParams,
+    ) -> Option<f64> {
+        let params = Params { extraction: change(self.params.extraction), ..self.params };
+        self.measure(params, |output| output.share_above_threshold)
+    }
+
+    fn measure<T>(&self, params: Params, read: impl Fn(&Output<'_>) -> T) -> T {
         let (width, height) = (self.picture.width(), self.picture.height());
         let format = match self.picture.color().channel_count() {
             1 => PixelFormat::Mono8,
@@ -66,16 +89,7 @@ impl Labelled {
         let image = Image::new(width, height, step, format, self.picture.as_bytes()).unwrap();
         let mut pipeline = Pipeline::new(params, None);
         let frame = Frame { stamp_ns: 0, image };
-        let output = pipeline.process(&frame, FrameIndex::default(), |_| ()).unwrap();
-        let line = output.centerline;
-        let (along, across) = match params.stripe_direction {
-            StripeDirection::Horizontal => (&line.u_px, &line.v_px),
-            StripeDirection::Vertical => (&line.v_px, &line.u_px),
-        };
-        let points = along.iter().zip(across);
-        let points: Vec<_> =
-            points.map(|(&along, &across)| (along as u32, f64::from(across))).collect();
-        Score::of(&self.labels, &points)
+        read(&pipeline.process(&frame, FrameIndex::default(), |_| ()).unwrap())
     }
 }
 
