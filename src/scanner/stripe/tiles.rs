@@ -211,9 +211,16 @@ impl<S: Sample> BlurredTiles<S> {
         let limit = threshold / UNITS;
         let Self { hot, maxima, across, .. } = self;
         for (tile_row, hot) in hot.chunks_exact_mut(*across).enumerate() {
+            let rows = tile_row * ROWS..((tile_row + 1) * ROWS).min(plane.height);
+            // Most rows are dark: nothing looks at them faster than a plain maximum.
+            let is_dark = |y| Into::<u32>::into(maximum(plane.row(y))) <= limit;
+            if rows.clone().all(is_dark) {
+                hot.fill(false);
+                continue;
+            }
             maxima.fill([S::default(); COLUMNS]);
             // Row by row: memory is read fastest in its own order.
-            for y in tile_row * ROWS..((tile_row + 1) * ROWS).min(plane.height) {
+            for y in rows {
                 let row = plane.row(y);
                 let (tiles, rest) = row.as_chunks();
                 for (maxima, tile) in maxima.iter_mut().zip(tiles) {
@@ -250,6 +257,12 @@ impl<S: Sample> BlurredTiles<S> {
             }
         }
     }
+}
+
+/// Largest sample of a row.
+#[inline(always)]
+fn maximum<S: Sample>(row: &[S]) -> S {
+    row.iter().fold(S::default(), |maximum, &sample| maximum.max(sample))
 }
 
 /// The last tile of a row that is no whole one: with it goes what lies before it in the row, which its neighbour counts
