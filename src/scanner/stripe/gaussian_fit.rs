@@ -4,6 +4,7 @@ use super::{
     blur::UNITS,
     lanes::{Centres, LANES, Lane, Sections, each, lane_of},
     logarithm::ln,
+    parabola::{NormalSums, Parabola},
     section::Noise,
 };
 
@@ -49,9 +50,8 @@ struct Fit {
 impl Fit {
     #[inline(always)]
     fn of(sections: &Sections, brightest: &Lane) -> Self {
-        // Σ w tᵏ, k = 0 … 4, and Σ w tᵏ ln G, k = 0 … 2: the normal equations, weights w = G².
-        let mut powers = [[0.0; LANES]; 5];
-        let mut right = [[0.0; LANES]; 3];
+        // Weights w = G².
+        let mut sums = NormalSums::default();
         let last = sections.last_place();
         let by_peak = each(|lane| 1.0 / sections.peak[lane]);
         let ln_peak = each(|lane| ln(sections.peak[lane]));
@@ -64,35 +64,22 @@ impl Fit {
                 let t = place[lane] - brightest[lane];
                 // Relative to the peak, so that equal samples make an exactly level parabola.
                 let logarithm = ln(if is_inside { level[lane] } else { 1.0 }) - ln_peak[lane];
-                let (first, second) = (weight * t, weight * t * t);
-                powers[0][lane] += weight;
-                powers[1][lane] += first;
-                powers[2][lane] += second;
-                powers[3][lane] += second * t;
-                powers[4][lane] += second * t * t;
-                right[0][lane] += weight * logarithm;
-                right[1][lane] += first * logarithm;
-                right[2][lane] += second * logarithm;
+                sums.add(lane, weight, (t, logarithm));
             }
         }
-        Self::solve(&powers, &right, brightest, &last)
+        Self::solve(&sums, brightest, &last)
     }
 
     #[inline(always)]
-    fn solve(powers: &[Lane; 5], right: &[Lane; 3], brightest: &Lane, last: &Lane) -> Self {
+    fn solve(sums: &NormalSums, brightest: &Lane, last: &Lane) -> Self {
         let none = [0.0; LANES];
         let mut fit = Self { is_peak: none, position_px: none, gradient: [none; 3] };
         for lane in 0..LANES {
-            let [s0, s1, s2, s3, s4] = lane_of(powers, lane);
-            let [r0, r1, r2] = lane_of(right, lane);
-            // p₀ eliminated: two equations for p₁ and p₂.
-            let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
-            let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
-            let determinant = a11 * a22 - a12 * a12;
-            let slope = (b1 * a22 - b2 * a12) / determinant;
-            let curvature = (b2 * a11 - b1 * a12) / determinant;
+            let Parabola { slope, curvature, sums: [s0, s1, s2], matrix, determinant, .. } =
+                sums.solve(lane);
+            let [a11, a12, a22] = matrix;
             let position_px = brightest[lane] - slope / (2.0 * curvature);
-            // Not so for too few samples either: the determinant is 0, the position not a number.
+            // Not so for too few samples either: the position is not a number.
             let is_peak = (curvature < 0.0) & (position_px >= 0.0) & (position_px <= last[lane]);
             fit.is_peak[lane] = if is_peak { 1.0 } else { 0.0 };
             fit.position_px[lane] = position_px;

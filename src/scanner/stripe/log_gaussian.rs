@@ -13,9 +13,10 @@
 use super::{
     elementary::exp,
     gaussian_ml::start::{SIGMA_RANGE_PX, Start},
-    lanes::{Centres, LANES, Lane, Sections, each, lane_of},
+    lanes::{Centres, LANES, Lane, Sections, each},
     logarithm::ln,
     noise::PixelNoise,
+    parabola::{NormalSums, Parabola},
 };
 
 /// Rounds of weighing anew.
@@ -35,12 +36,12 @@ pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> 
     // Any place in the candidate: 1/√12 of its length.
     let mut sigma_px: Lane = each(|lane| 0.289 * length[lane]);
     for _ in 0..ROUNDS {
-        let sums = Sums::of(sections, &start, noise, full_scale);
+        let sums = weighed(sections, &start, noise, full_scale);
         for lane in 0..LANES {
             let scale = start.curve.sigma_px[lane];
             let centre = start.curve.centre_px[lane];
-            let parabola = sums.solve(lane);
-            let step = parabola.maximum;
+            let parabola = maximum(&sums, lane);
+            let step = parabola.place;
             let next = centre + scale * step;
             let (low, high) = SIGMA_RANGE_PX;
             let sigma = scale * (-0.5 / parabola.curvature).sqrt();
@@ -88,80 +89,59 @@ fn background(sections: &Sections, start: &Start) -> Lane {
     )
 }
 
-/// Sums of the normal equations in t = (x - c)/s of the last round's curve; logarithms relative to its height.
-struct Sums {
-    powers: [Lane; 5],
-    right: [Lane; 3],
-}
-
-/// One lane's parabola.
-struct Parabola {
+/// The maximum of one lane's parabola.
+struct Maximum {
     /// p₂.
     curvature: f32,
     /// -p₁ / 2p₂.
-    maximum: f32,
+    place: f32,
     /// Its value there.
     rise: f32,
     /// Variance of the maximum's place.
     variance: f32,
 }
 
-impl Sums {
-    #[inline(always)]
-    fn of(sections: &Sections, start: &Start, noise: PixelNoise, full_scale: f32) -> Self {
-        let mut sums = Self { powers: [[0.0; LANES]; 5], right: [[0.0; LANES]; 3] };
-        let curve = &start.curve;
-        let by_sigma = each(|lane| 1.0 / curve.sigma_px[lane]);
-        let by_amplitude = each(|lane| 1.0 / curve.amplitude[lane]);
-        // A sample whose level is three standard deviations below full scale is hardly ever cut.
-        let bright = full_scale - 3.0 * noise.variance(full_scale).sqrt();
-        for i in start.rows(sections) {
-            let (place, samples) = (sections.place(i), sections.raw[i]);
-            for lane in 0..LANES {
-                let x = place[lane];
-                let t = (x - curve.centre_px[lane]) * by_sigma[lane];
-                let share = exp(-0.5 * t * t);
-                let level = curve.amplitude[lane] * share;
-                let total = level + curve.background[lane];
-                let sample = samples[lane];
-                let counts = (level > FAINTEST * curve.amplitude[lane].min(full_scale))
-                    & start.holds(i as f32, lane)
-                    & (sample < full_scale)
-                    & (total < bright.max(0.8 * full_scale));
-                let weight = if counts { level * level / noise.variance(total) } else { 0.0 };
-                // Noise may leave nothing to take the logarithm of.
-                let seen = (sample - curve.background[lane]).max(0.05 * level).max(1e-6);
-                let logarithm = ln(seen * by_amplitude[lane]);
-                let (first, second) = (weight * t, weight * t * t);
-                sums.powers[0][lane] += weight;
-                sums.powers[1][lane] += first;
-                sums.powers[2][lane] += second;
-                sums.powers[3][lane] += second * t;
-                sums.powers[4][lane] += second * t * t;
-                sums.right[0][lane] += weight * logarithm;
-                sums.right[1][lane] += first * logarithm;
-                sums.right[2][lane] += second * logarithm;
-            }
+/// The normal equations in t = (x - c)/s of the last round's curve; logarithms relative to its height.
+#[inline(always)]
+fn weighed(sections: &Sections, start: &Start, noise: PixelNoise, full_scale: f32) -> NormalSums {
+    let mut sums = NormalSums::default();
+    let curve = &start.curve;
+    let by_sigma = each(|lane| 1.0 / curve.sigma_px[lane]);
+    let by_amplitude = each(|lane| 1.0 / curve.amplitude[lane]);
+    // A sample whose level is three standard deviations below full scale is hardly ever cut.
+    let bright = full_scale - 3.0 * noise.variance(full_scale).sqrt();
+    for i in start.rows(sections) {
+        let (place, samples) = (sections.place(i), sections.raw[i]);
+        for lane in 0..LANES {
+            let x = place[lane];
+            let t = (x - curve.centre_px[lane]) * by_sigma[lane];
+            let share = exp(-0.5 * t * t);
+            let level = curve.amplitude[lane] * share;
+            let total = level + curve.background[lane];
+            let sample = samples[lane];
+            let counts = (level > FAINTEST * curve.amplitude[lane].min(full_scale))
+                & start.holds(i as f32, lane)
+                & (sample < full_scale)
+                & (total < bright.max(0.8 * full_scale));
+            let weight = if counts { level * level / noise.variance(total) } else { 0.0 };
+            // Noise may leave nothing to take the logarithm of.
+            let seen = (sample - curve.background[lane]).max(0.05 * level).max(1e-6);
+            let logarithm = ln(seen * by_amplitude[lane]);
+            sums.add(lane, weight, (t, logarithm));
         }
-        sums
     }
+    sums
+}
 
-    /// p₀ eliminated: two equations for p₁ and p₂, whose inverse is their covariance; too few samples make no number.
-    #[inline(always)]
-    fn solve(&self, lane: usize) -> Parabola {
-        let [s0, s1, s2, s3, s4] = lane_of(&self.powers, lane);
-        let [r0, r1, r2] = lane_of(&self.right, lane);
-        let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
-        let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
-        let determinant = a11 * a22 - a12 * a12;
-        let slope = (b1 * a22 - b2 * a12) / determinant;
-        let curvature = (b2 * a11 - b1 * a12) / determinant;
-        let constant = (r0 - slope * s1 - curvature * s2) / s0;
-        let maximum = -0.5 * slope / curvature;
-        // d(-p₁/2p₂) = -(dp₁ + 2 dp₂ · maximum) / 2p₂
-        let by_curvature = 2.0 * maximum;
-        let variance = (a22 - 2.0 * by_curvature * a12 + by_curvature * by_curvature * a11)
-            / (determinant * 4.0 * curvature * curvature);
-        Parabola { curvature, maximum, rise: constant + 0.5 * slope * maximum, variance }
-    }
+/// Its covariance is the inverse of the equations.
+#[inline(always)]
+fn maximum(sums: &NormalSums, lane: usize) -> Maximum {
+    let Parabola { constant, slope, curvature, matrix, determinant, .. } = sums.solve(lane);
+    let [a11, a12, a22] = matrix;
+    let place = -0.5 * slope / curvature;
+    // d(-p₁/2p₂) = -(dp₁ + 2 dp₂ · place) / 2p₂
+    let by_curvature = 2.0 * place;
+    let variance = (a22 - 2.0 * by_curvature * a12 + by_curvature * by_curvature * a11)
+        / (determinant * 4.0 * curvature * curvature);
+    Maximum { curvature, place, rise: constant + 0.5 * slope * place, variance }
 }

@@ -26,6 +26,7 @@ pub mod width;
 pub mod broad;
 pub mod elementary;
 pub mod noise;
+pub mod parabola;
 pub mod gaussian_fit;
 pub mod gaussian_ml;
 pub mod log_gaussian;

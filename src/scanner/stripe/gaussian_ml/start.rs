@@ -3,9 +3,10 @@
 use super::{
     super::{
         elementary::{bounded, exp},
-        lanes::{LANES, Lane, Sections, each, lane_of},
+        lanes::{LANES, Lane, Sections, each},
         logarithm::ln,
         noise::PixelNoise,
+        parabola::{NormalSums, Parabola},
     },
     curve::Curve,
 };
@@ -165,8 +166,7 @@ impl Floor {
 
 /// Sums of the normal equations: weights w = y², logarithms relative to full scale, places from the candidate's middle.
 struct Sums {
-    powers: [Lane; 5],
-    right: [Lane; 3],
+    parabola: NormalSums,
     /// Σ y and Σ x y.
     level: Lane,
     moment: Lane,
@@ -185,8 +185,7 @@ impl Sums {
     fn of(sections: &Sections, floor: &Floor, full_scale: f32) -> Self {
         let none = [0.0; LANES];
         let mut sums = Self {
-            powers: [none; 5],
-            right: [none; 3],
+            parabola: NormalSums::default(),
             level: none,
             moment: none,
             middle: each(|lane| 0.5 * (sections.last[lane] - sections.first[lane])),
@@ -217,15 +216,7 @@ impl Sums {
                 let weight = if counts { relative * relative } else { 0.0 };
                 let logarithm = ln(relative);
                 let t = x - sums.middle[lane];
-                let square = weight * t * t;
-                sums.powers[0][lane] += weight;
-                sums.powers[1][lane] += weight * t;
-                sums.powers[2][lane] += square;
-                sums.powers[3][lane] += square * t;
-                sums.powers[4][lane] += square * t * t;
-                sums.right[0][lane] += weight * logarithm;
-                sums.right[1][lane] += weight * t * logarithm;
-                sums.right[2][lane] += square * logarithm;
+                sums.parabola.add(lane, weight, (t, logarithm));
             }
         }
         sums
@@ -237,14 +228,7 @@ impl Sums {
     /// Gaussian with the same area.
     #[inline(always)]
     fn fit(&self, lane: usize, peak: f32, full_scale: f32, length: f32) -> Guess {
-        let [s0, s1, s2, s3, s4] = lane_of(&self.powers, lane);
-        let [r0, r1, r2] = lane_of(&self.right, lane);
-        let (a11, a12, a22) = (s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0);
-        let (b1, b2) = (r1 - s1 * r0 / s0, r2 - s2 * r0 / s0);
-        let determinant = a11 * a22 - a12 * a12;
-        let slope = (b1 * a22 - b2 * a12) / determinant;
-        let curvature = (b2 * a11 - b1 * a12) / determinant;
-        let constant = (r0 - slope * s1 - curvature * s2) / s0;
+        let Parabola { constant, slope, curvature, .. } = self.parabola.solve(lane);
         let middle = self.middle[lane];
         let at = -0.5 * slope / curvature;
         let (level, moment) = (self.level[lane], self.moment[lane]);
