@@ -66,8 +66,8 @@ pub enum CalibrationError {
 }
 
 impl CalibrationError {
-    fn value(key: &'static str, value: impl ToString, allowed: &'static str) -> Self {
-        Self::Value { key, value: value.to_string(), allowed }
+    fn value(key: &'static str, value: impl Into<String>, allowed: &'static str) -> Self {
+        Self::Value { key, value: value.into(), allowed }
     }
 }
 

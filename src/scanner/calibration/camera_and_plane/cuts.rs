@@ -115,7 +115,7 @@ impl Cuts<'_> {
         if *lens == Distortion::None {
             return Some(Ray { bent, straight: bent, straight_per_bent: Matrix2::identity() });
         }
-        let ray = self.from_neighbour(bent).or_else(|| {
+        let ray = self.beside_neighbour(bent).or_else(|| {
             let straight = lens.undistort(bent)?;
             let straight_per_bent = lens.bend(straight).1.try_inverse()?;
             Some(Ray { bent, straight, straight_per_bent })
@@ -125,7 +125,7 @@ impl Cuts<'_> {
     }
 
     /// Newton's method from where the neighbour's ray and its derivative lead. `None` when that does not arrive.
-    fn from_neighbour(&self, bent: Point2<f64>) -> Option<Ray> {
+    fn beside_neighbour(&self, bent: Point2<f64>) -> Option<Ray> {
         let neighbour = self.neighbour.as_ref()?;
         let mut straight =
             neighbour.straight + neighbour.straight_per_bent * (bent - neighbour.bent);

@@ -124,7 +124,7 @@ impl CameraFile {
         for (key, size) in [("image_width", self.image_width), ("image_height", self.image_height)]
         {
             if !(1..=65_535).contains(&size) {
-                return Err(CalibrationError::value(key, size, "1 to 65535 pixels"));
+                return Err(CalibrationError::value(key, size.to_string(), "1 to 65535 pixels"));
             }
         }
         let k = &self.camera_matrix;
@@ -171,7 +171,7 @@ impl CameraFile {
             Some(allowed) => wrong(allowed),
             None => CalibrationError::value(
                 "distortion_model",
-                &self.distortion_model,
+                self.distortion_model.clone(),
                 "plumb_bob or rational_polynomial",
             ),
         })
@@ -183,7 +183,7 @@ impl PlaneEntry {
         if !(self.distance_m.is_finite() && self.distance_m > 0.0) {
             return Err(CalibrationError::value(
                 "laser_plane.distance_m",
-                self.distance_m,
+                self.distance_m.to_string(),
                 "a finite number above 0 (turn the normal around)",
             ));
         }
@@ -206,7 +206,7 @@ impl AlignmentEntry {
 impl AxisEntry {
     fn axis(self) -> Result<Axis, CalibrationError> {
         let kind = AxisKind::from_name(&self.kind).ok_or_else(|| {
-            CalibrationError::value("axis.kind", &self.kind, "prismatic or revolute")
+            CalibrationError::value("axis.kind", self.kind.clone(), "prismatic or revolute")
         })?;
         let point_m = match (kind, self.point_m) {
             (AxisKind::Prismatic, _) => [0.0; 3],
@@ -220,7 +220,7 @@ impl AxisEntry {
         if !(self.scale.is_finite() && self.scale != 0.0) {
             return Err(CalibrationError::value(
                 "axis.scale",
-                self.scale,
+                self.scale.to_string(),
                 "a finite number, not 0",
             ));
         }
