@@ -32,7 +32,9 @@ fn along(residuals: &[f64], shape: [usize; 2], strides: [usize; 2]) -> f64 {
         }
         (num > 0).then(|| (sum / num as f64, num))
     };
-    let Some((variance, _)) = product(0).filter(|(variance, _)| *variance > 0.0) else { return 1.0 };
+    let Some((variance, _)) = product(0).filter(|(variance, _)| *variance > 0.0) else {
+        return 1.0;
+    };
     let mut factor = 1.0;
     for lag in 1..=length / MAX_SHARE {
         let Some((covariance, num)) = product(lag) else { break };
@@ -66,8 +68,8 @@ mod tests {
 
     #[test]
     fn holes_and_nothing_are_no_reason_to_stop() {
-        assert_eq!(inflation(&[], 0), [1.0, 1.0]);
-        assert_eq!(inflation(&[f64::NAN; 30], 10), [1.0, 1.0]);
-        assert_eq!(inflation(&[0.0; 30], 10), [1.0, 1.0]);
+        for residuals in [&[] as &[f64], &[f64::NAN; 30], &[0.0; 30]] {
+            assert!(inflation(residuals, 10).iter().all(|factor| (factor - 1.0).abs() < 1e-15));
+        }
     }
 }

@@ -88,13 +88,17 @@ impl Plateau {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StepsError {
     /// Too few different heights.
-    #[error("{found} different heights are given, {MIN_HEIGHTS} or more are needed: a camera sees equal steps the smaller the farther they are")]
+    #[error(
+        "{found} different heights are given, {MIN_HEIGHTS} or more are needed: a camera sees equal steps the smaller the farther they are"
+    )]
     TooFew {
         /// Different heights given.
         found: usize,
     },
     /// The stripe does not move with the height, or not always the same way.
-    #[error("the stripe does not move steadily with the height: {lower_m} m lies at {lower_px:.2} px, {upper_m} m at {upper_px:.2} px across the stripe; are the heights in their order along the stripe?")]
+    #[error(
+        "the stripe does not move steadily with the height: {lower_m} m lies at {lower_px:.2} px, {upper_m} m at {upper_px:.2} px across the stripe; are the heights in their order along the stripe?"
+    )]
     Order {
         /// A height, metres.
         lower_m: f64,
@@ -238,7 +242,7 @@ fn is_better(both: &Model, across: &Model, plateaus: &[Plateau]) -> bool {
 fn least_squares(rows: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
     let svd = rows.clone().svd(true, true);
     let (largest, smallest) = (svd.singular_values.max(), svd.singular_values.min());
-    if !(smallest > 1e-10 * largest) {
+    if smallest.is_nan() || smallest <= 1e-10 * largest {
         return None;
     }
     svd.solve(values, 0.0).ok()

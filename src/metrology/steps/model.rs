@@ -48,7 +48,8 @@ impl Model {
             let [u, v] = blank.local(place);
             [v, 1.0, -height_m * v, u, -height_m * u][j]
         });
-        let heights = DVector::from_iterator(places.len(), places.iter().map(|(_, height)| *height));
+        let heights =
+            DVector::from_iterator(places.len(), places.iter().map(|(_, height)| *height));
         let mut model = Self { values: least_squares_scaled(&rows, &heights)?, ..blank };
         for _ in 0..MAX_ROUNDS {
             let (jacobian, residuals) = model.linearised(&places)?;
@@ -71,7 +72,10 @@ impl Model {
             Some(normal.try_inverse()? * sigma_m.powi(2))
         });
         let num = self.values.len();
-        Self { covariance: spread.unwrap_or_else(|| DMatrix::from_element(num, num, f64::INFINITY)), ..self }
+        Self {
+            covariance: spread.unwrap_or_else(|| DMatrix::from_element(num, num, f64::INFINITY)),
+            ..self
+        }
     }
 
     /// Height at (along, across) in pixels, metres; none behind the camera.

@@ -1,5 +1,3 @@
-#![expect(clippy::float_cmp, reason = "what is handed through is not computed")]
-
 use super::*;
 use nalgebra::{Rotation3, Vector3};
 use rand::SeedableRng;
@@ -104,7 +102,8 @@ fn the_stated_uncertainty_of_a_height_covers_the_truth() {
         let result = calibrate(&pinhole.whole(&HEIGHTS_M, 0.3, seed), Some(Term::Across)).unwrap();
         let place = pinhole.see(0.0, 0.007);
         let error = result.model.height_m(place).unwrap() - 0.007;
-        let u95 = factor_95(result.degrees_of_freedom as f64) * result.model.sigma_m(place).unwrap();
+        let u95 =
+            factor_95(result.degrees_of_freedom as f64) * result.model.sigma_m(place).unwrap();
         covered += u32::from(error.abs() < u95);
     }
     let share = f64::from(covered) / num as f64;

@@ -33,7 +33,9 @@ pub struct VerticalGeometry {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum VerticalIncidenceError {
     /// The perspective does not show.
-    #[error("the heights do not tell a, b and β apart: cos β / b is {value:.3} ± {sigma:.3} 1/m; use more height, or the projective model, which needs neither")]
+    #[error(
+        "the heights do not tell a, b and β apart: cos β / b is {value:.3} ± {sigma:.3} 1/m; use more height, or the projective model, which needs neither"
+    )]
     NotIdentified {
         /// cos β / b, 1/metres.
         value: f64,
@@ -41,7 +43,9 @@ pub enum VerticalIncidenceError {
         sigma: f64,
     },
     /// Perspective and known length contradict one another.
-    #[error("an object distance of {object_distance_m} m contradicts the heights: cos β would be {cos:.3}")]
+    #[error(
+        "an object distance of {object_distance_m} m contradicts the heights: cos β would be {cos:.3}"
+    )]
     Contradiction {
         /// b as given, metres.
         object_distance_m: f64,
@@ -65,7 +69,7 @@ pub fn vertical_incidence(
     let b_of = |[p, _, r]: [f64; 3]| r / p;
     let spread = |value: &dyn Fn([f64; 3]) -> f64| propagated(value, numbers, &covariance);
     let (value, sigma) = (b_of(numbers), spread(&b_of));
-    if !(value > 2.0 * sigma) {
+    if value.is_nan() || sigma.is_nan() || value <= 2.0 * sigma {
         return Err(VerticalIncidenceError::NotIdentified { value, sigma });
     }
     let [a, b, beta, base] = of(numbers);

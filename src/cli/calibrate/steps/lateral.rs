@@ -1,6 +1,9 @@
 //! What a pixel sees along the stripe: heights alone do not tell it.
 
-use crate::metrology::steps::{Model, Plateau};
+use crate::{
+    metrology::steps::{Model, Plateau},
+    scanner::params::StripeDirection,
+};
 
 /// A plateau, and its borders along the stripe when both lie between plateaus of one picture, pixels.
 pub(super) struct Bordered<'a> {
@@ -47,9 +50,22 @@ fn denominator_at_base(model: &Model, middle_px: f64) -> f64 {
     w[0] * middle_px + w[1] * across + w[2]
 }
 
-/// The homography (column, row, 1) → (x, z, 1) in rows, from the map and the numerator of x; `is_vertical`: a stripe
-/// from top to bottom, whose positions along are rows.
-pub(super) fn homography(model: &Model, middle_px: f64, scale: f64) -> [[f64; 3]; 3] {
+/// The homography from (column, row, 1) to (x, z, 1), row-major, from the map and the numerator of x.
+pub(super) fn homography(
+    model: &Model,
+    direction: StripeDirection,
+    middle_px: f64,
+    scale: f64,
+) -> [f64; 9] {
     let [z, w] = model.rows();
-    [[scale, 0.0, -scale * middle_px], z, w]
+    let rows =
+        [[scale, 0.0, -scale * middle_px], z, w].map(|[along, across, one]| match direction {
+            StripeDirection::Horizontal => [along, across, one],
+            StripeDirection::Vertical => [across, along, one],
+        });
+    let mut flat = [0.0; 9];
+    for (entry, value) in flat.iter_mut().zip(rows.iter().flatten()) {
+        *entry = *value;
+    }
+    flat
 }
