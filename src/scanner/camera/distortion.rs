@@ -1,0 +1,311 @@
+//! What a lens bends, on the plane z = 1: OpenCV's formulas (calib3d documentation, "Detailed Description"), which ROS
+//! calls `plumb_bob` and `rational_polynomial`.
+//!
+//! `x'' = x' f + 2 p1 x' y' + p2 (r² + 2 x'²)`, `y'' = y' f + p1 (r² + 2 y'²) + 2 p2 x' y'`, `r² = x'² + y'²`,
+//! `f = (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶)`.
+//!
+//! Far from the centre these formulas may fold back: two rays, one pixel. Their Jacobian is symmetric, so that they are the
+//! gradient of a potential; on a disc about the centre in which the Jacobian is positive definite the potential is strictly
+//! convex, and no two points of the disc are seen in one place. Nothing outside that disc is measured.
+
+use nalgebra::{Matrix2, Point2, Vector2};
+
+/// Distance of two radii at which the Jacobian is looked at.
+const RADIUS_STEP: f64 = 1.0 / 64.0;
+/// Largest radius that is measured through a lens that bends: 83 degrees off the axis.
+const LARGEST_RADIUS: f64 = 8.0;
+const MAX_ITERATIONS: u32 = 50;
+/// On the plane z = 1. With a focal length of 10,000 px it is 1e-8 px.
+const TOLERANCE: f64 = 1e-12;
+
+/// How a lens departs from a pinhole.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Distortion {
+    /// Not at all.
+    #[default]
+    None,
+    /// Radial and tangential, five coefficients.
+    #[expect(missing_docs, reason = "names of the formula")]
+    PlumbBob { k1: f64, k2: f64, p1: f64, p2: f64, k3: f64 },
+    /// The radial part is a fraction, eight coefficients.
+    #[expect(missing_docs, reason = "names of the formula")]
+    RationalPolynomial { k1: f64, k2: f64, p1: f64, p2: f64, k3: f64, k4: f64, k5: f64, k6: f64 },
+}
+
+impl Distortion {
+    /// The model of those names and coefficients, in ROS's order: k1, k2, p1, p2, k3, k4, k5, k6.
+    ///
+    /// # Errors
+    /// `None` for a model that is not known; how many coefficients the model has, when they are not so many.
+    pub fn from_coefficients(name: &str, d: &[f64]) -> Result<Self, Option<&'static str>> {
+        if !matches!(name, "plumb_bob" | "rational_polynomial") {
+            return Err(None);
+        }
+        if d.iter().all(|value| *value == 0.0) {
+            return Ok(Self::None);
+        }
+        match (name, d) {
+            ("plumb_bob", &[k1, k2, p1, p2]) => Ok(Self::PlumbBob { k1, k2, p1, p2, k3: 0.0 }),
+            ("plumb_bob", &[k1, k2, p1, p2, k3]) => Ok(Self::PlumbBob { k1, k2, p1, p2, k3 }),
+            ("plumb_bob", _) => Err(Some("five numbers k1, k2, p1, p2, k3 for plumb_bob")),
+            (_, &[k1, k2, p1, p2, k3, k4, k5, k6]) => {
+                Ok(Self::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 })
+            }
+            _ => Err(Some("eight numbers k1, k2, p1, p2, k3, k4, k5, k6 for rational_polynomial")),
+        }
+    }
+
+    /// ROS's name of the model.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::None | Self::PlumbBob { .. } => "plumb_bob",
+            Self::RationalPolynomial { .. } => "rational_polynomial",
+        }
+    }
+
+    /// The coefficients in ROS's order: k1, k2, p1, p2, k3, and for a fraction k4, k5, k6.
+    pub fn coefficients(&self) -> Vec<f64> {
+        match *self {
+            Self::None => vec![0.0; 5],
+            Self::PlumbBob { k1, k2, p1, p2, k3 } => vec![k1, k2, p1, p2, k3],
+            Self::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 } => {
+                vec![k1, k2, p1, p2, k3, k4, k5, k6]
+            }
+        }
+    }
+
+    /// Where on the plane z = 1 a point of that plane appears. `None` where the model folds back.
+    pub fn distort(&self, straight: Point2<f64>) -> Option<Point2<f64>> {
+        if *self == Self::None {
+            return Some(straight);
+        }
+        self.is_before_fold(straight.coords.norm()).then(|| self.bend(straight).0)
+    }
+
+    /// The point of the plane z = 1 that appears there: Newton's method with the exact Jacobian. `None` where there is no
+    /// such point, or none before the model folds back.
+    pub fn undistort(&self, bent: Point2<f64>) -> Option<Point2<f64>> {
+        if *self == Self::None {
+            return Some(bent);
+        }
+        if !bent.coords.norm().is_finite() {
+            return None;
+        }
+        let mut start = bent;
+        while !self.is_before_fold(start.coords.norm()) {
+            start *= 0.5;
+        }
+        self.solve(bent, start)
+    }
+
+    /// Newton's method with steps that are halved until they lead on and stay before the fold.
+    fn solve(&self, bent: Point2<f64>, start: Point2<f64>) -> Option<Point2<f64>> {
+        let mut straight = start;
+        let (mut seen, mut jacobian) = self.bend(straight);
+        for _ in 0..MAX_ITERATIONS {
+            let residual = bent - seen;
+            let error = residual.norm();
+            if error < TOLERANCE * (1.0 + bent.coords.norm()) {
+                return Some(straight);
+            }
+            let mut step: Vector2<f64> = jacobian.try_inverse()? * residual;
+            loop {
+                let next = straight + step;
+                if self.is_before_fold(next.coords.norm()) {
+                    let (next_seen, next_jacobian) = self.bend(next);
+                    if (bent - next_seen).norm() < error {
+                        (straight, seen, jacobian) = (next, next_seen, next_jacobian);
+                        break;
+                    }
+                }
+                step *= 0.5;
+                if step.norm() < TOLERANCE * 1e-3 {
+                    return None;
+                }
+            }
+        }
+        None
+    }
+
+    /// The formula and its derivative.
+    pub(in crate::scanner) fn bend(&self, straight: Point2<f64>) -> (Point2<f64>, Matrix2<f64>) {
+        let Terms { p1, p2, .. } = self.terms();
+        let (x, y) = (straight.x, straight.y);
+        let s = x * x + y * y;
+        let (f, slope) = self.radial(s);
+        let bent = Point2::new(
+            x * f + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x),
+            y * f + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y,
+        );
+        let mixed = 2.0 * (slope * x * y + p1 * x + p2 * y);
+        let jacobian = Matrix2::new(
+            f + 2.0 * slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x,
+            mixed,
+            mixed,
+            f + 2.0 * slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
+        );
+        (bent, jacobian)
+    }
+
+    /// Radial factor f and df/d(r²).
+    fn radial(&self, s: f64) -> (f64, f64) {
+        let Terms { above, below, .. } = self.terms();
+        let (n, dn) = series(above, s);
+        let (d, dd) = series(below, s);
+        (n / d, (dn * d - n * dd) / (d * d))
+    }
+
+    /// Whether the Jacobian is positive definite all around at this r². Its eigenvalues are f and f + 2 r² df/d(r²)
+    /// without the tangential terms, which take no more than 6 r |p| off them.
+    fn is_sound(&self, s: f64) -> bool {
+        let Terms { below, p1, p2, .. } = self.terms();
+        let (f, slope) = self.radial(s);
+        let tangential = 6.0 * (s * (p1 * p1 + p2 * p2)).sqrt();
+        series(below, s).0 > 0.0 && f.min(f + 2.0 * s * slope) > tangential
+    }
+
+    /// Whether the Jacobian is positive definite everywhere up to this radius.
+    fn is_before_fold(&self, radius: f64) -> bool {
+        if radius.is_nan() || radius > LARGEST_RADIUS {
+            return false;
+        }
+        let steps = (radius / RADIUS_STEP) as u32;
+        self.is_sound(radius * radius)
+            && (1..=steps).all(|step| self.is_sound((f64::from(step) * RADIUS_STEP).powi(2)))
+    }
+
+    /// The radius on the plane z = 1 up to which the Jacobian is positive definite everywhere.
+    pub(in crate::scanner) fn largest_radius(&self) -> f64 {
+        if *self == Self::None {
+            return f64::INFINITY;
+        }
+        let steps = 1..=(LARGEST_RADIUS / RADIUS_STEP) as u32;
+        let mut radii = steps.map(|step| f64::from(step) * RADIUS_STEP);
+        let Some(mut above) = radii.find(|radius| !self.is_sound(radius * radius)) else {
+            return LARGEST_RADIUS;
+        };
+        let mut below = above - RADIUS_STEP;
+        for _ in 0..MAX_ITERATIONS {
+            let middle = 0.5 * (below + above);
+            *(if self.is_sound(middle * middle) { &mut below } else { &mut above }) = middle;
+        }
+        below
+    }
+
+    fn terms(&self) -> Terms {
+        match *self {
+            Self::None => Terms { above: [0.0; 3], below: [0.0; 3], p1: 0.0, p2: 0.0 },
+            Self::PlumbBob { k1, k2, p1, p2, k3 } => {
+                Terms { above: [k1, k2, k3], below: [0.0; 3], p1, p2 }
+            }
+            Self::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 } => {
+                Terms { above: [k1, k2, k3], below: [k4, k5, k6], p1, p2 }
+            }
+        }
+    }
+}
+
+/// The coefficients by their place in the formula.
+struct Terms {
+    above: [f64; 3],
+    below: [f64; 3],
+    p1: f64,
+    p2: f64,
+}
+
+/// 1 + a s + b s² + c s³ and its derivative.
+fn series([a, b, c]: [f64; 3], s: f64) -> (f64, f64) {
+    (1.0 + s * (a + s * (b + s * c)), a + s * (2.0 * b + s * 3.0 * c))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Strong barrel, strong pincushion, and a wide lens of eight coefficients.
+    const LENSES: [Distortion; 3] = [
+        Distortion::PlumbBob { k1: -0.45, k2: 0.25, p1: 0.002, p2: -0.003, k3: -0.06 },
+        Distortion::PlumbBob { k1: 0.35, k2: 0.2, p1: -0.004, p2: 0.002, k3: 0.1 },
+        Distortion::RationalPolynomial {
+            k1: 8.2,
+            k2: 4.6,
+            p1: -0.0002,
+            p2: 0.0007,
+            k3: 0.21,
+            k4: 8.6,
+            k5: 7.4,
+            k6: 1.2,
+        },
+    ];
+
+    /// Radius beyond which a lens is not measured.
+    fn limit(lens: &Distortion) -> f64 {
+        (1..8000)
+            .map(|k| f64::from(k) * 1e-3)
+            .take_while(|r| lens.is_before_fold(*r))
+            .last()
+            .unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn undistort_undoes_distort_up_to_the_fold(
+            lens in 0..LENSES.len(), share in 0.0..0.999_f64, angle in 0.0..std::f64::consts::TAU,
+        ) {
+            let lens = LENSES[lens];
+            let radius = share * limit(&lens);
+            let straight = Point2::new(radius * angle.cos(), radius * angle.sin());
+            let bent = lens.distort(straight).unwrap();
+            let again = lens.distort(lens.undistort(bent).unwrap()).unwrap();
+            let relative = (again - bent).norm() / (1.0 + bent.coords.norm());
+            prop_assert!(relative < 1e-11, "{bent} {again}");
+        }
+
+        #[test]
+        fn the_jacobian_is_the_derivative(
+            lens in 0..LENSES.len(), x in -0.6..0.6_f64, y in -0.6..0.6_f64,
+        ) {
+            let (lens, h) = (LENSES[lens], 1e-6);
+            let jacobian = lens.bend(Point2::new(x, y)).1;
+            for (column, step) in [Vector2::new(h, 0.0), Vector2::new(0.0, h)].into_iter().enumerate() {
+                let at = |sign: f64| lens.bend(Point2::new(x, y) + step * sign).0;
+                let difference = (at(1.0) - at(-1.0)) / (2.0 * h);
+                prop_assert!((jacobian.column(column) - difference).norm() < 1e-8);
+            }
+        }
+
+        /// Whatever the place, an answer is the ray that is seen there.
+        #[test]
+        fn no_ray_is_wrong(lens in 0..LENSES.len(), x in -20.0..20.0_f64, y in -20.0..20.0_f64) {
+            let (lens, bent) = (LENSES[lens], Point2::new(x, y));
+            if let Some(straight) = lens.undistort(bent) {
+                prop_assert!((lens.distort(straight).unwrap() - bent).norm() < 1e-10);
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_fold_nothing_is_measured() {
+        let barrel = Distortion::PlumbBob { k1: -0.3, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
+        // r (1 - 0.3 r²) is largest at r² = 1 / 0.9, where it is 0.7027.
+        let fold = (1.0_f64 / 0.9).sqrt();
+        assert!(barrel.distort(Point2::new(fold - 1e-6, 0.0)).is_some());
+        assert!(barrel.distort(Point2::new(0.0, fold + 1e-6)).is_none());
+        let edge = fold * 2.0 / 3.0;
+        let straight = barrel.undistort(Point2::new(edge - 1e-6, 0.0)).unwrap();
+        assert!((fold - 0.01..fold).contains(&straight.x), "{straight}");
+        assert!(barrel.undistort(Point2::new(edge + 1e-6, 0.0)).is_none());
+    }
+
+    #[test]
+    fn what_is_no_place_has_no_ray() {
+        for lens in LENSES {
+            for bent in [f64::NAN, f64::INFINITY, 1e300] {
+                assert!(lens.undistort(Point2::new(bent, 0.0)).is_none());
+                assert!(lens.distort(Point2::new(bent, 0.0)).is_none());
+            }
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! The plane of the laser's light.
+
+use nalgebra::{Point3, Unit, Vector3};
+
+/// All points p of the camera's frame (x right, y down, z forward, metres) with `normal · p = distance`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LaserPlane {
+    /// At right angles to the plane, away from the lens.
+    pub normal: Unit<Vector3<f64>>,
+    /// From the lens to the plane, metres, above 0.
+    pub distance_m: f64,
+}
+
+impl LaserPlane {
+    /// Two unit vectors in the plane, at right angles: the tilts a and b of a normal move it to n + a t₁ + b t₂.
+    /// The first is as near to the camera's x as can be, or to its y where the plane nearly is that of y and z.
+    pub fn tangents(&self) -> [Vector3<f64>; 2] {
+        let normal = self.normal.into_inner();
+        let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+        let first = (near - normal * normal.dot(&near)).normalize();
+        [first, normal.cross(&first)]
+    }
+
+    /// Where a ray from the lens meets the plane, metres. `None` when it never does in front of the lens.
+    pub fn meet(&self, ray: Vector3<f64>) -> Option<Point3<f64>> {
+        let scale = self.distance_m / self.normal.dot(&ray);
+        let point = Point3::from(ray * scale);
+        (scale > 0.0 && point.iter().all(|value| value.is_finite()) && point.z > 0.0)
+            .then_some(point)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ray_meets_the_plane_in_front_of_the_lens_or_not_at_all() {
+        let normal = Unit::new_normalize(Vector3::new(0.0, 1.0, 1.0));
+        let plane = LaserPlane { normal, distance_m: 2.0_f64.sqrt() };
+        let point = plane.meet(Vector3::new(0.5, 0.0, 1.0)).unwrap();
+        assert!((point - Point3::new(1.0, 0.0, 2.0)).norm() < 1e-15, "{point}");
+        // Parallel to the plane, and away from it.
+        assert!(plane.meet(Vector3::new(0.0, -1.0, 1.0)).is_none());
+        assert!(plane.meet(Vector3::new(0.0, -2.0, 1.0)).is_none());
+    }
+}
