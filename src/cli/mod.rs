@@ -7,6 +7,7 @@ mod length;
 mod progress;
 mod settings;
 mod recording;
+mod results;
 pub mod run;
 pub mod replay;
 pub mod parameters;
@@ -15,6 +16,7 @@ pub mod recover;
 pub mod simulate;
 pub mod evaluate;
 pub mod calibrate;
+pub mod measure;
 pub mod ambient;
 pub mod demo;
 
@@ -69,6 +71,7 @@ enum Verb {
     Simulate(simulate::SimulateArgs),
     Evaluate(evaluate::EvaluateArgs),
     Calibrate(calibrate::CalibrateArgs),
+    Measure(measure::MeasureArgs),
     Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
@@ -96,6 +99,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Simulate(args) => simulate::run(&args, out),
         Verb::Evaluate(args) => evaluate::run(args, ros, out),
         Verb::Calibrate(args) => calibrate::run(args, ros, out),
+        Verb::Measure(args) => measure::run(&args, out),
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),
