@@ -3,6 +3,7 @@
 mod interrupt;
 mod logging;
 mod summary;
+mod chart;
 mod length;
 mod progress;
 mod settings;
@@ -17,6 +18,7 @@ pub mod simulate;
 pub mod evaluate;
 pub mod calibrate;
 pub mod measure;
+pub mod export;
 pub mod ambient;
 pub mod demo;
 
@@ -72,6 +74,7 @@ enum Verb {
     Evaluate(evaluate::EvaluateArgs),
     Calibrate(calibrate::CalibrateArgs),
     Measure(measure::MeasureArgs),
+    Export(export::ExportArgs),
     Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
@@ -100,6 +103,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Evaluate(args) => evaluate::run(args, ros, out),
         Verb::Calibrate(args) => calibrate::run(args, ros, out),
         Verb::Measure(args) => measure::run(&args, out),
+        Verb::Export(args) => export::run(&args, out),
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),

@@ -42,8 +42,9 @@ pub(super) struct ResultsArgs {
 pub(super) struct Results {
     pub(super) bag: BagReader,
     pub(super) topic: String,
-    /// First and last slice of the scan that is meant, by number; slices beyond have no account and belong to the last.
+    /// The slices of the scan that is meant, by number; those without an account belong to the last scan.
     slices: std::ops::Range<u64>,
+    accounts: Vec<Account>,
 }
 
 /// How reading went.
@@ -66,9 +67,24 @@ impl Results {
         let bag = BagReader::open(&args.bag, &options)?;
         bag.notes().iter().for_each(|note| tracing::warn!("{note}"));
         let topic = choose_topic(&bag, args.topic.as_deref(), &args.bag)?;
-        let ends = scan_ends(&bag, &topic);
+        let accounts = accounts(&bag, &topic);
+        let last = (0_u64..).zip(&accounts).filter(|(_, account)| account.is_last);
+        let ends: Vec<u64> = last.map(|(number, _)| number).collect();
         let slices = choose_scan(&ends, args.scan)?;
-        Ok(Self { bag, topic, slices })
+        Ok(Self { bag, topic, slices, accounts })
+    }
+
+    /// The topic of the profiles beside the clouds; none without.
+    pub(super) fn profile_topic(&self) -> Option<String> {
+        let name = format!("{}profile", self.topic.strip_suffix("points")?);
+        self.bag.topics().iter().any(|topic| topic.name == name).then_some(name)
+    }
+
+    /// Whether the scan covers a frame; it may when there are no accounts.
+    pub(super) fn has_frame(&self, number: u64) -> bool {
+        let accounts = (0_u64..).zip(&self.accounts).filter(|(at, _)| self.slices.contains(at));
+        let mut frames = accounts.map(|(_, account)| account.frames).peekable();
+        frames.peek().is_none() || frames.any(|[first, last]| (first..=last).contains(&number))
     }
 
     /// Text of the calibration that the recording carries; none without, or when it cannot be read.
@@ -204,20 +220,23 @@ fn choose_topic(bag: &BagReader, wanted: Option<&str>, path: &Path) -> anyhow::R
     }
 }
 
-/// After which slices a scan ends, by the accounts that lie beside the clouds.
-fn scan_ends(bag: &BagReader, topic: &str) -> Vec<u64> {
+/// What lies beside a cloud: the frames it covers, and whether a scan ends with it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Account {
+    frames: [u64; 2],
+    is_last: bool,
+}
+
+/// The accounts of the slices in their order; an unreadable one covers frame 0 and ends nothing.
+fn accounts(bag: &BagReader, topic: &str) -> Vec<Account> {
     let Some(prefix) = topic.strip_suffix("points") else { return Vec::new() };
     let infos = format!("{prefix}slice_info");
-    let mut ends = Vec::new();
+    let read = |message: RawMessage| {
+        let info: SliceInfo<'_> = cdr::decode(&message.data).ok()?;
+        Some(Account { frames: [info.first_frame, info.last_frame], is_last: info.last_slice })
+    };
     let messages = bag.messages(&Filter::topics([infos.as_str()]));
-    for (number, message) in (0_u64..).zip(messages) {
-        let Ok(message) = message else { continue };
-        let is_last = cdr::decode::<SliceInfo<'_>>(&message.data).is_ok_and(|info| info.last_slice);
-        if is_last {
-            ends.push(number);
-        }
-    }
-    ends
+    messages.map(|message| message.ok().and_then(read).unwrap_or_default()).collect()
 }
 
 /// The slices of a scan.

@@ -14,7 +14,7 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 11] = [
+const VERBS: [&str; 12] = [
     "run",
     "replay",
     "parameters",
@@ -24,6 +24,7 @@ const VERBS: [&str; 11] = [
     "evaluate",
     "calibrate",
     "measure",
+    "export",
     "ambient",
     "demo",
 ];

@@ -177,7 +177,8 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
     // As correlated inside as on the reference.
     let share = plane.effective_points / (plane.num_points - plane.num_outliers).max(1) as f64;
     let effective = share * num_inside as f64;
-    let found = volume::over_plane(&resampler.finish(), &plane, plane.scatter_m, effective);
+    let found =
+        volume::over_plane(&resampler.finish(), &region, &plane, plane.scatter_m, effective);
     let mut answer = Answer::new("volume");
     input(&mut answer, &results, read, num_inside);
     let figure = Figure::new(found.volume_m3, found.sigma_m3);

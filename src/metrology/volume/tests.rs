@@ -37,7 +37,7 @@ fn a_cushion_has_its_volume_and_the_stated_uncertainty_covers_it() {
         }
         let plane = plane::fit(&base).unwrap();
         let points = surface.within(&inner).num_measured() as f64;
-        let volume = over_plane(&map(&surface, &inner), &plane, plane.scatter_m, points);
+        let volume = over_plane(&map(&surface, &inner), &inner, &plane, plane.scatter_m, points);
         assert!((volume.volume_m3 / truth - 1.0).abs() < 0.03, "{volume:?}");
         (volume.volume_m3 - truth).abs() < 1.96 * volume.sigma_m3
     });
@@ -52,7 +52,7 @@ fn what_is_missing_is_told() {
     }
     let plane = plane::fit(&surface).unwrap();
     let region = Region { from_m: [-2e-3, -2e-3], to_m: [1.99e-3, 1.99e-3] };
-    let volume = over_plane(&map(&surface, &region), &plane, 0.0, 1.0);
+    let volume = over_plane(&map(&surface, &region), &region, &plane, 0.0, 1.0);
     assert!(volume.volume_m3.abs() < 1e-16, "{volume:?}");
     assert!(
         (volume.area_m2 - 8e-6).abs() < 0.5e-6 && (volume.missing_m2 - 8e-6).abs() < 0.5e-6,
