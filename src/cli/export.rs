@@ -19,7 +19,7 @@ use serde_json::{Value as Json, json};
 use super::{
     Outcome, Usage,
     length::positive_m,
-    measure::region,
+    measure::{edges, region},
     results::{Read, Results, ResultsArgs},
 };
 use crate::metrology::{
@@ -40,7 +40,7 @@ Examples:
 Formats, by the ending:
   .ply   x, y, z, intensity as 32-bit floats in metres, binary little endian; with --color also red, green, blue
   .pcd   x, y, z, intensity as 32-bit floats in metres, binary (PCL 0.7)
-  .csv   one point a line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m, flags of every profile; with --region or
+  .csv   one point a line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m, flags of every profile; with --region, --heights or
          --level, or without profiles in the recording: x_m, y_m, z_m, intensity of the cloud
   .png   heights, 16 bit: level 0 is invalid, else z = offset_m + level * metres_per_level; the numbers stand in the file (tEXt)
          and in FILE.json beside it
@@ -66,10 +66,13 @@ pub struct ExportArgs {
     /// Only points in x0,y0,x1,y1.
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
+    /// Only heights from LOW to HIGH, before the scan is laid level.
+    #[arg(long, value_name = "LOW,HIGH", value_parser = edges, allow_hyphen_values = true)]
+    heights: Option<[f64; 2]>,
     /// Lays the scan level: turned and lifted so that the robust plane through its points lies at height 0.
     #[arg(long)]
     level: bool,
-    /// Side of a cell of height maps and pictures; the distance of the points, when not given.
+    /// Side of a cell of height maps and pictures; the geometric mean of the distances of the points, when not given.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m)]
     cell: Option<f64>,
     /// Closes gaps of at most so many cells in height maps and pictures.
@@ -134,7 +137,9 @@ pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     }
     let results = Results::open(&args.results)?;
     let region = args.region.unwrap_or(Region::ALL);
-    let placing = Placing { region, motion: motion(args, &results, &region)? };
+    let heights_m = args.heights.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let motion = motion(args, &results, &region)?;
+    let placing = Placing { region, heights_m, motion };
     let (outline, read) = outline::of(&results, &placing)?;
     let mut files = clouds(args, &formats, &results, &placing, &outline)?;
     if args.picture.is_some() || formats.iter().any(|(_, format)| format.is_grid()) {
@@ -155,7 +160,12 @@ fn motion(
     if !args.level {
         return Ok(None);
     }
-    let (surface, _) = results.surface(region)?;
+    let (mut surface, _) = results.surface(region)?;
+    if let Some([low, high]) = args.heights {
+        for point in surface.points.iter_mut().filter(|p| !(low..=high).contains(&p.z)) {
+            point.z = f64::NAN;
+        }
+    }
     let plane = plane::fit(&surface).context("--level")?;
     Ok(Some(plane::leveling(&plane)))
 }
@@ -214,7 +224,7 @@ fn height_map(
     outline: &Outline,
 ) -> anyhow::Result<RegularHeightMap> {
     let pitch_m = outline.pitch_m;
-    let cell_m = args.cell.unwrap_or_else(|| pitch_m[0].max(pitch_m[1]));
+    let cell_m = args.cell.unwrap_or_else(|| (pitch_m[0] * pitch_m[1]).sqrt());
     if cell_m <= 0.0 {
         return Err(Usage(
             "the points lie on one line: --cell must say how large a cell is".into(),

@@ -20,7 +20,7 @@ pub(super) fn write(
     placing: &Placing,
 ) -> anyhow::Result<u64> {
     let profiles = results.profile_topic();
-    match profiles.filter(|_| args.region.is_none() && !args.level) {
+    match profiles.filter(|_| args.region.is_none() && args.heights.is_none() && !args.level) {
         Some(topic) => write_profiles(file, results, &topic),
         None => write_points(file, results, placing),
     }
