@@ -270,6 +270,9 @@ fn filled_cells_are_flagged_and_a_level_scan_lies_at_height_0() {
     assert_eq!(told["files"][0]["measured"], count(1));
     let [low, high] = ["from_m", "to_m"].map(|key| told[key][2].as_f64().unwrap());
     assert!(low > -20e-6 && high < 20e-6, "{told}");
+    let flat = ["--level-on", "0,0,5mm,5mm", "--force"];
+    let told = json(&[&["export", &bag, "-o", &output][..], &flat].concat());
+    assert!(told["to_m"][2].as_f64().unwrap().abs() < 40e-6, "{told}");
     let again = run(&["export", &bag, "-o", &output]);
     assert!(again.code == Some(1) && again.stderr.contains("--force"), "{again:?}");
 }
