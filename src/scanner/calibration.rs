@@ -1,6 +1,8 @@
 //! Step 9 of Yao et al. 2023: from pixels to metres. Measured values, and the one place where a camera model is chosen.
 
-use super::{channel::Window, params::StripeDirection, profile::Profile, stripe::Centerline};
+use super::{
+    axis::Axis, channel::Window, params::StripeDirection, profile::Profile, stripe::Centerline,
+};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
@@ -68,6 +70,12 @@ impl Calibration {
         let Self::VerticalIncidence(geometry) = &calibration;
         geometry.check()?;
         Ok(calibration)
+    }
+
+    /// The axis that moves the part, where it was calibrated.
+    pub const fn axis(&self) -> Option<&Axis> {
+        let Self::VerticalIncidence(_) = self;
+        None
     }
 
     /// Frame of the profiles.
