@@ -184,10 +184,10 @@ fn an_encoder_counts_over_its_wrap() {
     for (number, counts) in [65_000, 65_500, 464, 964].into_iter().enumerate() {
         positions.take(&encoder(number as i64 * 10, counts, |_| {}));
     }
-    let position = positions.at(START_NS + 15 * MS, 0).unwrap();
+    let position = positions.at(START_NS + 15 * MS, START_NS + 15 * MS).unwrap();
     assert_eq!((position.counts, position.doubts, position.is_exact), (65_750, 0, false));
     assert!((position.value - 0.065_750).abs() < 1e-12);
-    assert!(positions.at(START_NS + 20 * MS, 0).unwrap().is_exact);
+    assert!(positions.at(START_NS + 20 * MS, START_NS + 20 * MS).unwrap().is_exact);
 }
 
 #[test]
