@@ -1,9 +1,11 @@
 //! Laser stripe in, sub-pixel centreline and metric profile out: the library behind the `laser_profiler` node.
 //!
 //! Modules in reading order. Dependencies point one way, from the bottom of this list to its top:
-//! `cli → node → {ros, bag} → msg → scanner`; `simulate` and `evaluate` stand beside `scanner`.
+//! `cli → node → {ros, bag} → msg → scanner`; `metrology`, `simulate` and `evaluate` stand beside
+//! `scanner`.
 
 pub mod scanner;
+pub mod metrology;
 pub mod simulate;
 pub mod evaluate;
 pub mod msg;

@@ -5,23 +5,20 @@ mod page;
 mod paper;
 mod plots;
 mod recorded_truth;
-mod recording;
 mod rendered;
 mod rendered_tables;
-mod settings;
 mod truth;
 
 use std::{
     fs,
-    io::{self, IsTerminal, Write},
+    io::Write,
     path::{Path, PathBuf},
 };
 
 use anyhow::Context;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value as Json;
 
-use super::Outcome;
+use super::{Outcome, progress::progress_bar, recording, settings};
 use crate::ros::arguments::RosArguments;
 use document::Section;
 use plots::Plot;
@@ -109,16 +106,4 @@ fn draw(plots: &[Plot], directory: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(directory)
         .with_context(|| format!("cannot make the directory {}", directory.display()))?;
     plots.iter().try_for_each(|plot| plot.save(directory))
-}
-
-/// A bar on a terminal, nothing elsewhere.
-fn progress_bar(length: Option<u64>, what: &str) -> ProgressBar {
-    if !io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let template = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left");
-    match (length, ProgressStyle::with_template(&template)) {
-        (Some(length), Ok(style)) => ProgressBar::new(length).with_style(style),
-        _ => ProgressBar::new_spinner(),
-    }
 }

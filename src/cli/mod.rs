@@ -3,6 +3,10 @@
 mod interrupt;
 mod logging;
 mod summary;
+mod length;
+mod progress;
+mod settings;
+mod recording;
 pub mod run;
 pub mod replay;
 pub mod parameters;
@@ -10,6 +14,7 @@ pub mod info;
 pub mod recover;
 pub mod simulate;
 pub mod evaluate;
+pub mod calibrate;
 pub mod ambient;
 pub mod demo;
 
@@ -63,6 +68,7 @@ enum Verb {
     Recover(recover::RecoverArgs),
     Simulate(simulate::SimulateArgs),
     Evaluate(evaluate::EvaluateArgs),
+    Calibrate(calibrate::CalibrateArgs),
     Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
@@ -89,6 +95,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Recover(args) => recover::run(&args, out),
         Verb::Simulate(args) => simulate::run(&args, out),
         Verb::Evaluate(args) => evaluate::run(args, ros, out),
+        Verb::Calibrate(args) => calibrate::run(args, ros, out),
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),

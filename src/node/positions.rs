@@ -35,7 +35,7 @@ const MIN_PATIENCE_NS: i64 = 1_000_000_000;
 const MAX_NAMED: usize = 20;
 
 /// An axis that the calibration does not have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum AxisError {
     /// Parameter and calibration disagree.
     #[error(
@@ -52,6 +52,12 @@ pub enum AxisError {
         "motion.axis is revolute, but the calibration has no axis: find it with laser_profiler calibrate axis"
     )]
     NoAxis,
+    /// A camera whose place nobody knows.
+    #[error(
+        "motion.source is tf, but the calibration knows no camera whose frame could be looked up: set motion.sensor_frame to its \
+         frame_id, {0}, and publish where that is"
+    )]
+    NoCamera(String),
 }
 
 /// What is known of the axis, by stamp.
@@ -120,6 +126,14 @@ pub fn of_camera(
 ) -> Result<Option<Positions>, AxisError> {
     let params = &camera.scanner.motion;
     let is_revolute = is_revolute(params, calibration)?;
+    let direction = camera.scanner.stripe_direction;
+    if let Some(calibration) = calibration
+        && params.source == MotionSource::Tf
+        && calibration.camera_from_laser(direction).is_none()
+        && !camera.tracks_laser(Some(calibration))
+    {
+        return Err(AxisError::NoCamera(calibration.frame_id().to_owned()));
+    }
     Ok(Positions::new(params, &camera.moved, is_revolute))
 }
 

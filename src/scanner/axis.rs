@@ -11,6 +11,21 @@ pub enum AxisKind {
     Revolute,
 }
 
+impl AxisKind {
+    /// Its name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Prismatic => "prismatic",
+            Self::Revolute => "revolute",
+        }
+    }
+
+    /// The kind of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Prismatic, Self::Revolute].into_iter().find(|kind| kind.name() == name)
+    }
+}
+
 /// A linear or rotary axis in the camera's frame (x right, y down, z forward, metres).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {

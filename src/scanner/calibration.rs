@@ -1,44 +1,34 @@
 //! Step 9 of Yao et al. 2023: from pixels to metres. Measured values, and the one place where a camera model is chosen.
 
-use super::{
-    axis::Axis, channel::Window, params::StripeDirection, profile::Profile, stripe::Centerline,
-};
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
+mod camera_and_plane;
+mod camera_calibration;
+mod equivalent;
+mod file;
+mod lines;
+mod projective;
+mod quality;
+mod vertical_incidence;
+
 use thiserror::Error;
 
+use super::{axis::Axis, profile::Profile, stripe::Centerline};
+
+pub use camera_and_plane::{Alignment, CameraAndPlane};
+pub use camera_calibration::CameraCalibration;
+pub use lines::Lines;
+pub use projective::Projective;
+pub use quality::{AxisQuality, CameraQuality, PlaneQuality, StepsQuality};
+pub use vertical_incidence::{Height, VerticalIncidence};
+
 /// How image points become points of the laser plane.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "type", rename_all = "snake_case")]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Calibration {
     /// Laser at right angles onto the base plane, camera inclined.
     VerticalIncidence(VerticalIncidence),
-}
-
-/// Vertical-incidence triangulation, formula 6 of Yao et al. 2023 (doi 10.3390/app13179831), after Figure 2 there:
-/// the laser plane is vertical; the camera's optical axis meets it at the base point under the angle β.
-///
-/// With s the displacement on the sensor across the stripe, counted from the base line,
-/// `h = s·b / (a·sin β + s·cos β)`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct VerticalIncidence {
-    /// Name of the laser plane's frame: x along the stripe, z up, y normal to the plane.
-    pub frame_id: String,
-    /// a: from the lens centre to the image point of the base point, metres.
-    pub image_distance_m: f64,
-    /// b: from the base point to the lens centre, metres.
-    pub object_distance_m: f64,
-    /// β: between the laser plane and the optical axis, radians, inside (0, π/2).
-    pub beta_rad: f64,
-    /// Distance between neighbouring pixels on the sensor, metres.
-    pub pixel_pitch_m: f64,
-    /// Where the stripe lies at height 0, pixels: a row, or a column for a vertical stripe.
-    pub base_row_px: f64,
-    /// Where the optical axis lies along the stripe, pixels: a column, or a row for a vertical stripe.
-    pub center_column_px: f64,
-    /// Which way the stripe moves in the image when the surface rises: -1 towards smaller rows (columns), 1 towards larger.
-    pub height_sign: i8,
+    /// A calibrated camera and the plane of light anywhere before it.
+    CameraAndPlane(Box<CameraAndPlane>),
+    /// The image of the laser plane as a homography.
+    Projective(Box<Projective>),
 }
 
 /// A calibration that cannot be used.
@@ -57,52 +47,81 @@ pub enum CalibrationError {
         /// What it may say.
         allowed: &'static str,
     },
+    /// Camera only: a profile needs the plane of light too.
+    #[error(
+        "the file has a camera, but no laser plane: run `laser_profiler calibrate plane` with it"
+    )]
+    CameraOnly,
+    /// The values are not those that the file was written with.
+    #[error(
+        "id is {stated}, but these values have id {actual}: the file was edited; calibrate again, or remove the line \
+         to say that you mean it"
+    )]
+    Edited {
+        /// What the file says.
+        stated: String,
+        /// What its values give.
+        actual: String,
+    },
+}
+
+impl CalibrationError {
+    fn value(key: &'static str, value: impl Into<String>, allowed: &'static str) -> Self {
+        Self::Value { key, value: value.into(), allowed }
+    }
 }
 
 impl Calibration {
     /// Reads and checks a calibration file's text.
     ///
     /// # Errors
-    /// Unknown or missing keys, wrong types, values outside their range; all by name.
+    /// Unknown or missing keys, wrong types, values outside their range, an `id` that is not that of the values; all by
+    /// name.
     pub fn from_yaml(text: &str) -> Result<Self, CalibrationError> {
-        let calibration: Self = serde_saphyr::from_str(text)
-            .map_err(|error| CalibrationError::Syntax(error.to_string()))?;
-        let Self::VerticalIncidence(geometry) = &calibration;
-        geometry.check()?;
-        Ok(calibration)
+        file::read(text)
+    }
+
+    /// The calibration file; [`from_yaml`](Self::from_yaml) gives back an equal calibration.
+    pub fn to_yaml(&self) -> String {
+        file::write(self)
     }
 
     /// The axis that moves the part, where it was calibrated.
     pub const fn axis(&self) -> Option<&Axis> {
-        let Self::VerticalIncidence(_) = self;
-        None
+        match self {
+            Self::CameraAndPlane(geometry) => geometry.axis.as_ref(),
+            Self::VerticalIncidence(_) | Self::Projective(_) => None,
+        }
     }
 
     /// Frame of the profiles.
     pub fn frame_id(&self) -> &str {
-        let Self::VerticalIncidence(geometry) = self;
-        &geometry.frame_id
+        match self {
+            Self::VerticalIncidence(geometry) => &geometry.frame_id,
+            Self::CameraAndPlane(geometry) => &geometry.frame_id,
+            Self::Projective(geometry) => &geometry.frame_id,
+        }
     }
 
-    /// Sixteen hexadecimal digits that are equal for equal calibrations: the start of the SHA-256 of its values.
+    /// Sixteen hexadecimal digits that are equal for equal calibrations: the start of the SHA-256 of the values that
+    /// measure, which are all but those about quality and date.
     pub fn id(&self) -> String {
-        let Self::VerticalIncidence(g) = self;
-        let mut hash = Sha256::new();
-        hash.update(b"vertical_incidence\0");
-        hash.update(g.frame_id.as_bytes());
-        let values = [
-            g.image_distance_m,
-            g.object_distance_m,
-            g.beta_rad,
-            g.pixel_pitch_m,
-            g.base_row_px,
-            g.center_column_px,
-            f64::from(g.height_sign),
-        ];
-        for value in values {
-            hash.update(value.to_le_bytes());
+        match self {
+            Self::VerticalIncidence(geometry) => geometry.id(),
+            Self::CameraAndPlane(geometry) => geometry.id(),
+            Self::Projective(geometry) => geometry.id(),
         }
-        hash.finalize()[..8].iter().fold(String::new(), |id, byte| id + &format!("{byte:02x}"))
+    }
+
+    /// Columns and rows of the images that it is of; `None` where it does not say.
+    pub fn image_size_px(&self) -> Option<(u32, u32)> {
+        match self {
+            Self::VerticalIncidence(_) => None,
+            Self::CameraAndPlane(geometry) => {
+                Some((geometry.camera.width_px, geometry.camera.height_px))
+            }
+            Self::Projective(geometry) => Some((geometry.width_px, geometry.height_px)),
+        }
     }
 
     /// Step 9: replaces `profile` by the centreline in metres, one entry a searched line. A point that the geometry
@@ -114,286 +133,39 @@ impl Calibration {
         full_scale: u32,
         profile: &mut Profile,
     ) {
-        let Self::VerticalIncidence(geometry) = self;
-        profile.reset(lines.count);
-        let (along, across) = match lines.direction {
-            StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
-            StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
-        };
-        for i in 0..centerline.len() {
-            let Some(height) = geometry.height(f64::from(across[i])) else { continue };
-            let (x_m, z_m) =
-                (geometry.lateral(f64::from(along[i]), height.z_m) as f32, height.z_m as f32);
-            // Beyond what 32 bits hold.
-            if !(x_m.is_finite() && z_m.is_finite()) {
-                continue;
+        match self {
+            Self::VerticalIncidence(geometry) => {
+                lines.fill(centerline, full_scale, profile, |along_px, across_px| {
+                    geometry.place(along_px, across_px)
+                });
             }
-            let entry = along[i] as usize - lines.first;
-            // One point a line: the first surface's, which is the strongest.
-            if profile.z_m[entry].is_finite() {
-                continue;
+            Self::CameraAndPlane(geometry) => {
+                let mut cuts = geometry.cuts(lines.direction);
+                lines.fill(centerline, full_scale, profile, |along_px, across_px| {
+                    cuts.place(along_px, across_px)
+                });
             }
-            profile.x_m[entry] = x_m;
-            profile.z_m[entry] = z_m;
-            profile.intensity[entry] = (centerline.intensity[i] / full_scale as f32).min(1.0);
-            profile.flags[entry] = centerline.flags[i];
-            profile.sigma_z_m[entry] =
-                (height.m_per_px.abs() * f64::from(centerline.sigma_px[i])) as f32;
-            profile.valid_count += 1;
+            Self::Projective(geometry) => {
+                lines.fill(centerline, full_scale, profile, |along_px, across_px| {
+                    geometry.place(lines.direction, along_px, across_px)
+                });
+            }
         }
     }
 }
 
-/// The searched cross-sections: columns of the image for a horizontal stripe, rows for a vertical one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Lines {
-    /// Which way the stripe runs.
-    pub direction: StripeDirection,
-    /// First searched column (row) of the image.
-    pub first: usize,
-    /// Searched columns (rows).
-    pub count: usize,
-}
-
-impl Lines {
-    /// The lines of a searched part of the image.
-    pub const fn new(direction: StripeDirection, searched: &Window) -> Self {
-        let (first, count) = match direction {
-            StripeDirection::Horizontal => (searched.x, searched.width),
-            StripeDirection::Vertical => (searched.y, searched.height),
-        };
-        Self { direction, first, count }
-    }
-}
-
-/// A height and how fast it changes with the image position.
+/// A point of the laser plane and how it moves with the position across the stripe at which it is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Height {
-    /// Above the base plane, metres.
+pub struct PlacedPoint {
+    /// Along the stripe, metres.
+    pub x_m: f64,
+    /// Height, metres.
     pub z_m: f64,
-    /// dh/d(pixel), metres a pixel: error propagation, `σ_z = |dh/dp| · σ_p`.
-    pub m_per_px: f64,
-}
-
-impl VerticalIncidence {
-    /// Formula 6 at a position across the stripe, pixels; none behind the lens: where the ray never meets the plane.
-    pub fn height(&self, position_px: f64) -> Option<Height> {
-        let (sin, cos) = self.beta_rad.sin_cos();
-        let s_m =
-            f64::from(self.height_sign) * (position_px - self.base_row_px) * self.pixel_pitch_m;
-        let denominator = self.image_distance_m * sin + s_m * cos;
-        let z_m = s_m * self.object_distance_m / denominator;
-        if denominator <= 0.0 || self.depth(z_m) <= 0.0 || !z_m.is_finite() {
-            return None;
-        }
-        let slope = self.object_distance_m * self.image_distance_m * sin / denominator.powi(2);
-        Some(Height { z_m, m_per_px: f64::from(self.height_sign) * self.pixel_pitch_m * slope })
-    }
-
-    /// Position along the stripe of a pixel column (row) that sees height `z_m`, metres.
-    pub fn lateral(&self, along_px: f64, z_m: f64) -> f64 {
-        (along_px - self.center_column_px) * self.pixel_pitch_m * self.depth(z_m)
-            / self.image_distance_m
-    }
-
-    /// The inverse: where (along, across) in pixels a point of the laser plane is seen; none at or behind the lens.
-    pub fn project(&self, x_m: f64, z_m: f64) -> Option<(f64, f64)> {
-        let depth_m = self.depth(z_m);
-        if depth_m <= 0.0 || !depth_m.is_finite() {
-            return None;
-        }
-        let magnification = self.image_distance_m / depth_m;
-        let across_m = magnification * z_m * self.beta_rad.sin();
-        Some((
-            self.center_column_px + x_m * magnification / self.pixel_pitch_m,
-            self.base_row_px + f64::from(self.height_sign) * across_m / self.pixel_pitch_m,
-        ))
-    }
-
-    /// Distance from the lens along the optical axis of a point at height `z_m`, metres.
-    fn depth(&self, z_m: f64) -> f64 {
-        self.object_distance_m - z_m * self.beta_rad.cos()
-    }
-
-    fn check(&self) -> Result<(), CalibrationError> {
-        let wrong = |key, value: &dyn ToString, allowed| {
-            Err(CalibrationError::Value { key, value: value.to_string(), allowed })
-        };
-        for (key, value) in [
-            ("image_distance_m", self.image_distance_m),
-            ("object_distance_m", self.object_distance_m),
-            ("pixel_pitch_m", self.pixel_pitch_m),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return wrong(key, &value, "a finite number above 0");
-            }
-        }
-        if !(self.beta_rad > 0.0 && self.beta_rad < std::f64::consts::FRAC_PI_2) {
-            return wrong("beta_rad", &self.beta_rad, "between 0 and π/2 = 1.5708, both excluded");
-        }
-        for (key, value) in
-            [("base_row_px", self.base_row_px), ("center_column_px", self.center_column_px)]
-        {
-            if !value.is_finite() {
-                return wrong(key, &value, "a finite number");
-            }
-        }
-        if ![-1, 1].contains(&self.height_sign) {
-            return wrong("height_sign", &self.height_sign, "-1 or 1");
-        }
-        if self.frame_id.is_empty() {
-            return wrong("frame_id", &"\"\"", "a frame name, as in laser_plane");
-        }
-        Ok(())
-    }
+    /// dx/d(pixel across the stripe), metres a pixel.
+    pub x_m_per_px: f64,
+    /// dz/d(pixel across the stripe), metres a pixel.
+    pub z_m_per_px: f64,
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    const RIG: &str = "
-type: vertical_incidence
-frame_id: laser_plane
-image_distance_m: 0.026
-object_distance_m: 0.3
-beta_rad: 0.5235987755982988
-pixel_pitch_m: 4.8e-6
-base_row_px: 1024.0
-center_column_px: 1295.5
-height_sign: -1
-";
-
-    fn rig() -> VerticalIncidence {
-        let Calibration::VerticalIncidence(geometry) = Calibration::from_yaml(RIG).unwrap();
-        geometry
-    }
-
-    /// A camera built from vectors, not from formula 6: project a point of the laser plane by its coordinates.
-    fn seen_by_a_pinhole(geometry: &VerticalIncidence, x_m: f64, z_m: f64) -> (f64, f64) {
-        use nalgebra::Vector3;
-        let (sin, cos) = geometry.beta_rad.sin_cos();
-        // World: x along the stripe, y normal to the laser plane, z up; the lens lies in the y-z plane.
-        let lens = Vector3::new(0.0, sin, cos) * geometry.object_distance_m;
-        let axis = -lens.normalize();
-        let right = Vector3::x();
-        let up = right.cross(&Vector3::new(0.0, sin, cos));
-        let ray = Vector3::new(x_m, 0.0, z_m) - lens;
-        let scale = geometry.image_distance_m / ray.dot(&axis) / geometry.pixel_pitch_m;
-        (
-            geometry.center_column_px + scale * ray.dot(&right),
-            geometry.base_row_px - scale * ray.dot(&up),
-        )
-    }
-
-    proptest! {
-        #[test]
-        fn formula_6_is_a_pinhole_camera(x_m in -0.05..0.05_f64, z_m in -0.05..0.05_f64) {
-            let (along_px, across_px) = seen_by_a_pinhole(&rig(), x_m, z_m);
-            let height = rig().height(across_px).unwrap();
-            prop_assert!((height.z_m - z_m).abs() < 1e-12);
-            prop_assert!((rig().lateral(along_px, height.z_m) - x_m).abs() < 1e-12);
-        }
-
-        #[test]
-        fn project_undoes_triangulation(along_px in 0.0..2592.0_f64, across_px in 0.0..2048.0_f64, sign in prop::sample::select(vec![-1_i8, 1])) {
-            let rig = VerticalIncidence { height_sign: sign, ..rig() };
-            let height = rig.height(across_px).unwrap();
-            let (along, across) = rig.project(rig.lateral(along_px, height.z_m), height.z_m).unwrap();
-            prop_assert!((along - along_px).abs() < 1e-6 && (across - across_px).abs() < 1e-6);
-        }
-
-        #[test]
-        fn the_slope_is_the_derivative(across_px in 0.0..2048.0_f64) {
-            let step_px = 1e-3;
-            let at = |px: f64| rig().height(px).unwrap();
-            let difference = (at(across_px + step_px).z_m - at(across_px - step_px).z_m) / (2.0 * step_px);
-            prop_assert!((at(across_px).m_per_px - difference).abs() < 1e-9);
-        }
-    }
-
-    #[test]
-    fn rays_that_never_meet_the_plane_have_no_height() {
-        let rig = rig();
-        // s = -a·tan β: the ray is parallel to the laser plane.
-        let parallel_px =
-            rig.base_row_px + rig.image_distance_m * rig.beta_rad.tan() / rig.pixel_pitch_m;
-        assert!(rig.height(parallel_px + 1.0).is_none());
-        assert!(rig.height(parallel_px - 1.0).is_some());
-        assert!(rig.project(0.0, rig.object_distance_m / rig.beta_rad.cos()).is_none());
-
-        let centerline = Centerline {
-            u_px: vec![7.0, 8.0],
-            v_px: vec![parallel_px as f32 + 1.0, rig.base_row_px as f32],
-            intensity: vec![100.0, 51.0],
-            sigma_px: vec![0.1, 0.1],
-            flags: vec![1, 2],
-            ..Centerline::default()
-        };
-        let lines = Lines { direction: StripeDirection::Horizontal, first: 7, count: 3 };
-        let mut profile = Profile::default();
-        Calibration::VerticalIncidence(rig).triangulate(&centerline, &lines, 255, &mut profile);
-        assert_eq!(profile.valid_count, 1);
-        assert_eq!(profile.z_m.iter().map(|z| z.is_nan()).collect::<Vec<_>>(), [true, false, true]);
-        assert_eq!(
-            (&profile.intensity[..], &profile.flags[..]),
-            (&[0.0, 0.2, 0.0][..], &[0, 2, 0][..])
-        );
-    }
-
-    #[test]
-    fn what_32_bits_cannot_hold_is_not_measured() {
-        let huge = VerticalIncidence { object_distance_m: 1e300, ..rig() };
-        let centerline = Centerline {
-            u_px: vec![0.0],
-            v_px: vec![huge.base_row_px as f32 - 100.0],
-            intensity: vec![1.0],
-            sigma_px: vec![1.0],
-            flags: vec![0],
-            ..Centerline::default()
-        };
-        let lines = Lines { direction: StripeDirection::Horizontal, first: 0, count: 1 };
-        let mut profile = Profile::default();
-        Calibration::VerticalIncidence(huge).triangulate(&centerline, &lines, 255, &mut profile);
-        assert!(profile.valid_count == 0 && profile.z_m[0].is_nan() && profile.x_m[0].is_nan());
-    }
-
-    #[test]
-    fn wrong_values_are_refused_by_name() {
-        for (from, to, named) in [
-            ("image_distance_m: 0.026", "image_distance_m: -1.0", "image_distance_m"),
-            ("beta_rad: 0.5235987755982988", "beta_rad: 30.0", "beta_rad"),
-            ("base_row_px: 1024.0", "base_row_px: .nan", "base_row_px"),
-            ("height_sign: -1", "height_sign: 2", "height_sign"),
-            ("frame_id: laser_plane", "frame_id: ''", "frame_id"),
-            ("frame_id: laser_plane", "frame: laser_plane", "frame"),
-            ("type: vertical_incidence", "type: oblique", "oblique"),
-        ] {
-            let error = Calibration::from_yaml(&RIG.replace(from, to)).unwrap_err().to_string();
-            assert!(error.contains(named), "{to}: {error}");
-        }
-    }
-
-    #[test]
-    fn the_id_changes_with_every_value() {
-        let id = |yaml: &str| Calibration::from_yaml(yaml).unwrap().id();
-        assert_eq!((id(RIG).len(), id(RIG)), (16, id(RIG)));
-        let mut ids = vec![id(RIG)];
-        for (from, to) in [
-            ("laser_plane", "laser"),
-            ("0.026", "0.027"),
-            ("0.3", "0.31"),
-            ("0.52", "0.53"),
-            ("4.8e-6", "4.9e-6"),
-            ("1024.0", "1024.5"),
-            ("1295.5", "1295.0"),
-            ("-1", "1"),
-        ] {
-            ids.push(id(&RIG.replacen(from, to, 1)));
-        }
-        ids.sort();
-        ids.dedup();
-        assert_eq!(ids.len(), 9, "one id a change");
-    }
-}
+mod tests;

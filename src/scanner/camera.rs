@@ -4,10 +4,10 @@
 //! the centre of the top-left pixel. The model is OpenCV's (calib3d documentation, "Detailed Description"): pinhole,
 //! distortion, tilted sensor, K.
 
-pub mod distortion;
+mod distortion;
 mod tilt;
 
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 pub use distortion::Distortion;
 
@@ -55,8 +55,14 @@ impl Camera {
         Some(Vector3::new(straight.x, straight.y, 1.0))
     }
 
+    /// From the inclined sensor to the plane z = 1; `None` where it is not inclined.
+    pub(super) fn untilt(&self) -> Option<Matrix3<f64>> {
+        let is_inclined = self.tilt_rad.iter().any(|angle| *angle != 0.0);
+        is_inclined.then(|| tilt::matrix(self.tilt_rad).try_inverse())?
+    }
+
     /// Distorted position on the plane z = 1 that a pixel sees.
-    pub(super) fn bent(&self, pixel: Point2<f64>) -> Option<Point2<f64>> {
+    fn bent(&self, pixel: Point2<f64>) -> Option<Point2<f64>> {
         let on_sensor =
             Point2::new((pixel.x - self.cx_px) / self.fx_px, (pixel.y - self.cy_px) / self.fy_px);
         tilt::untilt(self.tilt_rad, on_sensor)

@@ -12,6 +12,15 @@ pub struct LaserPlane {
 }
 
 impl LaserPlane {
+    /// Two unit vectors in the plane, at right angles: the tilts a and b of a normal move it to n + a t₁ + b t₂.
+    /// The first is as near to the camera's x as can be, or to its y where the plane nearly is that of y and z.
+    pub fn tangents(&self) -> [Vector3<f64>; 2] {
+        let normal = self.normal.into_inner();
+        let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+        let first = (near - normal * normal.dot(&near)).normalize();
+        [first, normal.cross(&first)]
+    }
+
     /// Where a ray from the lens meets the plane, metres. `None` when it never does in front of the lens.
     pub fn meet(&self, ray: Vector3<f64>) -> Option<Point3<f64>> {
         let scale = self.distance_m / self.normal.dot(&ray);

@@ -108,6 +108,7 @@ impl Pipeline {
     ) -> Result<Output<'_>, FrameError> {
         let Frame { stamp_ns, image } = *frame;
         let full_scale = self.params.full_scale_of(image.format())?;
+        self.check_size(image.width(), image.height())?;
         // Step 1: crop.
         let searched = window(self.params.roi, image.width(), image.height())?;
         self.ambient.prepare(&image, &searched, &self.params, &mut self.extractor)?;
@@ -185,6 +186,17 @@ impl Pipeline {
             position.doubts |= doubt::REVERSED;
         }
         (position, part_from_laser)
+    }
+
+    /// Images of another size than those of the calibration would be measured at the wrong place.
+    fn check_size(&self, width: u32, height: u32) -> Result<(), FrameError> {
+        let calibrated = self.calibration.as_ref().and_then(Calibration::image_size_px);
+        match calibrated {
+            Some(calibrated) if calibrated != (width, height) => {
+                Err(FrameError::Size { image: (width, height), calibrated })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Ends the scan: its last slice and its height map. Of the frames after the last good one, `frames_missing` never
@@ -280,7 +292,7 @@ fn placement(calibration: Option<&Calibration>, params: &Params) -> Placement {
 
 fn camera_from_laser(calibration: Option<&Calibration>, params: &Params) -> Isometry3<f64> {
     let direction = params.stripe_direction;
-    calibration.map(|calibration| calibration.camera_from_laser(direction)).unwrap_or_default()
+    calibration.and_then(|calibration| calibration.camera_from_laser(direction)).unwrap_or_default()
 }
 
 /// What is known about a frame besides its picture.
@@ -338,6 +350,17 @@ pub enum FrameError {
     /// The frame without laser does not fit.
     #[error(transparent)]
     Ambient(#[from] AmbientError),
+    /// The image is not of the calibrated size.
+    #[error(
+        "the image has {} x {} pixels, the calibration is of {} x {}: calibrate at this size, or state binning and roi \
+         in camera_info", .image.0, .image.1, .calibrated.0, .calibrated.1
+    )]
+    Size {
+        /// Columns and rows of the image.
+        image: (u32, u32),
+        /// Columns and rows of the calibrated images.
+        calibrated: (u32, u32),
+    },
     /// Saturation above what the image can hold.
     #[error("full_scale is {full_scale}, but samples of this encoding end at {max_level}")]
     FullScale {

@@ -1,4 +1,4 @@
-//! Where the laser plane is in the camera's optical frame: the pose behind formula 6.
+//! Where the laser plane is in the camera's optical frame; here, the pose behind formula 6.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -9,19 +9,23 @@ use super::{
 
 impl Calibration {
     /// The pose of the laser plane's frame in the camera's: `point_in_camera = camera_from_laser * point_in_laser`, metres.
+    /// `None` where the calibration knows no camera.
     ///
-    /// The laser plane's frame: x along the stripe, towards larger columns (rows, for a vertical stripe), z up, y normal
-    /// to the plane. The camera's, as ROS has optical frames: x right, y down, z forward; the optical axis meets the
-    /// image where the base line and the centre line cross.
-    pub fn camera_from_laser(&self, direction: StripeDirection) -> Isometry3<f64> {
-        let Self::VerticalIncidence(geometry) = self;
-        geometry.camera_from_laser(direction)
+    /// The laser plane's frame: x along the stripe, towards larger columns (rows, for a vertical stripe), z up, towards the
+    /// camera, y normal to the plane. The camera's, as ROS has optical frames: x right, y down, z forward. By formula 6
+    /// the optical axis meets the image where the base line and the centre line cross.
+    pub fn camera_from_laser(&self, direction: StripeDirection) -> Option<Isometry3<f64>> {
+        match self {
+            Self::VerticalIncidence(geometry) => Some(geometry.camera_from_laser(direction)),
+            Self::CameraAndPlane(geometry) => Some(geometry.camera_from_laser(direction)),
+            Self::Projective(_) => None,
+        }
     }
 }
 
 impl VerticalIncidence {
     /// The lens stands on that side of the plane from which the image is no mirror image: both frames are right-handed.
-    fn camera_from_laser(&self, direction: StripeDirection) -> Isometry3<f64> {
+    pub(super) fn camera_from_laser(&self, direction: StripeDirection) -> Isometry3<f64> {
         let (sin, cos) = self.beta_rad.sin_cos();
         let height_sign = f64::from(self.height_sign);
         let side = match direction {
@@ -90,7 +94,7 @@ mod tests {
             sign in prop::sample::select(vec![-1_i8, 1]), direction in directions(),
         ) {
             let rig = rig(sign, beta_rad);
-            let camera_from_laser = Calibration::VerticalIncidence(rig.clone()).camera_from_laser(direction);
+            let camera_from_laser = rig.camera_from_laser(direction);
             let seen = camera_from_laser * Point3::new(x_m, 0.0, z_m);
             prop_assert!(seen.z > 0.0, "before the lens");
             let (column, row) = pinhole(&rig, direction, seen);

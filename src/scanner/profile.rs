@@ -14,6 +14,8 @@ pub struct Profile {
     pub intensity: Vec<f32>,
     /// Bits of [`flag`](crate::scanner::stripe::flag); 0 where nothing was measured.
     pub flags: Vec<u8>,
+    /// One standard deviation of `x_m` from that of the centre, metres; NaN where nothing was measured.
+    pub sigma_x_m: Vec<f32>,
     /// One standard deviation of `z_m` from that of the centre, metres; NaN where nothing was measured.
     pub sigma_z_m: Vec<f32>,
     /// Number of entries with finite `x_m` and `z_m`.
@@ -23,7 +25,7 @@ pub struct Profile {
 impl Profile {
     /// `length` entries, none of them measured; keeps the memory.
     pub fn reset(&mut self, length: usize) {
-        for values in [&mut self.x_m, &mut self.z_m, &mut self.sigma_z_m] {
+        for values in [&mut self.x_m, &mut self.z_m, &mut self.sigma_x_m, &mut self.sigma_z_m] {
             values.clear();
             values.resize(length, f32::NAN);
         }

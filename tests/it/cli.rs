@@ -14,8 +14,18 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 9] =
-    ["run", "replay", "parameters", "info", "recover", "simulate", "evaluate", "ambient", "demo"];
+const VERBS: [&str; 10] = [
+    "run",
+    "replay",
+    "parameters",
+    "info",
+    "recover",
+    "simulate",
+    "evaluate",
+    "calibrate",
+    "ambient",
+    "demo",
+];
 
 #[test]
 fn every_verb_explains_itself() {

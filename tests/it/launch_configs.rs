@@ -69,7 +69,8 @@ fn every_calibration_is_valid() {
 
 fn calibration(camera: &CameraParams) -> VerticalIncidence {
     let yaml = fs::read_to_string(camera.calibration_file.as_ref().unwrap()).unwrap();
-    let Calibration::VerticalIncidence(rig) = Calibration::from_yaml(&yaml).unwrap();
+    let calibration = Calibration::from_yaml(&yaml).unwrap();
+    let Calibration::VerticalIncidence(rig) = calibration else { panic!("{calibration:?}") };
     rig
 }
 

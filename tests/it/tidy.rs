@@ -14,19 +14,20 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
 /// What each module may use of the others.
-const MAY_USE: [(&str, &[&str]); 8] = [
+const MAY_USE: [(&str, &[&str]); 9] = [
     ("scanner", &[]),
+    ("metrology", &["scanner"]),
     ("simulate", &["scanner"]),
     ("evaluate", &["scanner", "simulate"]),
     ("msg", &["scanner"]),
     ("ros", &["msg", "scanner"]),
     ("bag", &["msg"]),
     ("node", &["ros", "bag", "msg", "scanner"]),
-    ("cli", &["node", "ros", "bag", "msg", "scanner", "simulate", "evaluate"]),
+    ("cli", &["node", "ros", "bag", "msg", "scanner", "simulate", "evaluate", "metrology"]),
 ];
 
 /// What a module that only computes does not use.
-const PURE: [&str; 4] = ["scanner", "simulate", "evaluate", "msg"];
+const PURE: [&str; 5] = ["scanner", "metrology", "simulate", "evaluate", "msg"];
 const IMPURE: [&str; 14] = [
     "std::fs",
     "std::net",

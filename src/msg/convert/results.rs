@@ -162,6 +162,7 @@ mod tests {
             z_m: vec![0.01, 0.02],
             intensity: vec![0.5, 0.6],
             flags: vec![1, 2],
+            sigma_x_m: vec![1e-7, 2e-7],
             sigma_z_m: vec![1e-6, 2e-6],
             valid_count: 2,
         };

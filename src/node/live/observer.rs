@@ -98,7 +98,8 @@ impl Observer {
 
     fn place(&self, calibration: &Calibration, direction: StripeDirection, camera_frame: &str) {
         let frames = (camera_frame, calibration.frame_id());
-        let camera_from_laser = calibration.camera_from_laser(direction);
+        // A map from known heights does not say where the camera is.
+        let Some(camera_from_laser) = calibration.camera_from_laser(direction) else { return };
         let now_ns = self.clock.now_ns();
         let placed = lock(&self.tf).place(self.camera, frames, &camera_from_laser, now_ns);
         if let Err(error) = placed {

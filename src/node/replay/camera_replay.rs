@@ -51,7 +51,8 @@ impl CameraReplay {
             camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
         let ambient = ambient_file::load(&camera)?;
         let axis = calibration.as_ref().map(|(calibration, _)| calibration);
-        positions::is_revolute(&camera.scanner.motion, axis)?;
+        // Before anything is written.
+        positions::of_camera(&camera, axis)?;
         let mut image_topic: Option<ImageTopic> = None;
         let mut position_topics = Vec::new();
         for (path, bag) in replay.request.bags.iter().zip(&replay.bags) {

@@ -116,17 +116,16 @@ impl Worker {
     ) -> Option<Position> {
         match &mut self.positions {
             None => self.pipeline.expected_position(frame_number, stamp_ns),
-            Some(positions) => {
-                let position = positions.at(stamp_ns, received_ns);
-                self.counts.located += u64::from(position.is_some());
-                self.counts.unlocated += u64::from(position.is_none());
-                position
-            }
+            Some(positions) => positions.at(stamp_ns, received_ns),
         }
     }
 
-    /// Counts a position in doubt, and tells the first one.
-    pub(super) fn note_doubts(&mut self, stamp_ns: i64, position: Option<Position>) {
+    /// Counts what is known of a frame's position, and tells the first one in doubt.
+    pub(super) fn count_position(&mut self, stamp_ns: i64, position: Option<Position>) {
+        if self.positions.is_some() {
+            self.counts.located += u64::from(position.is_some());
+            self.counts.unlocated += u64::from(position.is_none());
+        }
         let Some(Position { doubts, value, .. }) = position.filter(|position| position.doubts != 0)
         else {
             return;

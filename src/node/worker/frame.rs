@@ -172,7 +172,7 @@ impl Worker {
         let time_ns = message.log_time_ns;
         self.results
             .publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
-        self.note_doubts(stamp_ns, position);
+        self.count_position(stamp_ns, position);
         self.stages.encode.record(out.take_encoding_time());
         if let Some(live) = &mut self.live {
             live.note_latency(stamp_ns);

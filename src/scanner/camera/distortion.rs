@@ -33,6 +33,47 @@ pub enum Distortion {
 }
 
 impl Distortion {
+    /// The model of those names and coefficients, in ROS's order: k1, k2, p1, p2, k3, k4, k5, k6.
+    ///
+    /// # Errors
+    /// `None` for a model that is not known; how many coefficients the model has, when they are not so many.
+    pub fn from_coefficients(name: &str, d: &[f64]) -> Result<Self, Option<&'static str>> {
+        if !matches!(name, "plumb_bob" | "rational_polynomial") {
+            return Err(None);
+        }
+        if d.iter().all(|value| *value == 0.0) {
+            return Ok(Self::None);
+        }
+        match (name, d) {
+            ("plumb_bob", &[k1, k2, p1, p2]) => Ok(Self::PlumbBob { k1, k2, p1, p2, k3: 0.0 }),
+            ("plumb_bob", &[k1, k2, p1, p2, k3]) => Ok(Self::PlumbBob { k1, k2, p1, p2, k3 }),
+            ("plumb_bob", _) => Err(Some("five numbers k1, k2, p1, p2, k3 for plumb_bob")),
+            (_, &[k1, k2, p1, p2, k3, k4, k5, k6]) => {
+                Ok(Self::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 })
+            }
+            _ => Err(Some("eight numbers k1, k2, p1, p2, k3, k4, k5, k6 for rational_polynomial")),
+        }
+    }
+
+    /// ROS's name of the model.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::None | Self::PlumbBob { .. } => "plumb_bob",
+            Self::RationalPolynomial { .. } => "rational_polynomial",
+        }
+    }
+
+    /// The coefficients in ROS's order: k1, k2, p1, p2, k3, and for a fraction k4, k5, k6.
+    pub fn coefficients(&self) -> Vec<f64> {
+        match *self {
+            Self::None => vec![0.0; 5],
+            Self::PlumbBob { k1, k2, p1, p2, k3 } => vec![k1, k2, p1, p2, k3],
+            Self::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 } => {
+                vec![k1, k2, p1, p2, k3, k4, k5, k6]
+            }
+        }
+    }
+
     /// Where on the plane z = 1 a point of that plane appears. `None` where the model folds back.
     pub fn distort(&self, straight: Point2<f64>) -> Option<Point2<f64>> {
         if *self == Self::None {
@@ -131,6 +172,24 @@ impl Distortion {
         let steps = (radius / RADIUS_STEP) as u32;
         self.is_sound(radius * radius)
             && (1..=steps).all(|step| self.is_sound((f64::from(step) * RADIUS_STEP).powi(2)))
+    }
+
+    /// The radius on the plane z = 1 up to which the Jacobian is positive definite everywhere.
+    pub(in crate::scanner) fn largest_radius(&self) -> f64 {
+        if *self == Self::None {
+            return f64::INFINITY;
+        }
+        let steps = 1..=(LARGEST_RADIUS / RADIUS_STEP) as u32;
+        let mut radii = steps.map(|step| f64::from(step) * RADIUS_STEP);
+        let Some(mut above) = radii.find(|radius| !self.is_sound(radius * radius)) else {
+            return LARGEST_RADIUS;
+        };
+        let mut below = above - RADIUS_STEP;
+        for _ in 0..MAX_ITERATIONS {
+            let middle = 0.5 * (below + above);
+            *(if self.is_sound(middle * middle) { &mut below } else { &mut above }) = middle;
+        }
+        below
     }
 
     fn terms(&self) -> Terms {

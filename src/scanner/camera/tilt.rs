@@ -22,7 +22,7 @@ pub(super) fn untilt(tilt_rad: [f64; 2], point: Point2<f64>) -> Option<Point2<f6
     map(&matrix(tilt_rad).try_inverse()?, point)
 }
 
-/// Image of the plane z = 1 on the sensor, as a homography.
+/// The homography from the plane z = 1 to the sensor.
 pub(super) fn matrix([tau_x, tau_y]: [f64; 2]) -> Matrix3<f64> {
     let ((sin_x, cos_x), (sin_y, cos_y)) = (tau_x.sin_cos(), tau_y.sin_cos());
     let about_x = Matrix3::new(1.0, 0.0, 0.0, 0.0, cos_x, sin_x, 0.0, -sin_x, cos_x);

@@ -1,4 +1,4 @@
-//! Parameters of an evaluation: those of the node, from the same files and options.
+//! Parameters of commands that measure: those of the node, from the same files and options.
 
 use anyhow::anyhow;
 use std::{collections::BTreeMap, path::PathBuf};

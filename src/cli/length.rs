@@ -1,0 +1,45 @@
+//! Lengths on the command line.
+
+/// A length in metres from `2.5mm`, `80um`, `0.3m` or a bare number of metres.
+///
+/// # Errors
+/// Anything else, said so that the user sees what would be right.
+pub(super) fn length_m(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let units = [("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6), ("nm", 1e-9), ("cm", 1e-2), ("m", 1.0)];
+    let found = units.iter().find_map(|(unit, factor)| Some((text.strip_suffix(unit)?, *factor)));
+    let (number, factor) = found.unwrap_or((text, 1.0));
+    match number.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number * factor),
+        _ => Err(format!("{text:?} is not a length as in 2.5mm, 80um, 0.3m or 0.0025 (metres)")),
+    }
+}
+
+/// A length above 0, metres.
+///
+/// # Errors
+/// No length, or not above 0.
+pub(super) fn positive_m(text: &str) -> Result<f64, String> {
+    match length_m(text)? {
+        length if length > 0.0 => Ok(length),
+        _ => Err(format!("{text:?} must be above 0")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_understood_and_nothing_else() {
+        for (text, metres) in
+            [("2.5mm", 2.5e-3), ("80um", 8e-5), ("-3 µm", -3e-6), ("0.3", 0.3), ("1m", 1.0)]
+        {
+            assert!((length_m(text).unwrap() - metres).abs() < 1e-15, "{text}");
+        }
+        for text in ["", "mm", "2 inches", "nan", "1e999"] {
+            assert!(length_m(text).unwrap_err().contains("2.5mm"), "{text}");
+        }
+        assert!(positive_m("0mm").is_err() && positive_m("1mm").is_ok());
+    }
+}

@@ -1,0 +1,271 @@
+//! Flat pieces of a line that jumps between them, as a stair gauge shows it.
+
+use std::ops::Range;
+
+use thiserror::Error;
+
+/// A longer line is thinned out before it is cut: the search grows with the square of its points.
+const MAX_SEARCHED: usize = 2048;
+/// Fewest points of a plateau.
+const MIN_POINTS: usize = 12;
+/// Neighbours in the median that takes single wrong points out of the search.
+const MEDIAN_REACH: usize = 3;
+/// Further plateaus that are looked for, so that one too many in the picture is seen.
+const MORE: usize = 3;
+/// Smallest jump between plateaus, pixels, and in standard deviations of the points.
+const MIN_JUMP_PX: f64 = 0.3;
+const MIN_JUMP_SIGMA: f64 = 6.0;
+/// A further jump counts when it is this share of the smallest one that was asked for, or so many pixels.
+const MORE_SHARE: f64 = 0.3;
+const MORE_JUMP_PX: f64 = 1.0;
+/// Share of a plateau that is left out at each of its ends, where the blur and the edge of the gauge spoil it.
+const TRIM: usize = 6;
+
+/// Why a line is not cut.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum PlateauError {
+    /// Too short.
+    #[error("the line has {num} points; {wanted} plateaus need {} or more", .wanted * MIN_POINTS)]
+    TooShort {
+        /// Points of the line.
+        num: usize,
+        /// Plateaus asked for.
+        wanted: usize,
+    },
+    /// Another number of plateaus.
+    #[error("{wanted} heights are given, but the line has {found} plateaus{}: {}", at_least(*.found, *.wanted), listed(.places))]
+    Count {
+        /// Heights given.
+        wanted: usize,
+        /// Plateaus there.
+        found: usize,
+        /// Their first and last positions along the stripe, pixels.
+        places: Vec<[i64; 2]>,
+    },
+}
+
+fn at_least(found: usize, wanted: usize) -> &'static str {
+    if found == wanted + MORE { " or more" } else { "" }
+}
+
+fn listed(places: &[[i64; 2]]) -> String {
+    let places: Vec<_> = places.iter().map(|[from, to]| format!("{from} to {to}")).collect();
+    format!("{} along the stripe, pixels (the parameters roi.* choose a part)", places.join(", "))
+}
+
+/// Cuts a line into `count` plateaus: pieces that are straight, perhaps inclined, with a jump at every border.
+///
+/// `points` are (along, across) in pixels, ascending along the stripe. Returns the inner part of each plateau as
+/// indices into `points`; the outer sixths are left out. The cuts are those of the smallest sum of squared
+/// distances from straight pieces, found by dynamic programming (Bellman 1961).
+///
+/// # Errors
+/// Too few points, or another number of plateaus than asked for.
+pub fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Range<usize>>, PlateauError> {
+    let num = points.len();
+    if count == 0 || num < count * MIN_POINTS {
+        return Err(PlateauError::TooShort { num, wanted: count });
+    }
+    let stride = num.div_ceil(MAX_SEARCHED);
+    let thinned: Vec<[f64; 2]> = medians(points).into_iter().step_by(stride).collect();
+    let min_length = (MIN_POINTS / stride).max(thinned.len() / 50).max(3);
+    let cuts = Cuts::search(&thinned, count + MORE, min_length);
+    let least = MIN_JUMP_PX.max(MIN_JUMP_SIGMA * noise_of(points));
+    let smallest = |pieces: &[Range<usize>]| {
+        let jumps = pieces.windows(2).map(|pair| jump(&thinned, &pair[0], &pair[1]));
+        jumps.fold(f64::INFINITY, f64::min)
+    };
+    let wanted = cuts.pieces(count).filter(|pieces| smallest(pieces) > least);
+    let of_wanted = wanted.as_deref().map_or(f64::INFINITY, smallest);
+    let more = if of_wanted.is_finite() { MORE_SHARE * of_wanted } else { 0.0 };
+    let more = more.max(MORE_JUMP_PX).max(least);
+    let found = (1..=count + MORE).rev().find_map(|number| {
+        let pieces = cuts.pieces(number)?;
+        let limit = if number > count { more } else { least };
+        (number == 1 || smallest(&pieces) > limit).then_some(pieces)
+    });
+    let found = found.unwrap_or_default();
+    if found.len() != count {
+        let along = |at: usize| thinned[at][0] as i64;
+        let places = found.iter().map(|piece| [along(piece.start), along(piece.end - 1)]).collect();
+        return Err(PlateauError::Count { wanted: count, found: found.len(), places });
+    }
+    Ok(found.iter().map(|piece| inner(piece, stride, num)).collect())
+}
+
+/// The middle of a piece, as indices of the whole line.
+fn inner(piece: &Range<usize>, stride: usize, num: usize) -> Range<usize> {
+    let (start, end) = (piece.start * stride, (piece.end * stride).min(num));
+    let trim = (end - start) / TRIM;
+    start + trim..end - trim
+}
+
+fn medians(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut window = Vec::with_capacity(2 * MEDIAN_REACH + 1);
+    let median_at = |at: usize, window: &mut Vec<f64>| {
+        let range = at.saturating_sub(MEDIAN_REACH)..(at + MEDIAN_REACH + 1).min(points.len());
+        window.clear();
+        window.extend(points[range].iter().map(|point| point[1]));
+        window.sort_by(f64::total_cmp);
+        window[window.len() / 2]
+    };
+    (0..points.len()).map(|at| [points[at][0], median_at(at, &mut window)]).collect()
+}
+
+/// Standard deviation of a point, from differences of neighbours; half of the neighbours may differ by a jump.
+fn noise_of(points: &[[f64; 2]]) -> f64 {
+    let mut steps: Vec<f64> =
+        points.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).map_or(0.0, |median| 1.4826 * median / std::f64::consts::SQRT_2)
+}
+
+/// How far two straight pieces lie apart where they meet.
+fn jump(points: &[[f64; 2]], left: &Range<usize>, right: &Range<usize>) -> f64 {
+    let sums = Sums::new(points);
+    let at = 0.5 * (points[left.end - 1][0] + points[right.start][0]);
+    (sums.line(left).at(at) - sums.line(right).at(at)).abs()
+}
+
+/// A straight piece.
+struct Straight {
+    mean: [f64; 2],
+    slope: f64,
+    squares: f64,
+}
+
+impl Straight {
+    fn at(&self, along: f64) -> f64 {
+        self.mean[1] + self.slope * (along - self.mean[0])
+    }
+}
+
+/// Running sums, so that the straight line through any piece costs the same.
+struct Sums(Vec<[f64; 5]>, [f64; 2]);
+
+impl Sums {
+    fn new(points: &[[f64; 2]]) -> Self {
+        // From the middle, so that little is lost to rounding.
+        let middle = points[points.len() / 2];
+        let mut sums = Vec::with_capacity(points.len() + 1);
+        let mut sum = [0.0; 5];
+        sums.push(sum);
+        for point in points {
+            let (u, v) = (point[0] - middle[0], point[1] - middle[1]);
+            for (sum, term) in sum.iter_mut().zip([u, v, u * u, u * v, v * v]) {
+                *sum += term;
+            }
+            sums.push(sum);
+        }
+        Self(sums, middle)
+    }
+
+    fn line(&self, piece: &Range<usize>) -> Straight {
+        let (from, to) = (&self.0[piece.start], &self.0[piece.end]);
+        let n = (piece.end - piece.start) as f64;
+        let [u, v, uu, uv, vv] = [0, 1, 2, 3, 4].map(|i| to[i] - from[i]);
+        let (suu, suv, svv) = (uu - u * u / n, uv - u * v / n, vv - v * v / n);
+        let slope = if suu > 0.0 { suv / suu } else { 0.0 };
+        let mean = [u / n + self.1[0], v / n + self.1[1]];
+        Straight { mean, slope, squares: (svv - slope * suv).max(0.0) }
+    }
+}
+
+/// The best cuts into 1, 2, … pieces.
+struct Cuts {
+    /// For each number of pieces and each end: where the last piece begins; `usize::MAX`: not possible.
+    starts: Vec<Vec<usize>>,
+}
+
+impl Cuts {
+    fn search(points: &[[f64; 2]], max_pieces: usize, min_length: usize) -> Self {
+        let num = points.len();
+        let sums = Sums::new(points);
+        let mut costs = vec![f64::INFINITY; num + 1];
+        costs[0] = 0.0;
+        let mut starts = Vec::new();
+        for _ in 0..max_pieces {
+            let mut next = vec![f64::INFINITY; num + 1];
+            let mut begins = vec![usize::MAX; num + 1];
+            for end in min_length..=num {
+                for (start, before) in costs[..=end - min_length].iter().enumerate() {
+                    if before.is_infinite() {
+                        continue;
+                    }
+                    let cost = before + sums.line(&(start..end)).squares;
+                    if cost < next[end] {
+                        (next[end], begins[end]) = (cost, start);
+                    }
+                }
+            }
+            starts.push(begins);
+            costs = next;
+        }
+        Self { starts }
+    }
+
+    /// The pieces of the best cut into so many; none when they would be too short.
+    fn pieces(&self, number: usize) -> Option<Vec<Range<usize>>> {
+        let mut end = self.starts[0].len() - 1;
+        let mut pieces = Vec::new();
+        for begins in self.starts[..number].iter().rev() {
+            let start = *begins.get(end).filter(|start| **start != usize::MAX)?;
+            pieces.push(start..end);
+            end = start;
+        }
+        pieces.reverse();
+        (end == 0).then_some(pieces)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// A line of 600 points with a level for each of equal pieces, an inclination, noise and some wrong points.
+    fn stair(levels: &[f64], slope: f64, noise: f64) -> Vec<[f64; 2]> {
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        (0..600)
+            .map(|i| {
+                let along = 100.0 + i as f64;
+                let normal: f64 = StandardNormal.sample(&mut random);
+                let wrong = if i % 97 == 50 { 40.0 } else { 0.0 };
+                [along, levels[i * levels.len() / 600] + slope * along + noise * normal + wrong]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_stair_is_cut_at_its_jumps() {
+        for (noise, slope) in [(0.05, 0.0), (0.2, 0.01), (0.0, -0.02)] {
+            let pieces = cut(&stair(&[300.0, 290.0, 270.0, 275.0], slope, noise), 4).unwrap();
+            for (at, piece) in pieces.iter().enumerate() {
+                let [from, to] = [at * 150 + 25, at * 150 + 125];
+                assert!(piece.start.abs_diff(from) < 4 && piece.end.abs_diff(to) < 4, "{piece:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn another_number_of_plateaus_is_told_with_their_places() {
+        let stair = stair(&[300.0, 290.0, 300.0], 0.0, 0.1);
+        let error = cut(&stair, 1).unwrap_err().to_string();
+        assert!(error.contains("1 heights") && error.contains("3 plateaus"), "{error}");
+        assert!(error.contains("100 to 299"), "{error}");
+        let error = cut(&stair, 5).unwrap_err().to_string();
+        assert!(error.contains("3 plateaus"), "{error}");
+        assert_eq!(cut(&stair[..20], 3), Err(PlateauError::TooShort { num: 20, wanted: 3 }));
+    }
+
+    #[test]
+    fn a_bent_line_is_one_plateau() {
+        let bent: Vec<_> = (0..600)
+            .map(|i| f64::from(i) / 300.0 - 1.0)
+            .map(|u| [300.0 * u, 100.0 + 6.0 * u * u])
+            .collect();
+        assert_eq!(cut(&bent, 1).unwrap(), vec![100..500]);
+    }
+}

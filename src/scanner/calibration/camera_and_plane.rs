@@ -1,0 +1,76 @@
+//! A calibrated camera and the plane of light: every pixel looks along a ray, and the ray meets the plane.
+
+mod cuts;
+mod frame;
+
+use super::{AxisQuality, CalibrationError, CameraQuality, PlaneQuality, file::Id};
+use crate::scanner::{axis::Axis, camera::Camera, laser_plane::LaserPlane};
+
+/// Where the optical axis is nearly parallel to the plane, the origin is far away and 32 bits resolve too little.
+const LEAST_SLOPE: f64 = 0.05;
+
+/// Camera, laser plane and, where it is known, the axis that moves the part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraAndPlane {
+    /// Name of the laser plane's frame: x along the stripe, z towards the camera, y normal to the plane.
+    pub frame_id: String,
+    /// What the camera is called.
+    pub camera_name: String,
+    /// The camera.
+    pub camera: Camera,
+    /// How well the camera is known.
+    pub camera_quality: Option<CameraQuality>,
+    /// The plane of light.
+    pub plane: LaserPlane,
+    /// How well the plane is known.
+    pub plane_quality: Option<PlaneQuality>,
+    /// Where the profiles' origin lies instead of where the optical axis meets the plane.
+    pub alignment: Option<Alignment>,
+    /// The axis that moves the part.
+    pub axis: Option<Axis>,
+    /// How well the axis is known.
+    pub axis_quality: Option<AxisQuality>,
+    /// When it was measured, as the file says it.
+    pub calibrated_at: Option<String>,
+}
+
+/// Another origin of the profiles, in the laser plane: `unaligned = origin + rotation(angle) · aligned`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Alignment {
+    /// x and z of the new origin, metres.
+    pub origin_m: [f64; 2],
+    /// From the old to the new x axis, towards the old z axis, radians.
+    pub angle_rad: f64,
+}
+
+impl CameraAndPlane {
+    pub(super) fn id(&self) -> String {
+        let mut id = Id::new("camera_and_plane").text(&self.frame_id).camera(&self.camera);
+        id = id.numbers(self.plane.normal.iter().copied()).numbers([self.plane.distance_m]);
+        if let Some(Alignment { origin_m, angle_rad }) = self.alignment {
+            id = id.text("alignment").numbers(origin_m).numbers([angle_rad]);
+        }
+        if let Some(axis) = &self.axis {
+            id = id.axis(axis);
+        }
+        id.finish()
+    }
+
+    pub(super) fn check(&self) -> Result<(), CalibrationError> {
+        if self.frame_id.is_empty() {
+            return Err(CalibrationError::value(
+                "frame_id",
+                "\"\"",
+                "a frame name, as in laser_plane",
+            ));
+        }
+        if self.plane.normal.z.is_nan() || self.plane.normal.z < LEAST_SLOPE {
+            return Err(CalibrationError::value(
+                "laser_plane.normal",
+                format!("{:?}", self.plane.normal.as_slice()),
+                "a plane that the optical axis meets before the lens: normal with a third value of 0.05 or more",
+            ));
+        }
+        Ok(())
+    }
+}

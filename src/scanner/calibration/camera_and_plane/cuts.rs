@@ -1,0 +1,144 @@
+//! Where the rays of one frame's stripe cut the laser plane.
+
+use nalgebra::{Matrix2, Matrix3, Point2, Vector2, Vector3};
+
+use super::CameraAndPlane;
+use crate::scanner::{
+    calibration::PlacedPoint,
+    camera::{Camera, Distortion},
+    params::StripeDirection,
+};
+
+/// Newton's method squares the error: from here one more step leads to below 1e-6 px.
+const LAST_STEP_PX: f64 = 5e-3;
+/// Steps from a neighbour's ray before the search begins anew, without it.
+const MAX_STEPS: u32 = 5;
+
+/// Cuts ray after ray. Each starts from its neighbour's, so that one evaluation of the distortion is nearly always enough.
+pub(in crate::scanner::calibration) struct Cuts<'a> {
+    camera: &'a Camera,
+    direction: StripeDirection,
+    /// From the inclined sensor to the plane z = 1.
+    untilt: Option<Matrix3<f64>>,
+    /// Squared radius, on the plane z = 1, beyond which the lens is not measured.
+    limit: f64,
+    last_step: f64,
+    neighbour: Option<Ray>,
+    /// Times a ray: depth of the plane along it, inverted; and x and z of the cut over that depth.
+    inverse_depth: Vector3<f64>,
+    x: Vector3<f64>,
+    z: Vector3<f64>,
+}
+
+/// A ray, its image before the lens has bent it, and how it moves with that.
+#[derive(Clone, Copy)]
+struct Ray {
+    bent: Point2<f64>,
+    straight: Point2<f64>,
+    straight_per_bent: Matrix2<f64>,
+}
+
+impl CameraAndPlane {
+    /// Begins a frame.
+    pub(in crate::scanner::calibration) fn cuts(&self, direction: StripeDirection) -> Cuts<'_> {
+        let camera = &self.camera;
+        let camera_from_laser = self.camera_from_laser(direction);
+        let origin = camera_from_laser.translation.vector;
+        let inverse_depth = self.plane.normal.into_inner() / self.plane.distance_m;
+        // (p - origin) · axis, with p = ray / (inverse_depth · ray).
+        let coordinate = |axis: Vector3<f64>| {
+            let axis = camera_from_laser.rotation * axis;
+            axis - inverse_depth * origin.dot(&axis)
+        };
+        Cuts {
+            camera,
+            direction,
+            untilt: camera.untilt(),
+            limit: camera.distortion.largest_radius().powi(2),
+            last_step: LAST_STEP_PX / camera.fx_px.max(camera.fy_px),
+            neighbour: None,
+            inverse_depth,
+            x: coordinate(Vector3::x()),
+            z: coordinate(Vector3::z()),
+        }
+    }
+}
+
+impl Cuts<'_> {
+    /// The point of the laser plane that is seen there and its derivative across the stripe. `None` where the ray is not
+    /// known or does not meet the plane.
+    pub(in crate::scanner::calibration) fn place(
+        &mut self,
+        along_px: f64,
+        across_px: f64,
+    ) -> Option<PlacedPoint> {
+        let Camera { fx_px, fy_px, cx_px, cy_px, .. } = *self.camera;
+        let (column, row, across) = match self.direction {
+            StripeDirection::Horizontal => (along_px, across_px, Vector2::new(0.0, 1.0 / fy_px)),
+            StripeDirection::Vertical => (across_px, along_px, Vector2::new(1.0 / fx_px, 0.0)),
+        };
+        let on_sensor = Point2::new((column - cx_px) / fx_px, (row - cy_px) / fy_px);
+        let (bent, bent_per_px) = self.untilted(on_sensor, across)?;
+        let ray = self.ray(bent)?;
+        let straight_per_px = ray.straight_per_bent * bent_per_px;
+
+        let direction = Vector3::new(ray.straight.x, ray.straight.y, 1.0);
+        let inverse_depth = self.inverse_depth.dot(&direction);
+        if inverse_depth.is_nan() || inverse_depth <= 0.0 {
+            return None;
+        }
+        let depth = 1.0 / inverse_depth;
+        let depth_slope = self.inverse_depth.xy().dot(&straight_per_px);
+        let cut = |axis: &Vector3<f64>| {
+            let value_m = axis.dot(&direction) * depth;
+            (value_m, (axis.xy().dot(&straight_per_px) - value_m * depth_slope) * depth)
+        };
+        let ((x_m, x_m_per_px), (z_m, z_m_per_px)) = (cut(&self.x), cut(&self.z));
+        Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px })
+    }
+
+    /// A place on the sensor and a step there, seen on the plane z = 1.
+    fn untilted(
+        &self,
+        on_sensor: Point2<f64>,
+        step: Vector2<f64>,
+    ) -> Option<(Point2<f64>, Vector2<f64>)> {
+        let Some(untilt) = &self.untilt else { return Some((on_sensor, step)) };
+        let seen = untilt * on_sensor.to_homogeneous();
+        let bent = Point2::from_homogeneous(seen).filter(|_| seen.z > 0.0)?;
+        let moved = untilt * step.push(0.0);
+        Some((bent, (moved.xy() - bent.coords * moved.z) / seen.z))
+    }
+
+    fn ray(&mut self, bent: Point2<f64>) -> Option<Ray> {
+        let lens = &self.camera.distortion;
+        if *lens == Distortion::None {
+            return Some(Ray { bent, straight: bent, straight_per_bent: Matrix2::identity() });
+        }
+        let ray = self.beside_neighbour(bent).or_else(|| {
+            let straight = lens.undistort(bent)?;
+            let straight_per_bent = lens.bend(straight).1.try_inverse()?;
+            Some(Ray { bent, straight, straight_per_bent })
+        });
+        self.neighbour = ray;
+        ray
+    }
+
+    /// Newton's method from where the neighbour's ray and its derivative lead. `None` when that does not arrive.
+    fn beside_neighbour(&self, bent: Point2<f64>) -> Option<Ray> {
+        let neighbour = self.neighbour.as_ref()?;
+        let mut straight =
+            neighbour.straight + neighbour.straight_per_bent * (bent - neighbour.bent);
+        for _ in 0..MAX_STEPS {
+            let (seen, jacobian) = self.camera.distortion.bend(straight);
+            let straight_per_bent = jacobian.try_inverse()?;
+            let missing = bent - seen;
+            straight += straight_per_bent * missing;
+            if missing.norm_squared() < self.last_step * self.last_step {
+                let is_known = straight.coords.norm_squared() <= self.limit;
+                return is_known.then_some(Ray { bent, straight, straight_per_bent });
+            }
+        }
+        None
+    }
+}

@@ -1,0 +1,39 @@
+//! A camera alone: what views of a board give.
+
+use super::{CalibrationError, CameraQuality, file};
+use crate::scanner::camera::Camera;
+
+/// A calibrated camera, as `calibrate camera` writes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraCalibration {
+    /// What the camera is called.
+    pub camera_name: String,
+    /// The camera.
+    pub camera: Camera,
+    /// How well it is known.
+    pub quality: Option<CameraQuality>,
+    /// When it was measured, as the file says it.
+    pub calibrated_at: Option<String>,
+}
+
+impl CameraCalibration {
+    /// Reads and checks the camera of a calibration file: one of type `camera` or `camera_and_plane`, or one without type,
+    /// as the calibrators of ROS write it.
+    ///
+    /// # Errors
+    /// Unknown or missing keys, wrong types, values outside their range, an `id` that is not that of the values; all by
+    /// name.
+    pub fn from_yaml(text: &str) -> Result<Self, CalibrationError> {
+        file::read_camera(text)
+    }
+
+    /// The calibration file; [`from_yaml`](Self::from_yaml) gives back an equal calibration.
+    pub fn to_yaml(&self) -> String {
+        file::write_camera(self)
+    }
+
+    /// Sixteen hexadecimal digits that are equal for equal cameras, whatever their names.
+    pub fn id(&self) -> String {
+        file::Id::new("camera").camera(&self.camera).finish()
+    }
+}

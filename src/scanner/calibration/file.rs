@@ -1,0 +1,81 @@
+//! The calibration file: YAML, whose camera is written as ROS's `camera_info` files are.
+
+mod camera;
+mod id;
+mod plain;
+mod write;
+
+use serde::{
+    Deserialize,
+    de::{DeserializeOwned, IgnoredAny},
+};
+
+use super::{Calibration, CalibrationError, CameraCalibration};
+
+pub(super) use id::Id;
+pub(super) use write::{write, write_camera};
+
+const TYPES: &str = "camera_and_plane, vertical_incidence or projective";
+
+/// What decides how the rest is read.
+#[derive(Deserialize)]
+struct Head {
+    #[serde(rename = "type")]
+    kind: Option<String>,
+    camera_matrix: Option<IgnoredAny>,
+    id: Option<String>,
+}
+
+/// Reads any calibration that measures.
+pub(super) fn read(text: &str) -> Result<Calibration, CalibrationError> {
+    let head: Head = parse(text)?;
+    let calibration = match head.kind.as_deref() {
+        Some("vertical_incidence") => parse::<plain::VerticalFile>(text)?.calibration()?,
+        Some("projective") => parse::<plain::ProjectiveFile>(text)?.calibration()?,
+        Some("camera_and_plane") => {
+            let geometry = parse::<camera::CameraFile>(text)?.camera_and_plane()?;
+            Calibration::CameraAndPlane(Box::new(geometry))
+        }
+        Some("camera") => return Err(CalibrationError::CameraOnly),
+        // ROS's calibrators write no type.
+        None if head.camera_matrix.is_some() => return Err(CalibrationError::CameraOnly),
+        Some(kind) => return Err(CalibrationError::value("type", kind, TYPES)),
+        None => return Err(CalibrationError::value("type", "missing", TYPES)),
+    };
+    check_id(head.id, calibration.id())?;
+    Ok(calibration)
+}
+
+/// Reads the camera of a file, whether or not a laser plane stands beside it.
+pub(super) fn read_camera(text: &str) -> Result<CameraCalibration, CalibrationError> {
+    let head: Head = parse(text)?;
+    match head.kind.as_deref() {
+        None | Some("camera") => {
+            let camera = parse::<camera::CameraFile>(text)?.camera_alone()?;
+            check_id(head.id, camera.id())?;
+            Ok(camera)
+        }
+        Some("camera_and_plane") => {
+            let geometry = parse::<camera::CameraFile>(text)?.camera_and_plane()?;
+            check_id(head.id, geometry.id())?;
+            Ok(CameraCalibration {
+                camera_name: geometry.camera_name,
+                camera: geometry.camera,
+                quality: geometry.camera_quality,
+                calibrated_at: geometry.calibrated_at,
+            })
+        }
+        Some(kind) => Err(CalibrationError::value("type", kind, "camera or camera_and_plane")),
+    }
+}
+
+fn parse<T: DeserializeOwned>(text: &str) -> Result<T, CalibrationError> {
+    serde_saphyr::from_str(text).map_err(|error| CalibrationError::Syntax(error.to_string()))
+}
+
+fn check_id(stated: Option<String>, actual: String) -> Result<(), CalibrationError> {
+    match stated {
+        Some(stated) if stated != actual => Err(CalibrationError::Edited { stated, actual }),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,65 @@
+//! From the points of a centreline to the entries of a profile.
+
+use super::PlacedPoint;
+use crate::scanner::{
+    channel::Window, params::StripeDirection, profile::Profile, stripe::Centerline,
+};
+
+/// The searched cross-sections: columns of the image for a horizontal stripe, rows for a vertical one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lines {
+    /// Which way the stripe runs.
+    pub direction: StripeDirection,
+    /// First searched column (row) of the image.
+    pub first: usize,
+    /// Searched columns (rows).
+    pub count: usize,
+}
+
+impl Lines {
+    /// The lines of a searched part of the image.
+    pub const fn new(direction: StripeDirection, searched: &Window) -> Self {
+        let (first, count) = match direction {
+            StripeDirection::Horizontal => (searched.x, searched.width),
+            StripeDirection::Vertical => (searched.y, searched.height),
+        };
+        Self { direction, first, count }
+    }
+
+    /// Replaces `profile` by the points of a centreline that `place` can place, given their positions along and across the
+    /// stripe in pixels.
+    pub(super) fn fill(
+        &self,
+        centerline: &Centerline,
+        full_scale: u32,
+        profile: &mut Profile,
+        mut place: impl FnMut(f64, f64) -> Option<PlacedPoint>,
+    ) {
+        profile.reset(self.count);
+        let (along, across) = match self.direction {
+            StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
+            StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
+        };
+        for i in 0..centerline.len() {
+            let Some(point) = place(f64::from(along[i]), f64::from(across[i])) else { continue };
+            let (x_m, z_m) = (point.x_m as f32, point.z_m as f32);
+            // Beyond what 32 bits hold.
+            if !(x_m.is_finite() && z_m.is_finite()) {
+                continue;
+            }
+            let entry = along[i] as usize - self.first;
+            // One point a line: the first surface's, which is the strongest.
+            if profile.z_m[entry].is_finite() {
+                continue;
+            }
+            let sigma_px = f64::from(centerline.sigma_px[i]);
+            profile.x_m[entry] = x_m;
+            profile.z_m[entry] = z_m;
+            profile.intensity[entry] = (centerline.intensity[i] / full_scale as f32).min(1.0);
+            profile.flags[entry] = centerline.flags[i];
+            profile.sigma_x_m[entry] = (point.x_m_per_px.abs() * sigma_px) as f32;
+            profile.sigma_z_m[entry] = (point.z_m_per_px.abs() * sigma_px) as f32;
+            profile.valid_count += 1;
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! The image of the laser plane as a homography: what known heights alone can tell of a camera without distortion.
+
+use super::{CalibrationError, PlacedPoint, StepsQuality, file::Id};
+use crate::scanner::params::StripeDirection;
+
+/// A plane seen by a pinhole camera: with `(x, z, w) = H (column, row, 1)`, the point is at x/w and z/w.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Projective {
+    /// Name of the laser plane's frame: x along the stripe, z up, y normal to the plane.
+    pub frame_id: String,
+    /// Columns of the images.
+    pub width_px: u32,
+    /// Rows of the images.
+    pub height_px: u32,
+    /// H, row-major: from pixels to metres. Points with w of 0 or less are not measured.
+    pub homography: [f64; 9],
+    /// How well it is known.
+    pub quality: Option<StepsQuality>,
+    /// When it was measured, as the file says it.
+    pub calibrated_at: Option<String>,
+}
+
+impl Projective {
+    /// The point that is seen there and its derivative across the stripe.
+    pub(super) fn place(
+        &self,
+        direction: StripeDirection,
+        along_px: f64,
+        across_px: f64,
+    ) -> Option<PlacedPoint> {
+        let h = &self.homography;
+        let (u, v, across) = match direction {
+            StripeDirection::Horizontal => (along_px, across_px, 1),
+            StripeDirection::Vertical => (across_px, along_px, 0),
+        };
+        let row = |r: usize| h[3 * r] * u + h[3 * r + 1] * v + h[3 * r + 2];
+        let w = row(2);
+        if w.is_nan() || w <= 0.0 {
+            return None;
+        }
+        let (x_m, z_m) = (row(0) / w, row(1) / w);
+        let slope = |r: usize, value: f64| (h[3 * r + across] - value * h[6 + across]) / w;
+        Some(PlacedPoint { x_m, z_m, x_m_per_px: slope(0, x_m), z_m_per_px: slope(1, z_m) })
+    }
+
+    pub(super) fn id(&self) -> String {
+        Id::new("projective")
+            .text(&self.frame_id)
+            .numbers([f64::from(self.width_px), f64::from(self.height_px)])
+            .numbers(self.homography)
+            .finish()
+    }
+
+    pub(super) fn check(&self) -> Result<(), CalibrationError> {
+        let h = nalgebra::Matrix3::from_row_slice(&self.homography);
+        let scale = h.amax();
+        let determinant = (h / scale).determinant();
+        if !(self.homography.iter().all(|value| value.is_finite())
+            && determinant.abs() > f64::MIN_POSITIVE)
+        {
+            return Err(CalibrationError::value(
+                "homography",
+                format!("{:?}", self.homography),
+                "nine finite numbers of a matrix that can be inverted",
+            ));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scanner::calibration::VerticalIncidence;
+
+    /// Formula 6 is a homography: written out, both give the same metres.
+    #[test]
+    fn formula_6_is_a_homography() {
+        let (a, b, beta, pitch) = (0.026, 0.3, 0.5_f64, 4.8e-6);
+        let (row, column) = (1024.0, 1295.5);
+        let formula = VerticalIncidence {
+            frame_id: "laser".into(),
+            image_distance_m: a,
+            object_distance_m: b,
+            beta_rad: beta,
+            pixel_pitch_m: pitch,
+            base_row_px: row,
+            center_column_px: column,
+            height_sign: -1,
+        };
+        let (sin, cos) = beta.sin_cos();
+        // s = (row - v) · pitch; h = s b / (a sin + s cos); x = (u - column) · pitch · b sin / (a sin + s cos).
+        let homography = [
+            pitch * b * sin,
+            0.0,
+            -column * pitch * b * sin,
+            0.0,
+            -pitch * b,
+            row * pitch * b,
+            0.0,
+            -pitch * cos,
+            a * sin + row * pitch * cos,
+        ];
+        let projective = Projective {
+            frame_id: "laser".into(),
+            width_px: 2592,
+            height_px: 2048,
+            homography,
+            quality: None,
+            calibrated_at: None,
+        };
+        for (u, v) in [(0.0, 0.0), (1295.5, 1024.0), (2591.0, 2047.0), (300.25, 1800.75)] {
+            let one = formula.place(u, v).unwrap();
+            let other = projective.place(StripeDirection::Horizontal, u, v).unwrap();
+            assert!((one.x_m - other.x_m).abs() < 1e-12 && (one.z_m - other.z_m).abs() < 1e-12);
+            assert!((one.x_m_per_px - other.x_m_per_px).abs() < 1e-15, "{one:?} {other:?}");
+            assert!((one.z_m_per_px - other.z_m_per_px).abs() < 1e-15, "{one:?} {other:?}");
+        }
+        // The image of the plane's horizon, and beyond.
+        let parallel_px = row + a * beta.tan() / pitch;
+        let beyond = projective.place(StripeDirection::Horizontal, 0.0, parallel_px + 1.0);
+        assert_eq!(beyond, None);
+    }
+}

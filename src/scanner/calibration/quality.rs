@@ -1,0 +1,71 @@
+//! How well a calibration is known.
+
+use serde::{Deserialize, Serialize};
+
+/// Of a camera, from views of a board.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraQuality {
+    /// Root mean square of the distance between seen and projected corners, pixels.
+    pub rms_px: f64,
+    /// Views that took part.
+    pub views_used: u32,
+    /// Views that were left out.
+    pub views_rejected: u32,
+    /// Names of the estimated values, in the order of the covariance: fx, fy, cx, cy, k1 to k6, p1, p2, `tau_x`, `tau_y`.
+    #[serde(default)]
+    pub parameters: Vec<String>,
+    /// Of those values, row-major, in their units; as many rows as parameters, or empty where it is not known.
+    #[serde(default)]
+    pub covariance: Vec<f64>,
+}
+
+/// Of a laser plane.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlaneQuality {
+    /// Root mean square of the distance of the points from the plane, metres.
+    pub rms_m: f64,
+    /// Views of the board with the line on it that took part.
+    pub boards_used: u32,
+    /// Of two tilts of the normal, along
+    /// [`LaserPlane::tangents`](crate::scanner::laser_plane::LaserPlane::tangents) [rad], and the distance [m]; 3 x 3.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<[f64; 9]>,
+}
+
+/// Of an axis.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisQuality {
+    /// Root mean square of the distance between seen and projected points, pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_px: Option<f64>,
+    /// Root mean square of the distance between observed and modelled points, metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_m: Option<f64>,
+    /// Positions that took part.
+    pub positions_used: u32,
+    /// One standard deviation of the direction, radians.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction_sigma_rad: Option<f64>,
+    /// One standard deviation of the axis's distance from its place, metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_sigma_m: Option<f64>,
+    /// One standard deviation of the scale, in its unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_sigma: Option<f64>,
+}
+
+/// Of a map from known heights.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StepsQuality {
+    /// Root mean square of the distance between known and measured heights, metres.
+    pub rms_m: f64,
+    /// Known heights that took part.
+    pub heights_used: u32,
+    /// Of the nine entries of the homography, row-major 9 x 9; or empty where it is not known.
+    #[serde(default)]
+    pub covariance: Vec<f64>,
+}
