@@ -14,6 +14,7 @@ mod recordings;
 mod accuracy;
 mod evaluate;
 mod estimators;
+mod steps;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;
