@@ -72,7 +72,7 @@ enum Known {
 pub struct Positions {
     params: MotionParams,
     moved: Moved,
-    is_revolute: bool,
+    kind: AxisKind,
     known: Known,
     counter: Counter,
     /// Scale of the first encoder sample, metres a count.
@@ -89,21 +89,21 @@ pub struct Positions {
     has_told_late: bool,
 }
 
-/// Whether the positions of that camera are angles.
+/// What the positions of that camera are of.
 ///
 /// # Errors
 /// Parameter and calibration disagree, or angles could not be placed.
-pub fn is_revolute(
+pub fn axis_kind(
     params: &MotionParams,
     calibration: Option<&Calibration>,
-) -> Result<bool, AxisError> {
+) -> Result<AxisKind, AxisError> {
     let name = |kind| match kind {
         AxisKind::Prismatic => "prismatic",
         AxisKind::Revolute => "revolute",
     };
     let calibrated = calibration.and_then(Calibration::axis).map(|axis| axis.kind);
     let chosen = match params.axis {
-        AxisChoice::Auto => return Ok(calibrated == Some(AxisKind::Revolute)),
+        AxisChoice::Auto => return Ok(calibrated.unwrap_or(AxisKind::Prismatic)),
         AxisChoice::Prismatic => AxisKind::Prismatic,
         AxisChoice::Revolute => AxisKind::Revolute,
     };
@@ -112,20 +112,20 @@ pub fn is_revolute(
             Err(AxisError::Kind { chosen: name(chosen), calibrated: name(kind) })
         }
         None if chosen == AxisKind::Revolute && calibration.is_some() => Err(AxisError::NoAxis),
-        _ => Ok(chosen == AxisKind::Revolute),
+        _ => Ok(chosen),
     }
 }
 
 /// The positions of a camera's frames, where they are measured.
 ///
 /// # Errors
-/// As [`is_revolute`].
+/// As [`axis_kind`], and poses of a camera whose place nobody knows.
 pub fn of_camera(
     camera: &CameraParams,
     calibration: Option<&Calibration>,
 ) -> Result<Option<Positions>, AxisError> {
     let params = &camera.scanner.motion;
-    let is_revolute = is_revolute(params, calibration)?;
+    let kind = axis_kind(params, calibration)?;
     let direction = camera.scanner.stripe_direction;
     if let Some(calibration) = calibration
         && params.source == MotionSource::Tf
@@ -134,12 +134,12 @@ pub fn of_camera(
     {
         return Err(AxisError::NoCamera(calibration.frame_id().to_owned()));
     }
-    Ok(Positions::new(params, &camera.moved, is_revolute))
+    Ok(Positions::new(params, &camera.moved, kind))
 }
 
 impl Positions {
     /// What is known before the first message; `None` where positions are not measured.
-    pub fn new(params: &MotionParams, moved: &Moved, is_revolute: bool) -> Option<Self> {
+    pub fn new(params: &MotionParams, moved: &Moved, kind: AxisKind) -> Option<Self> {
         let known = match params.source {
             MotionSource::None | MotionSource::Constant => return None,
             MotionSource::JointState | MotionSource::Encoder => {
@@ -150,7 +150,7 @@ impl Positions {
         Some(Self {
             params: *params,
             moved: moved.clone(),
-            is_revolute,
+            kind,
             known,
             counter: Counter::new(params.encoder_bits),
             scale: None,

@@ -135,9 +135,11 @@ impl Pipeline {
                 let lines = Lines::new(self.params.stripe_direction, &searched);
                 // Step 9: metres.
                 calibration.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
-                let index = self.count_in(index, placed.is_some());
+                let (missing, rejected) = std::mem::take(&mut self.left_out);
+                let index = index.behind(missing, rejected);
                 // Step 10: stacked along the motion.
-                match placed.filter(|_| self.is_scanning) {
+                match placed {
+                    _ if !self.is_scanning => Completed::default(),
                     Some((position, part_from_laser)) => self.scan.push(&Placed {
                         profile: &self.profile,
                         image_px,
@@ -147,7 +149,11 @@ impl Pipeline {
                         part_from_laser,
                         index,
                     }),
-                    None => Completed::default(),
+                    None => {
+                        let FrameIndex { frames_missing, frames_rejected, .. } = index;
+                        self.left_out = (frames_missing, frames_rejected.saturating_add(1));
+                        Completed::default()
+                    }
                 }
             }
             None => Completed::default(),
@@ -164,18 +170,6 @@ impl Pipeline {
             slice: completed.slice,
             height_map: completed.height_map,
         })
-    }
-
-    /// What is missing before a profile of the scan: also those that have no place in it.
-    fn count_in(&mut self, index: FrameIndex, has_place: bool) -> FrameIndex {
-        let FrameIndex { frames_missing, frames_rejected, .. } = index;
-        let (missing, rejected) = std::mem::take(&mut self.left_out);
-        let frames_missing = missing.saturating_add(frames_missing);
-        let frames_rejected = rejected.saturating_add(frames_rejected);
-        if !has_place && self.is_scanning {
-            self.left_out = (frames_missing, frames_rejected.saturating_add(1));
-        }
-        FrameIndex { frames_missing, frames_rejected, ..index }
     }
 
     /// What a position means for the part, and whether it is where it should be.
@@ -304,6 +298,17 @@ pub struct FrameIndex {
     pub frames_missing: u32,
     /// Frames that arrived directly before this one and were refused.
     pub frames_rejected: u32,
+}
+
+impl FrameIndex {
+    /// The same frame behind so many more that are missing or refused.
+    const fn behind(self, missing: u32, rejected: u32) -> Self {
+        Self {
+            frame_number: self.frame_number,
+            frames_missing: self.frames_missing.saturating_add(missing),
+            frames_rejected: self.frames_rejected.saturating_add(rejected),
+        }
+    }
 }
 
 /// End of a stage, told to the observer of [`Pipeline::process`].

@@ -87,10 +87,10 @@ impl Images {
         let guard = self.lock();
         let Some(Subscriptions { positions, .. }) = &*guard else { return Vec::new() };
         let topics = self.positions.iter().zip(positions);
-        let unheard = |(topic, heard): &(&TopicEndpoint, &Box<dyn Subscription>)| {
+        let unheard = topics.filter(|(topic, heard)| {
             topic.qos.durability != Durability::TransientLocal && heard.num_matched() == 0
-        };
-        topics.filter(unheard).map(|(topic, _)| topic).collect()
+        });
+        unheard.map(|(topic, _)| topic).collect()
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<Subscriptions>> {

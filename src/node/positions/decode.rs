@@ -7,9 +7,12 @@ use crate::{
         cdr, laser_profiler_msgs::EncoderStamped, schema::Message, sensor_msgs::JointState,
         tf2_msgs::TFMessage,
     },
-    scanner::motion::{
-        frames::Stated,
-        reading::{Reading, unrolled},
+    scanner::{
+        axis::AxisKind,
+        motion::{
+            frames::Stated,
+            reading::{Reading, unrolled},
+        },
     },
 };
 
@@ -87,7 +90,7 @@ impl Positions {
         mut reading: Reading,
     ) -> Result<(), String> {
         let Known::Axis(track) = &mut self.known else { return Ok(()) };
-        if self.is_revolute {
+        if self.kind == AxisKind::Revolute {
             let last_rad = track.last().map(|(_, last)| last.position);
             reading.position = unrolled(reading.position, last_rad);
         }

@@ -73,7 +73,7 @@ fn positions(params: &MotionParams, joint: &str) -> Positions {
         part_frame: "table".to_owned(),
         sensor_frame: String::new(),
     };
-    Positions::new(params, &moved, false).unwrap()
+    Positions::new(params, &moved, AxisKind::Prismatic).unwrap()
 }
 
 /// Value and doubts of a frame of that time.
@@ -163,7 +163,8 @@ fn a_joint_that_does_not_exist_is_told_with_those_that_do() {
 #[test]
 fn a_turn_that_begins_again_goes_on() {
     let moved = Moved { joint: "table".into(), ..Moved::default() };
-    let mut positions = Positions::new(&params(MotionSource::JointState), &moved, true).unwrap();
+    let mut positions =
+        Positions::new(&params(MotionSource::JointState), &moved, AxisKind::Revolute).unwrap();
     for step in 0..20 {
         let angle_rad = (f64::from(step) * 0.5).rem_euclid(TAU);
         positions.take(&joint(i64::from(step) * 10, &["table"], &[angle_rad]));
@@ -262,10 +263,10 @@ fn other_parameters_mean_other_positions() {
 fn an_axis_that_the_calibration_does_not_have_is_refused() {
     let calibration = crate::node::tests::calibration();
     let of = |axis, calibration| {
-        is_revolute(&MotionParams { axis, ..MotionParams::default() }, calibration)
+        axis_kind(&MotionParams { axis, ..MotionParams::default() }, calibration)
     };
-    assert_eq!(of(AxisChoice::Auto, Some(&calibration)), Ok(false));
-    assert_eq!(of(AxisChoice::Prismatic, Some(&calibration)), Ok(false));
+    assert_eq!(of(AxisChoice::Auto, Some(&calibration)), Ok(AxisKind::Prismatic));
+    assert_eq!(of(AxisChoice::Prismatic, Some(&calibration)), Ok(AxisKind::Prismatic));
     assert_eq!(of(AxisChoice::Revolute, Some(&calibration)), Err(AxisError::NoAxis));
-    assert_eq!(of(AxisChoice::Revolute, None), Ok(true), "centrelines only");
+    assert_eq!(of(AxisChoice::Revolute, None), Ok(AxisKind::Revolute), "centrelines only");
 }

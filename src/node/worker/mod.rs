@@ -207,15 +207,14 @@ impl Worker {
         out: &mut Publisher<'_>,
     ) -> Result<(), Halt> {
         match item {
-            Input::Message(..) | Input::Ahead(_) | Input::Fault(_) => Ok(()),
             Input::Position(message) => self.take_position(&message, spare, out),
             Input::Positions => self.open_inbox(spare, out),
             Input::NewRecording => {
                 self.release(Now::End, spare, out)?;
                 self.begin_anew(out)
             }
-            // Counted and told where it was read.
-            Input::Damage(_) => Ok(()),
+            // Counted and told where it was read; and frames are not taken here.
+            Input::Damage(_) | Input::Message(..) | Input::Ahead(_) | Input::Fault(_) => Ok(()),
             Input::Command(command) => self.obey(command, out),
         }
     }

@@ -58,9 +58,10 @@ impl Placement {
     /// the laser plane's origin has come since the scan's first frame.
     pub fn place(&mut self, position: &mut Position) -> Isometry3<f64> {
         if let Some(part_from_sensor) = position.part_from_sensor {
-            let part_from_laser = match self.is_laser_tracked {
-                true => part_from_sensor,
-                false => part_from_sensor * self.camera_from_laser,
+            let part_from_laser = if self.is_laser_tracked {
+                part_from_sensor
+            } else {
+                part_from_sensor * self.camera_from_laser
             };
             let origin_m = part_from_laser * Point3::origin();
             position.value = (origin_m - *self.start_m.get_or_insert(origin_m)).norm();

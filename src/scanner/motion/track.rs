@@ -20,6 +20,7 @@ const STRAGGLERS: u32 = 3;
 /// Something that was measured, and can be thought of between two measurements.
 pub trait Measured: Copy {
     /// What it was between `self` (share 0) and `later` (share 1); beyond 1: if the motion went on as it was.
+    #[must_use]
     fn between(&self, later: &Self, share: f64) -> Self;
 
     /// How far it moved: metres or radians, never negative.
@@ -231,5 +232,4 @@ fn share(from_ns: i64, to_ns: i64, time_ns: i64) -> f64 {
 }
 
 #[cfg(test)]
-#[expect(clippy::float_cmp, reason = "binary fractions are exact")]
 mod tests;
