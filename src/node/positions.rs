@@ -49,7 +49,8 @@ pub enum AxisError {
     },
     /// Angles cannot become places.
     #[error(
-        "motion.axis is revolute, but the calibration has no axis: find it with laser_profiler calibrate axis"
+        "motion.axis is revolute, but the calibration has no axis: find it with laser_profiler calibrate axis, or set \
+         motion.source to none for profiles without a scan"
     )]
     NoAxis,
     /// A camera whose place nobody knows.

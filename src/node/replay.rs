@@ -195,6 +195,11 @@ impl Replay {
         self.cameras.iter().map(|camera| &camera.image_topic)
     }
 
+    /// The topics that tell where frames were taken, of all cameras.
+    pub fn position_topics(&self) -> impl Iterator<Item = &str> {
+        self.cameras.iter().flat_map(|camera| &camera.position_topics).map(String::as_str)
+    }
+
     /// How many messages will come, as far as the recordings know.
     pub fn num_messages(&self) -> Option<u64> {
         let of_bag = |bag: &BagReader| {
@@ -213,8 +218,7 @@ impl Replay {
     /// The results cannot be written; what was written before stays readable.
     pub fn run(self, stop: &Stop, on_message: &mut dyn FnMut(u64)) -> Result<Summary, ReplayError> {
         let images = self.image_topics().map(|topic| topic.name.as_str());
-        let positions = self.cameras.iter().flat_map(|camera| &camera.position_topics);
-        let filter = Filter::topics(images.chain(positions.map(String::as_str)));
+        let filter = Filter::topics(images.chain(self.position_topics()));
         let messages: Vec<_> = self.bags.iter().map(|bag| bag.messages(&filter)).collect();
         let mut player = BagPlayer::new(messages, self.request.rate, stop.clone())?;
         // One that cannot be written must not cost the others' results.

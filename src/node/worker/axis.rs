@@ -133,8 +133,8 @@ impl Worker {
         self.counts.doubtful += 1;
         if self.counts.doubtful == 1 {
             tracing::warn!(
-                "the position {value} of the frame of {stamp_ns} ns is in doubt: {}; its slice is DEGRADED; further ones are \
-                 only counted",
+                "the position {value} of the frame of {stamp_ns} ns is in doubt: {}; its slice will be DEGRADED; further ones \
+                 are only counted",
                 in_words(doubts)
             );
         }

@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::track::{Found, Limits, Measured, Refused, Track};
 
 /// Frames that are known at most: a robot has some dozens.
-const MAX_FRAMES: usize = 1024;
+const MAX_FRAMES: usize = 256;
 /// Poses of one frame that are kept.
 const MAX_POSES: usize = 1024;
 /// Frames that a message names.

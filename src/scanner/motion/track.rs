@@ -83,13 +83,13 @@ pub struct Track<T> {
 }
 
 impl<T: Measured> Track<T> {
-    /// A track without samples that will hold `max_samples` at most, and at least 2.
+    /// A track without samples that will hold `max_samples` at most, and at least 2. It takes its memory now.
     pub fn new(limits: Limits, max_samples: usize) -> Self {
         let max_samples = max_samples.clamp(2, MAX_SAMPLES);
         Self {
             limits,
             max_samples,
-            samples: VecDeque::new(),
+            samples: VecDeque::with_capacity(max_samples),
             intervals_ns: [0; NUM_INTERVALS],
             num_intervals: 0,
             behind: None,
