@@ -8,6 +8,8 @@
 mod program;
 #[cfg(any(feature = "dds", feature = "zenoh"))]
 mod live;
+#[cfg(feature = "calibrate")]
+mod calibrate;
 mod real_scenes;
 mod recordings;
 
