@@ -8,6 +8,8 @@
 mod program;
 #[cfg(any(feature = "dds", feature = "zenoh"))]
 mod live;
+#[cfg(feature = "calibrate")]
+mod calibrate;
 mod real_scenes;
 mod recordings;
 
@@ -20,6 +22,7 @@ mod ambient;
 mod bright_scene;
 mod labelled_scenes;
 mod alternating_exposures;
+mod positions;
 mod smoothing;
 mod allocation;
 mod cli;
