@@ -10,8 +10,12 @@ use super::{
     surface::Surface,
 };
 
-/// Rounds of turning the frame to the plane; the second one changes little.
-const MAX_ROUNDS: usize = 4;
+/// Rounds of turning the frame to the plane; the second one changes little, unless many points are none of its.
+const MAX_ROUNDS: usize = 20;
+/// A plane that turns by less stands still, radians.
+const STANDSTILL_RAD: f64 = 1e-9;
+/// The same after all rounds: weights that change with every turn leave so much open.
+const UNREST_RAD: f64 = 1e-4;
 const MIN_POINTS: usize = 20;
 
 /// A plane and what is known of it.
@@ -98,7 +102,7 @@ pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
     let degenerate = || FormError::Degenerate { found, what: "a plane" };
     let middle = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / found as f64);
     let mut normal = narrowest(&points, &middle).ok_or_else(degenerate)?;
-    for _ in 0..MAX_ROUNDS {
+    for round in 1..=MAX_ROUNDS {
         let directions = directions(&normal);
         let equations: Vec<Equation<3>> = points
             .iter()
@@ -110,7 +114,8 @@ pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
             .collect();
         let solved = robust::solve(&equations).ok_or_else(degenerate)?;
         let [height, along, across] = [solved.x[0], solved.x[1], solved.x[2]];
-        if along.hypot(across) < 1e-9 {
+        let limit_rad = if round < MAX_ROUNDS { STANDSTILL_RAD } else { UNREST_RAD };
+        if along.hypot(across) < limit_rad {
             return Ok(finish(surface, &solved, normal, middle + height * normal));
         }
         normal = (normal - along * directions[0] - across * directions[1]).normalize();

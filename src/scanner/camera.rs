@@ -94,7 +94,7 @@ mod tests {
             Distortion::PlumbBob { k1: -0.35, k2: 0.15, p1: 0.003, p2: -0.002, k3: -0.02 },
             Distortion::RationalPolynomial {
                 k1: 0.9,
-                k2: -0.3,
+                k2: 0.1,
                 p1: 0.001,
                 p2: -0.001,
                 k3: 0.02,
