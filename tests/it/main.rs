@@ -5,6 +5,7 @@
     reason = "tests fail by panicking and say on stderr what they skip"
 )]
 
+mod opencv;
 mod program;
 #[cfg(any(feature = "dds", feature = "zenoh"))]
 mod live;
