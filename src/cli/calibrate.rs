@@ -10,7 +10,7 @@ use crate::ros::arguments::RosArguments;
 
 const HELP: &str = "\
 Examples:
-  laser_profiler calibrate steps base.png=0mm low.png=2mm high.png=5mm top.png=9mm --lateral 0.02mm -o calibration.yaml
+  laser_profiler calibrate steps base.png=0mm low.png=2mm high.png=5mm top.png=9mm --lateral 22um -o calibration.yaml
                                                        known heights, for users without a board
 
 Each has --help of its own.";

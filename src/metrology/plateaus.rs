@@ -18,7 +18,7 @@ const MIN_JUMP_SIGMA: f64 = 6.0;
 /// A further jump counts when it is this share of the smallest one that was asked for, or so many pixels.
 const MORE_SHARE: f64 = 0.3;
 const MORE_JUMP_PX: f64 = 1.0;
-/// Share of a plateau that is left out at each of its ends, where the blur and the edge of the gauge spoil it.
+/// One part in so many of a plateau is left out at each of its ends.
 const TRIM: usize = 6;
 
 /// Why a line is not cut.
@@ -53,15 +53,23 @@ fn listed(places: &[[i64; 2]]) -> String {
     format!("{} along the stripe, pixels (the parameters roi.* choose a part)", places.join(", "))
 }
 
+/// A plateau as indices into the line's points.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Piece {
+    /// From border to border.
+    pub whole: Range<usize>,
+    /// Without the outer sixths, which the blur and the edges of the gauge spoil.
+    pub inner: Range<usize>,
+}
+
 /// Cuts a line into `count` plateaus: pieces that are straight, perhaps inclined, with a jump at every border.
 ///
-/// `points` are (along, across) in pixels, ascending along the stripe. Returns the inner part of each plateau as
-/// indices into `points`; the outer sixths are left out. The cuts are those of the smallest sum of squared
+/// `points` are (along, across) in pixels, ascending along the stripe. The cuts are those of the smallest sum of squared
 /// distances from straight pieces, found by dynamic programming (Bellman 1961).
 ///
 /// # Errors
 /// Too few points, or another number of plateaus than asked for.
-pub fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Range<usize>>, PlateauError> {
+pub fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, PlateauError> {
     let num = points.len();
     if count == 0 || num < count * MIN_POINTS {
         return Err(PlateauError::TooShort { num, wanted: count });
@@ -90,14 +98,14 @@ pub fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Range<usize>>, Plate
         let places = found.iter().map(|piece| [along(piece.start), along(piece.end - 1)]).collect();
         return Err(PlateauError::Count { wanted: count, found: found.len(), places });
     }
-    Ok(found.iter().map(|piece| inner(piece, stride, num)).collect())
+    Ok(found.iter().map(|piece| piece_of(piece, stride, num)).collect())
 }
 
-/// The middle of a piece, as indices of the whole line.
-fn inner(piece: &Range<usize>, stride: usize, num: usize) -> Range<usize> {
+/// A piece of the thinned line as indices of the whole one.
+fn piece_of(piece: &Range<usize>, stride: usize, num: usize) -> Piece {
     let (start, end) = (piece.start * stride, (piece.end * stride).min(num));
     let trim = (end - start) / TRIM;
-    start + trim..end - trim
+    Piece { whole: start..end, inner: start + trim..end - trim }
 }
 
 fn medians(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
@@ -242,7 +250,7 @@ mod tests {
     fn a_stair_is_cut_at_its_jumps() {
         for (noise, slope) in [(0.05, 0.0), (0.2, 0.01), (0.0, -0.02)] {
             let pieces = cut(&stair(&[300.0, 290.0, 270.0, 275.0], slope, noise), 4).unwrap();
-            for (at, piece) in pieces.iter().enumerate() {
+            for (at, Piece { inner: piece, .. }) in pieces.iter().enumerate() {
                 let [from, to] = [at * 150 + 25, at * 150 + 125];
                 assert!(piece.start.abs_diff(from) < 4 && piece.end.abs_diff(to) < 4, "{piece:?}");
             }
@@ -266,6 +274,6 @@ mod tests {
             .map(|i| f64::from(i) / 300.0 - 1.0)
             .map(|u| [300.0 * u, 100.0 + 6.0 * u * u])
             .collect();
-        assert_eq!(cut(&bent, 1).unwrap(), vec![100..500]);
+        assert_eq!(cut(&bent, 1).unwrap(), vec![Piece { whole: 0..600, inner: 100..500 }]);
     }
 }

@@ -15,6 +15,7 @@ mod recordings;
 mod accuracy;
 mod evaluate;
 mod estimators;
+mod steps;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;

@@ -27,6 +27,8 @@ pub(super) struct Line {
     pub(super) points: Vec<[f64; 2]>,
     /// Columns and rows of the picture.
     pub(super) size_px: (u32, u32),
+    /// Which way it runs.
+    pub(super) direction: StripeDirection,
     /// Pictures that went into it.
     pub(super) frames: u64,
 }
@@ -124,7 +126,7 @@ impl Collector {
         let enough = (self.frames / 2).max(1) as usize;
         let seen = self.across.into_iter().filter(|(_, values)| values.len() >= enough);
         let points = seen.map(|(along, values)| [f64::from(along), median(values)]).collect();
-        Line { points, size_px: self.size_px, frames: self.frames }
+        Line { points, size_px: self.size_px, direction: self.direction, frames: self.frames }
     }
 }
 

@@ -94,31 +94,60 @@ impl Integral {
         let from = each(|lane| sections.first[lane] + low[lane]);
         let to = each(|lane| sections.first[lane] + high[lane] + 1.0);
         let whole = sections.within(&each(|lane| from[lane] + 1.0), &each(|lane| to[lane] - 2.0));
-        for i in sections.reach(&from, &to) {
-            let (place, sample) = (sections.place(i), sections.blurred[i]);
-            if whole.contains(&i) {
-                // All of every lane's triangle: what follows would give area 1, lever 0 and no level at an end.
-                for lane in 0..LANES {
-                    sum.level[lane] += sample[lane];
-                    sum.moment[lane] += sample[lane] * place[lane];
-                }
-                continue;
+        let reached = sections.reach(&from, &to);
+        let (before, behind) = if whole.is_empty() {
+            // Ends in one row: both are looked at in each.
+            for i in reached {
+                sum.add_cut::<true, true>(sections, i, (low, high));
             }
+            return sum;
+        } else {
+            (reached.start..whole.start, whole.end..reached.end)
+        };
+        for i in before {
+            sum.add_cut::<true, false>(sections, i, (low, high));
+        }
+        // All of every lane's triangle: area 1, lever 0, and no level at an end.
+        for i in whole {
+            let (place, sample) = (sections.place(i), sections.blurred[i]);
             for lane in 0..LANES {
-                let x = place[lane];
-                let is_inside = (x > low[lane] - 1.0) & (x < high[lane] + 1.0);
-                let grey = if is_inside { sample[lane] } else { 0.0 };
-                let a = (low[lane] - x).clamp(-1.0, 1.0);
-                let b = (high[lane] - x).clamp(-1.0, 1.0);
-                let (a_size, b_size) = (a.abs(), b.abs());
-                let area = (b - 0.5 * b * b_size) - (a - 0.5 * a * a_size);
-                let lever = b * b * (0.5 - b_size / 3.0) - a * a * (0.5 - a_size / 3.0);
-                sum.level[lane] += grey * area;
-                sum.moment[lane] += grey * (x * area + lever);
-                sum.low_level[lane] += grey * (1.0 - a_size);
-                sum.high_level[lane] += grey * (1.0 - b_size);
+                sum.level[lane] += sample[lane];
+                sum.moment[lane] += sample[lane] * place[lane];
             }
         }
+        for i in behind {
+            sum.add_cut::<false, true>(sections, i, (low, high));
+        }
         sum
+    }
+
+    /// Adds a row whose triangles the window may cut at its LOW end, at its HIGH end; an end that cannot is not looked at,
+    /// which changes no bit.
+    #[inline(always)]
+    fn add_cut<const LOW: bool, const HIGH: bool>(
+        &mut self,
+        sections: &Sections,
+        i: usize,
+        (low, high): (&Lane, &Lane),
+    ) {
+        let (place, sample) = (sections.place(i), sections.blurred[i]);
+        for lane in 0..LANES {
+            let x = place[lane];
+            let is_inside = (!LOW | (x > low[lane] - 1.0)) & (!HIGH | (x < high[lane] + 1.0));
+            let grey = if is_inside { sample[lane] } else { 0.0 };
+            let a = if LOW { (low[lane] - x).clamp(-1.0, 1.0) } else { -1.0 };
+            let b = if HIGH { (high[lane] - x).clamp(-1.0, 1.0) } else { 1.0 };
+            let (a_size, b_size) = (a.abs(), b.abs());
+            let area = (b - 0.5 * b * b_size) - (a - 0.5 * a * a_size);
+            let lever = b * b * (0.5 - b_size / 3.0) - a * a * (0.5 - a_size / 3.0);
+            self.level[lane] += grey * area;
+            self.moment[lane] += grey * (x * area + lever);
+            if LOW {
+                self.low_level[lane] += grey * (1.0 - a_size);
+            }
+            if HIGH {
+                self.high_level[lane] += grey * (1.0 - b_size);
+            }
+        }
     }
 }

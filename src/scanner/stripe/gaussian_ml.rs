@@ -27,11 +27,11 @@ use start::{SIGMA_RANGE_PX, Start};
 const MAX_ROUNDS: u32 = 16;
 /// A lane stands still when its centre moves by less than this share of its uncertainty, and its shape by less than
 /// [`STILL_SHAPE`]. That step is still taken: what the next one would add is a small share of it.
-const STILL_CENTRE: f32 = 0.03;
+const STILL_CENTRE: f32 = 0.06;
 /// The smallest uncertainty that is told: single precision knows no less, pixels.
 const LEAST_PX: f32 = 1e-5;
 /// Relative change of height and width.
-const STILL_SHAPE: f32 = 0.03;
+const STILL_SHAPE: f32 = 0.04;
 
 /// The most probable centre of every lane.
 #[inline(always)]

@@ -72,6 +72,11 @@ impl Selector {
     ) {
         chosen.clear();
         if self.is_plain() {
+            // Most frames have one candidate a line, and nothing to choose.
+            if found.windows(2).all(|pair| pair[0].line != pair[1].line) {
+                chosen.extend_from_slice(found);
+                return;
+            }
             chosen.extend(found.chunk_by(|a, b| a.line == b.line).filter_map(|line| {
                 let best = best_of(self.params.peak_selection, line, |found| &found.candidate)?;
                 let Found { line: at, candidate } = line[best];

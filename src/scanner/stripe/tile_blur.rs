@@ -21,7 +21,7 @@ const STRIP: usize = 32;
 /// A tile and what the kernel reaches around it; scratch space that is kept between tiles.
 #[derive(Debug)]
 pub struct TileBlur<S: Sample> {
-    rows: Box<[[S; PADDED]; ROWS + 2 * MAX_RADIUS]>,
+    copied: Box<[[S; PADDED]; ROWS + 2 * MAX_RADIUS]>,
     /// Sums of the first pass, divided by 256, and their remainders, row by row.
     high: [[S::Sum; PADDED]; ROWS],
     low: [[S::Sum; PADDED]; ROWS],
@@ -30,7 +30,7 @@ pub struct TileBlur<S: Sample> {
 impl<S: Sample> Default for TileBlur<S> {
     fn default() -> Self {
         Self {
-            rows: Box::new([[S::default(); PADDED]; ROWS + 2 * MAX_RADIUS]),
+            copied: Box::new([[S::default(); PADDED]; ROWS + 2 * MAX_RADIUS]),
             high: [[S::Sum::default(); PADDED]; ROWS],
             low: [[S::Sum::default(); PADDED]; ROWS],
         }
@@ -70,20 +70,21 @@ impl<S: Sample> TileBlur<S> {
         let r = if R > 0 { R } else { kernel.radius() };
         let weights = &kernel.weights()[..=2 * r];
         let (width, height) = (COLUMNS.min(plane.width - x), ROWS.min(plane.height - y));
-        self.take(plane, (x, y), height + 2 * r, r);
+        let Self { copied, high, low } = self;
+        let rows = Rows::of(plane, (x, y), r, copied);
         // All rows before the second pass: what was just stored cannot be read again at other places at once.
         for k in 0..ROWS {
-            let near = &self.rows[k..=k + 2 * r];
+            let near = &rows.0[k..=k + 2 * r];
             for strip in (0..PADDED).step_by(STRIP) {
                 let sums = down::<R, S>(weights, near, strip);
                 for (i, &sum) in sums.iter().enumerate() {
-                    (self.high[k][strip + i], self.low[k][strip + i]) = S::split(sum);
+                    (high[k][strip + i], low[k][strip + i]) = S::split(sum);
                 }
             }
         }
         for k in 0..height {
             let mut blurred = [S::Sum::default(); COLUMNS];
-            S::along(vectors, weights, (&self.high[k], &self.low[k]), &mut blurred);
+            S::along(vectors, weights, (&high[k], &low[k]), &mut blurred);
             let out = &mut out[(y + k) * plane.width + x..];
             match out.first_chunk_mut() {
                 Some(out) if width == COLUMNS => *out = blurred,
@@ -91,21 +92,42 @@ impl<S: Sample> TileBlur<S> {
             }
         }
     }
+}
 
-    /// Takes the samples that the tile's blur reads; beyond the border the nearest is repeated.
+/// The rows that the blur of a tile reads, from `r` above it to `r` below it.
+struct Rows<'a, S>([&'a [S; PADDED]; ROWS + 2 * MAX_RADIUS]);
+
+impl<'a, S: Sample> Rows<'a, S> {
+    /// Those of the plane itself; for a tile at the border copies, in which the nearest sample is repeated beyond it.
     #[inline(always)]
-    fn take(&mut self, plane: &Plane<'_, S>, (x, y): (usize, usize), rows: usize, r: usize) {
-        let is_inside = x >= MARGIN && x + COLUMNS + MARGIN <= plane.width;
-        for (i, padded) in self.rows[..rows].iter_mut().enumerate() {
-            let row = plane.row((y + i).saturating_sub(r).min(plane.height - 1));
-            if is_inside {
-                padded.copy_from_slice(&row[x - MARGIN..][..PADDED]);
-            } else {
+    fn of(
+        plane: &Plane<'a, S>,
+        (x, y): (usize, usize),
+        r: usize,
+        copied: &'a mut [[S; PADDED]; ROWS + 2 * MAX_RADIUS],
+    ) -> Self {
+        let reached = ROWS + 2 * r;
+        let is_inside = x >= MARGIN
+            && x + COLUMNS + MARGIN <= plane.width
+            && y >= r
+            && y + ROWS + r <= plane.height;
+        if !is_inside {
+            for (i, padded) in copied[..reached].iter_mut().enumerate() {
+                let row = plane.row((y + i).saturating_sub(r).min(plane.height - 1));
                 for (j, sample) in padded.iter_mut().enumerate() {
                     *sample = row[(x + j).saturating_sub(MARGIN).min(plane.width - 1)];
                 }
             }
         }
+        let mut rows = [&copied[0]; ROWS + 2 * MAX_RADIUS];
+        for (i, row) in rows[..reached].iter_mut().enumerate() {
+            *row = if is_inside {
+                plane.row(y + i - r)[x - MARGIN..].first_chunk().expect("the tile lies inside")
+            } else {
+                &copied[i]
+            };
+        }
+        Self(rows)
     }
 }
 
@@ -119,19 +141,19 @@ fn strip_of<T>(row: &[T; PADDED], from: usize) -> &[T; STRIP] {
 #[inline(always)]
 fn down<const R: usize, S: Sample>(
     weights: &[u16],
-    rows: &[[S; PADDED]],
+    rows: &[&[S; PADDED]],
     strip: usize,
 ) -> [S::Sum; STRIP] {
     let r = if R > 0 { R } else { weights.len() / 2 };
     let weight = |i: usize| S::Sum::from_weight(weights[i]);
     let mut sums = [S::Sum::default(); STRIP];
-    let (by, centre) = (weight(r), strip_of(&rows[r], strip));
+    let (by, centre) = (weight(r), strip_of(rows[r], strip));
     for (sum, &sample) in sums.iter_mut().zip(centre) {
         *sum = by * sample.into();
     }
     for i in 0..r {
         let (by, above, below) =
-            (weight(i), strip_of(&rows[i], strip), strip_of(&rows[2 * r - i], strip));
+            (weight(i), strip_of(rows[i], strip), strip_of(rows[2 * r - i], strip));
         for j in 0..STRIP {
             let (above, below): (S::Sum, S::Sum) = (above[j].into(), below[j].into());
             sums[j] = sums[j] + by * (above + below);

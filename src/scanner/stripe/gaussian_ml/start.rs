@@ -11,8 +11,11 @@ use super::{
     curve::Curve,
 };
 
-/// Rows beyond so many standard deviations of the stripe, and two more, are left out.
-const REACH_SIGMAS: f32 = 4.2;
+/// Rows beyond so many standard deviations of the stripe, and so many more, are left out: what lies there tells nothing of
+/// the centre.
+const REACH: (f32, f32) = (3.3, 1.0);
+/// The same for a saturated stripe, whose flanks reach farther.
+const SATURATED_REACH: (f32, f32) = (4.2, 2.0);
 /// The narrowest and the widest stripe, standard deviation in pixels.
 pub(in super::super) const SIGMA_RANGE_PX: (f32, f32) = (0.45, 64.0);
 
@@ -58,7 +61,8 @@ impl Start {
             start.curve.sigma_px[lane] = sigma_px;
             start.curve.background[lane] =
                 if saturated { floor.raw[lane] } else { floor.blurred[lane] + floor.offset[lane] };
-            let reach = REACH_SIGMAS * sigma_px + 2.0;
+            let (sigmas, more) = if saturated { SATURATED_REACH } else { REACH };
+            let reach = sigmas * sigma_px + more;
             let middle = sections.first[lane] + fit.centre_px;
             start.from[lane] = from[lane].max((middle - reach).floor());
             start.to[lane] = to[lane].min((middle + reach).ceil() + 1.0);

@@ -1,0 +1,144 @@
+//! What a calibration from heights came to, as text and as JSON.
+
+use serde_json::{Value as Json, json};
+
+use super::{Found, StepsArgs};
+use crate::metrology::steps::{Check, StepsCalibration, Term, VerticalGeometry};
+
+pub(super) fn json(
+    args: &StepsArgs,
+    found: &Found,
+    result: &StepsCalibration,
+    geometry: Option<&VerticalGeometry>,
+    lateral_m: Option<f64>,
+) -> String {
+    let heights: Vec<_> = found
+        .sources
+        .iter()
+        .zip(&result.checks)
+        .map(|(source, check)| row(source, check))
+        .collect();
+    let model = model_name(result, geometry);
+    let geometry = geometry.map(|g| {
+        let with = |[value, sigma]: [f64; 2]| json!({"value": value, "sigma": sigma});
+        json!({
+            "image_distance_m": with(g.image_distance_m),
+            "object_distance_m": with(g.object_distance_m),
+            "beta_rad": with(g.beta_rad),
+            "base_px": with(g.base_px),
+            "height_sign": g.height_sign,
+        })
+    });
+    let object = json!({
+        "model": model,
+        "heights": heights,
+        "rms_m": result.rms_m,
+        "rms_left_out_m": rms_left_out(&result.checks),
+        "linearity": result.linearity,
+        "degrees_of_freedom": result.degrees_of_freedom,
+        "sigma_m": result.sigma_m,
+        "u95_m": result.u95_m,
+        "lateral_m_per_px": lateral_m,
+        "geometry": geometry,
+        "output": args.output,
+    });
+    format!("{object}\n")
+}
+
+fn row(source: &std::path::Path, check: &Check) -> Json {
+    let plateau = &check.plateau;
+    json!({
+        "source": source,
+        "height_m": plateau.height_m,
+        "measured_m": check.measured_m,
+        "residual_m": check.measured_m - plateau.height_m,
+        "left_out_m": check.left_out_m,
+        "noise_m": check.noise_m,
+        "along_px": plateau.along_px,
+        "across_px": plateau.across_px,
+        "sigma_px": plateau.sigma_px,
+        "points": plateau.num_points,
+    })
+}
+
+fn model_name(result: &StepsCalibration, geometry: Option<&VerticalGeometry>) -> &'static str {
+    match (geometry, result.model.term) {
+        (Some(_), _) => "vertical_incidence",
+        (None, Term::Across) => "across",
+        (None, Term::Both) => "both",
+    }
+}
+
+/// Root mean square of what the maps of all others say of each plateau; none when those are too few.
+fn rms_left_out(checks: &[Check]) -> Option<f64> {
+    let errors = checks.iter().map(|check| Some(check.left_out_m? - check.plateau.height_m));
+    let errors: Vec<f64> = errors.flatten().collect();
+    let squares: f64 = errors.iter().map(|error| error * error).sum();
+    (!errors.is_empty()).then(|| (squares / errors.len() as f64).sqrt())
+}
+
+pub(super) fn text(
+    args: &StepsArgs,
+    found: &Found,
+    result: &StepsCalibration,
+    geometry: Option<&VerticalGeometry>,
+    lateral_m: Option<f64>,
+) -> String {
+    let mut lines = vec![
+        "  height [mm]  measured [mm]  residual [µm]  left out [µm]  across [px]  points  source"
+            .to_owned(),
+    ];
+    for (source, check) in found.sources.iter().zip(&result.checks) {
+        let plateau = &check.plateau;
+        let off = |measured_m: f64| format!("{:+.2}", 1e6 * (measured_m - plateau.height_m));
+        lines.push(format!(
+            "{:13.4}{:15.4}{:>15}{:>15}{:13.3}{:8}  {}",
+            1e3 * plateau.height_m,
+            1e3 * check.measured_m,
+            off(check.measured_m),
+            check.left_out_m.map_or("-".into(), off),
+            plateau.across_px,
+            plateau.num_points,
+            source.display()
+        ));
+    }
+    lines.push(String::new());
+    lines.push(quality(result));
+    lines.extend(geometry.map(geometry_text));
+    lines.push(match lateral_m {
+        Some(metres) => format!("A pixel sees {:.3} µm along the stripe at height 0.", 1e6 * metres),
+        None => "What a pixel sees along the stripe is not known: --lateral, --pitch or --pixel-pitch would tell.".into(),
+    });
+    lines.extend(args.output.as_ref().map(|path| format!("Written: {}", path.display())));
+    lines.join("\n") + "\n"
+}
+
+fn quality(result: &StepsCalibration) -> String {
+    let um = |metres: f64| format!("{:.2} µm", 1e6 * metres);
+    let terms = match result.model.term {
+        Term::Across => "three numbers, across the stripe",
+        Term::Both => "five numbers, across and along the stripe",
+    };
+    let fit = format!(
+        "Projective map of {terms}: rms {}, largest residual {:.4} % of the range of heights.",
+        um(result.rms_m),
+        100.0 * result.linearity
+    );
+    let left_out = match rms_left_out(&result.checks) {
+        Some(metres) => format!("Each height by the map of the others: rms {}.", um(metres)),
+        None => "No height is left over to check the others: give four or more.".to_owned(),
+    };
+    let sigma = um(result.sigma_m);
+    let uncertainty = match result.degrees_of_freedom {
+        0 => format!("Without redundancy only the noise of the lines is known: {sigma} (1 sigma)."),
+        _ => format!("Uncertainty of a height: {sigma} (1 sigma), {} (95 %).", um(result.u95_m)),
+    };
+    [fit, left_out, uncertainty].join("\n")
+}
+
+fn geometry_text(geometry: &VerticalGeometry) -> String {
+    let [a, b] = [geometry.image_distance_m, geometry.object_distance_m]
+        .map(|[value, sigma]| format!("{:.3} mm ± {:.3}", 1e3 * value, 1e3 * sigma));
+    let [beta, sigma] = geometry.beta_rad.map(f64::to_degrees);
+    format!("Formula 6: a = {a}, b = {b}, beta = {beta:.3} ± {sigma:.3} degrees (1 sigma).")
+}
