@@ -1,5 +1,7 @@
 //! Which `camera_info` belongs to an image: the one of exactly the same stamp. Pure.
 
+pub mod fit;
+
 use std::collections::VecDeque;
 
 use sha2::{Digest, Sha256};

@@ -23,6 +23,7 @@ mod alternating_exposures;
 mod smoothing;
 mod allocation;
 mod cli;
+mod coverage;
 mod determinism;
 mod memory;
 mod bad_bags;

@@ -1,3 +1,5 @@
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+
 use super::*;
 use crate::scanner::{calibration::Lines, profile::Profile, stripe::Centerline};
 
@@ -126,25 +128,43 @@ rig:
 boards: {corners: [7, 5], square_m: 0.02, white: 200.0, black: 20.0, distance_m: [0.4, 0.5], max_tilt_rad: 0.4}
 ";
 
+/// Where the surface of second order through 25 pixels about the origin is level.
+fn saddle(level: impl Fn(i32, i32) -> f64) -> [f64; 2] {
+    let places: Vec<(i32, i32)> = (-2..=2).flat_map(|v| (-2..=2).map(move |u| (u, v))).collect();
+    let terms = DMatrix::from_row_iterator(
+        25,
+        6,
+        places.iter().flat_map(|(u, v)| {
+            let (u, v) = (f64::from(*u), f64::from(*v));
+            [1.0, u, v, u * u, u * v, v * v]
+        }),
+    );
+    let levels = DVector::from_iterator(25, places.iter().map(|(u, v)| level(*u, *v)));
+    let fit = terms.svd(true, true).solve(&levels, 1e-12).unwrap();
+    let curvature = Matrix2::new(2.0 * fit[3], fit[4], fit[4], 2.0 * fit[5]);
+    (-(curvature.try_inverse().unwrap() * Vector2::new(fit[1], fit[2]))).into()
+}
+
 /// Around a corner the picture is a saddle: opposite sides are equal, neighbouring ones white and black.
 #[test]
 fn corners_are_where_they_are_stated() {
     let scenario = RigScenario::from_yaml(BOARDS).unwrap();
     let boards = scenario.boards.unwrap();
     let mut frame = RenderedFrame::default();
+    let mut sum = Vector2::zeros();
     for number in 0..scenario.frames {
         scenario.render(number, &mut frame);
         let view = boards.view(&scenario.rig, scenario.seed, number);
         let corners = boards.corners_px(&scenario.rig, &view);
         assert_eq!(corners.len(), 35);
         for [column, row] in corners.into_iter().map(Option::unwrap) {
-            // The plane through the nearest pixels' levels has the corner's level at the corner: half of black and white.
             let level = |u: i32, v: i32| f64::from(frame.samples[v as usize * 320 + u as usize]);
-            let (u, v) = (column.floor() as i32, row.floor() as i32);
-            let (du, dv) = (column - column.floor(), row - row.floor());
-            let between = (1.0 - dv) * ((1.0 - du) * level(u, v) + du * level(u + 1, v))
-                + dv * ((1.0 - du) * level(u, v + 1) + du * level(u + 1, v + 1));
-            assert!((between - 110.0).abs() < 6.0, "{number}: {between} at {column}, {row}");
+            let (u, v) = (column.round() as i32, row.round() as i32);
+            let [du, dv] = saddle(|x, y| level(u + x, v + y));
+            let missed = Vector2::new(du + f64::from(u) - column, dv + f64::from(v) - row);
+            // Pixels lie unevenly about a corner: what that does to one fit is gone in the mean.
+            assert!(missed.norm() < 0.2, "{number}: {missed} at {column}, {row}");
+            sum += missed;
             let ring: Vec<f64> = (0..16)
                 .map(|k| {
                     let angle = f64::from(k) * std::f64::consts::TAU / 16.0;
@@ -157,6 +177,8 @@ fn corners_are_where_they_are_stated() {
             assert_eq!(changes, 4, "{ring:?}");
         }
     }
+    let mean = sum / f64::from(35 * scenario.frames);
+    assert!(mean.norm() < 0.02, "{mean}");
 }
 
 /// The line is where the plane of light cuts the board.
@@ -168,7 +190,7 @@ fn the_line_lies_on_board_and_plane() {
     scenario.boards = Some(boards);
     let rig = scenario.rig.calibration();
     let mut frame = RenderedFrame::default();
-    let mut num_points = 0;
+    let mut off_m = Vec::new();
     for number in 0..scenario.frames {
         scenario.render(number, &mut frame);
         let view = boards.view(&scenario.rig, scenario.seed, number);
@@ -178,8 +200,7 @@ fn the_line_lies_on_board_and_plane() {
             let Some(peak) = (10..230).max_by(|a, b| level(*a).total_cmp(&level(*b))) else {
                 continue;
             };
-            // The whole cross-section on one board: no rim within reach.
-            if level(peak) < 100.0 {
+            if level(peak) < 40.0 {
                 continue;
             }
             let rows = peak - 8..=peak + 8;
@@ -188,11 +209,16 @@ fn the_line_lies_on_board_and_plane() {
             let ray = rig.camera.ray(nalgebra::Point2::new(column as f64, center)).unwrap();
             let point = rig.plane.meet(ray).unwrap();
             let off_board_m = normal.dot(&(point.coords - view.middle_m));
-            assert!(off_board_m.abs() < 3e-4, "{number} {column}: {off_board_m}");
-            num_points += 1;
+            // Edges of squares and of the board pull the centroid of a cross-section towards the brighter side.
+            assert!(off_board_m.abs() < 3e-3, "{number} {column}: {off_board_m}");
+            off_m.push(off_board_m);
         }
     }
-    assert!(num_points > 50, "{num_points}");
+    assert!(off_m.len() > 50, "{}", off_m.len());
+    off_m.sort_by(f64::total_cmp);
+    let median_m = off_m[off_m.len() / 2];
+    // A pixel is 1.3 mm there.
+    assert!(median_m.abs() < 1e-4, "{median_m}");
 }
 
 #[test]
