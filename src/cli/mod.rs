@@ -3,10 +3,12 @@
 mod interrupt;
 mod logging;
 mod summary;
+mod chart;
 mod length;
 mod progress;
 mod settings;
 mod recording;
+mod results;
 pub mod run;
 pub mod replay;
 pub mod parameters;
@@ -15,6 +17,8 @@ pub mod recover;
 pub mod simulate;
 pub mod evaluate;
 pub mod calibrate;
+pub mod measure;
+pub mod export;
 pub mod ambient;
 pub mod demo;
 
@@ -69,6 +73,8 @@ enum Verb {
     Simulate(simulate::SimulateArgs),
     Evaluate(evaluate::EvaluateArgs),
     Calibrate(calibrate::CalibrateArgs),
+    Measure(measure::MeasureArgs),
+    Export(export::ExportArgs),
     Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
@@ -96,6 +102,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Simulate(args) => simulate::run(&args, out),
         Verb::Evaluate(args) => evaluate::run(args, ros, out),
         Verb::Calibrate(args) => calibrate::run(args, ros, out),
+        Verb::Measure(args) => measure::run(&args, out),
+        Verb::Export(args) => export::run(&args, out),
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),

@@ -1,8 +1,17 @@
 //! What is done with measured points: plateaus, planes, steps, spheres, volumes, regular height maps. Pure: no file,
 //! socket, thread or clock. Every figure comes with its uncertainty.
 
+pub mod robust;
+pub mod student;
 pub mod correlation;
 pub mod plateaus;
-pub mod robust;
 pub mod steps;
-pub mod student;
+pub mod surface;
+pub mod form;
+pub mod plane;
+pub mod sphere;
+pub mod step_height;
+pub mod height_map;
+pub mod volume;
+#[cfg(test)]
+mod noise;

@@ -14,7 +14,7 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 10] = [
+const VERBS: [&str; 12] = [
     "run",
     "replay",
     "parameters",
@@ -23,6 +23,8 @@ const VERBS: [&str; 10] = [
     "simulate",
     "evaluate",
     "calibrate",
+    "measure",
+    "export",
     "ambient",
     "demo",
 ];

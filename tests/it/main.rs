@@ -16,6 +16,7 @@ mod accuracy;
 mod evaluate;
 mod estimators;
 mod steps;
+mod measure;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;

@@ -2,25 +2,15 @@
 
 use std::{ops::Range, path::Path};
 
-use anyhow::{Context, anyhow, ensure};
-use plotters::{
-    coord::Shift,
-    prelude::*,
-    style::{colors::colormaps::ViridisRGB, register_font},
-};
+use anyhow::{anyhow, ensure};
+use plotters::prelude::*;
 
 use super::surface::{Surface, is_measured};
+use crate::cli::chart::{AXIS, Area, NOT_MEASURED, TICK, TITLE, draw_color_bar, save, viridis};
 use crate::scanner::scan::Point;
 
-type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
-
-const FONT: &str = "sans-serif";
-const TITLE: (&str, i32) = (FONT, 24);
-const AXIS: (&str, i32) = (FONT, 19);
-const TICK: (&str, i32) = (FONT, 17);
 /// Reach of the axis of errors, micrometres.
 const ERROR_UM: f64 = 60.0;
-const NOT_MEASURED: RGBColor = RGBColor(208, 208, 208);
 const OFF_SCALE: RGBColor = RGBColor(80, 80, 80);
 // Blue and vermilion of Okabe and Ito: told apart with any colour vision.
 const MEASURED: RGBColor = RGBColor(0, 114, 178);
@@ -88,34 +78,7 @@ fn draw_map(
 }
 
 fn color_of(height_m: f32, [low, high]: [f32; 2]) -> RGBColor {
-    if (low..=high).contains(&height_m) {
-        ViridisRGB.get_color_normalized(height_m, low, high)
-    } else {
-        OFF_SCALE
-    }
-}
-
-fn draw_color_bar(area: &Area<'_>, scale_m: [f32; 2]) -> anyhow::Result<()> {
-    let [low, high] = scale_m.map(|metres| 1e3 * metres);
-    let mut chart = ChartBuilder::on(area)
-        .margin_top(10)
-        .margin_bottom(10)
-        .margin_left(10)
-        .right_y_label_area_size(90)
-        .build_cartesian_2d(0.0_f32..1.0, low..high)?;
-    let step = (high - low) / 256.0;
-    chart.draw_series((0..256_u16).map(|i| {
-        let from = low + f32::from(i) * step;
-        let color = ViridisRGB.get_color_normalized(f32::from(i), 0.0, 255.0);
-        Rectangle::new([(0.0, from), (1.0, from + step)], color.filled())
-    }))?;
-    chart
-        .configure_mesh()
-        .disable_mesh()
-        .label_style(TICK)
-        .y_label_formatter(&|mm| format!("{mm:.2} mm"))
-        .draw()?;
-    Ok(())
+    if (low..=high).contains(&height_m) { viridis(height_m, [low, high]) } else { OFF_SCALE }
 }
 
 fn draw_key(area: &Area<'_>) -> anyhow::Result<()> {
@@ -219,25 +182,6 @@ fn axes<'a, 'b>(
         .x_label_formatter(&|mm| format!("{mm:.0}"))
         .draw()?;
     Ok(chart)
-}
-
-/// Draws on white and writes a PNG.
-fn save(
-    path: &Path,
-    (width, height): (u32, u32),
-    draw: impl FnOnce(&Area<'_>) -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
-    register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT)
-        .map_err(|_invalid| anyhow!("the built-in font is not a font"))?;
-    let mut pixels = vec![0; width as usize * height as usize * 3];
-    {
-        let root = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
-        root.fill(&WHITE)?;
-        draw(&root)?;
-        root.present()?;
-    }
-    image::save_buffer(path, &pixels, width, height, image::ColorType::Rgb8)
-        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 #[cfg(test)]

@@ -1,0 +1,321 @@
+//! `laser_profiler export`: the results of a scan as files that others read.
+
+mod cloud;
+mod csv;
+mod grid;
+mod outline;
+mod picture;
+
+use std::{
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, anyhow};
+use nalgebra::{Isometry3, Point3};
+use serde_json::{Value as Json, json};
+
+use super::{
+    Outcome, Usage,
+    length::positive_m,
+    measure::region,
+    results::{Read, Results, ResultsArgs},
+};
+use crate::metrology::{
+    height_map::{CellState, GridLayout, RegularHeightMap, Resampler, fill_gaps},
+    plane,
+    surface::Region,
+};
+use cloud::{CloudFormat, CloudWriter};
+use outline::{Outline, Placing};
+
+const HELP: &str = "\
+Examples:
+  laser_profiler export results -o part.ply                        a point cloud, binary, with intensity
+  laser_profiler export results -o part.ply --color height         the same in colour
+  laser_profiler export results -o map.png -o map.tif --cell 50um  height maps, 16 bit and 32-bit float
+  laser_profiler export results --picture part.png --level         a picture to look at, the part laid level
+
+Formats, by the ending:
+  .ply   x, y, z, intensity as 32-bit floats in metres, binary little endian; with --color also red, green, blue
+  .pcd   x, y, z, intensity as 32-bit floats in metres, binary (PCL 0.7)
+  .csv   one point a line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m, flags of every profile; with --region or
+         --level, or without profiles in the recording: x_m, y_m, z_m, intensity of the cloud
+  .png   heights, 16 bit: level 0 is invalid, else z = offset_m + level * metres_per_level; the numbers stand in the file (tEXt)
+         and in FILE.json beside it
+  .tif   heights in metres as 32-bit floats, NaN where invalid; the grid stands in ImageDescription and in FILE.json
+Rows of a height map begin at the smallest y. A cell holds the mean of the surface through neighbouring points over its area; where
+nothing was measured it stays invalid, unless --fill N closes gaps of at most N cells: those are flagged in FILE.mask.png
+(0 invalid, 1 measured, 2 filled).
+
+--json prints one object: topic, profiles, points, rejected (clouds), from_m and to_m ([x, y, z]), files: [{path, format, …}]";
+
+/// Writes a scan as point cloud (PLY, PCD, CSV), height map (16-bit PNG, 32-bit TIFF) or picture.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub struct ExportArgs {
+    #[command(flatten)]
+    results: ResultsArgs,
+    /// A file to write; its ending is its format: ply, pcd, csv, png, tif. May be given several times.
+    #[arg(short, long, value_name = "FILE", required_unless_present = "picture")]
+    output: Vec<PathBuf>,
+    /// A PNG file to look at: heights in colour, shaded, with axes and scale.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// Only points in x0,y0,x1,y1.
+    #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
+    region: Option<Region>,
+    /// Lays the scan level: turned and lifted so that the robust plane through its points lies at height 0.
+    #[arg(long)]
+    level: bool,
+    /// Side of a cell of height maps and pictures; the distance of the points, when not given.
+    #[arg(long, value_name = "LENGTH", value_parser = positive_m)]
+    cell: Option<f64>,
+    /// Closes gaps of at most so many cells in height maps and pictures.
+    #[arg(long, value_name = "CELLS", default_value_t = 0)]
+    fill: usize,
+    /// Colours of a PLY file.
+    #[arg(long, value_name = "NAME", default_value = "none", value_parser = ["none", "height"])]
+    color: String,
+    /// Replaces files that are there already.
+    #[arg(long)]
+    force: bool,
+    /// One JSON object on standard output (see below).
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Cloud(CloudFormat),
+    Csv,
+    Png,
+    Tiff,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self, Usage> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        match ending.as_deref() {
+            Some("ply") => Ok(Self::Cloud(CloudFormat::Ply)),
+            Some("pcd") => Ok(Self::Cloud(CloudFormat::Pcd)),
+            Some("csv") => Ok(Self::Csv),
+            Some("png") => Ok(Self::Png),
+            Some("tif" | "tiff") => Ok(Self::Tiff),
+            _ => Err(Usage(format!(
+                "{}: the ending says the format: .ply, .pcd, .csv, .png or .tif",
+                path.display()
+            ))),
+        }
+    }
+
+    const fn is_grid(self) -> bool {
+        matches!(self, Self::Png | Self::Tiff)
+    }
+}
+
+/// Exports and tells on `out` what was written.
+///
+/// # Errors
+/// [`Usage`] for an ending that means nothing or a choice that is missing; a recording without points, a file that is there
+/// or cannot be written.
+pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let formats: Vec<(&Path, Format)> = args
+        .output
+        .iter()
+        .map(|path| Format::of(path).map(|format| (path.as_path(), format)))
+        .collect::<Result<_, _>>()?;
+    for path in args.output.iter().chain(&args.picture) {
+        if path.exists() && !args.force {
+            return Err(anyhow!("{} is there already: --force replaces it", path.display()));
+        }
+    }
+    let results = Results::open(&args.results)?;
+    let region = args.region.unwrap_or(Region::ALL);
+    let placing = Placing { region, motion: motion(args, &results, &region)? };
+    let (outline, read) = outline::of(&results, &placing)?;
+    let mut files = clouds(args, &formats, &results, &placing, &outline)?;
+    if args.picture.is_some() || formats.iter().any(|(_, format)| format.is_grid()) {
+        let map = height_map(args, &results, &placing, &outline)?;
+        files.extend(grids(args, &formats, &results, &map)?);
+    }
+    let text = report(args, &results, &outline, read, &files);
+    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    Ok(read.outcome())
+}
+
+/// How the points are moved before they are written.
+fn motion(
+    args: &ExportArgs,
+    results: &Results,
+    region: &Region,
+) -> anyhow::Result<Option<Isometry3<f64>>> {
+    if !args.level {
+        return Ok(None);
+    }
+    let (surface, _) = results.surface(region)?;
+    let plane = plane::fit(&surface).context("--level")?;
+    Ok(Some(plane::leveling(&plane)))
+}
+
+/// Writes what is written point by point.
+fn clouds(
+    args: &ExportArgs,
+    formats: &[(&Path, Format)],
+    results: &Results,
+    placing: &Placing,
+    outline: &Outline,
+) -> anyhow::Result<Vec<Json>> {
+    let mut files = Vec::new();
+    for &(path, format) in formats {
+        let written = match format {
+            Format::Cloud(format) => write_whole(path, |file| {
+                let scale_m = (args.color == "height").then_some(outline.color_scale_m());
+                let mut writer = CloudWriter::begin(file, format, outline.num_points, scale_m)?;
+                results.profiles(|row| {
+                    placing.points(row).try_for_each(|point| writer.point(&point))?;
+                    Ok(())
+                })?;
+                writer.finish()
+            }),
+            Format::Csv => write_whole(path, |file| csv::write(file, args, results, placing)),
+            Format::Png | Format::Tiff => continue,
+        };
+        let num_points = written.with_context(|| path.display().to_string())?;
+        let format = path.extension().map(|ending| ending.to_string_lossy().into_owned());
+        files.push(json!({"path": path, "format": format, "points": num_points}));
+    }
+    Ok(files)
+}
+
+/// Writes a file, and leaves none behind that is not whole.
+fn write_whole<T>(
+    path: &Path,
+    write: impl FnOnce(&mut std::io::BufWriter<fs::File>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let mut file = std::io::BufWriter::new(fs::File::create(path)?);
+    let written = write(&mut file).and_then(|written| {
+        file.flush()?;
+        Ok(written)
+    });
+    if written.is_err() {
+        // The first error is the one that tells.
+        drop(fs::remove_file(path));
+    }
+    written
+}
+
+fn height_map(
+    args: &ExportArgs,
+    results: &Results,
+    placing: &Placing,
+    outline: &Outline,
+) -> anyhow::Result<RegularHeightMap> {
+    let pitch_m = outline.pitch_m;
+    let cell_m = args.cell.unwrap_or_else(|| pitch_m[0].max(pitch_m[1]));
+    if cell_m <= 0.0 {
+        return Err(Usage(
+            "the points lie on one line: --cell must say how large a cell is".into(),
+        )
+        .into());
+    }
+    let mut resampler = Resampler::new(GridLayout::covering(&outline.region(), cell_m)?, pitch_m);
+    let mut row = Vec::new();
+    results.profiles(|profile| {
+        row.clear();
+        row.extend(profile.iter().map(|point| {
+            let placed = placing.point(point);
+            placed.map_or(Point3::new(f64::NAN, f64::NAN, f64::NAN), |(place, _)| place)
+        }));
+        resampler.push(&row);
+        Ok(())
+    })?;
+    let mut map = resampler.finish();
+    if args.fill > 0 {
+        fill_gaps(&mut map, args.fill);
+    }
+    Ok(map)
+}
+
+/// Writes what is made of the height map.
+fn grids(
+    args: &ExportArgs,
+    formats: &[(&Path, Format)],
+    results: &Results,
+    map: &RegularHeightMap,
+) -> anyhow::Result<Vec<Json>> {
+    let mut files = Vec::new();
+    let about = grid::about(map, &results.topic);
+    for &(path, format) in formats.iter().filter(|(_, format)| format.is_grid()) {
+        let told = match format {
+            Format::Png => grid::write_png(path, map, &about),
+            _ => grid::write_tiff(path, map, &about),
+        };
+        let mut told = told.with_context(|| path.display().to_string())?;
+        let beside = |ending: &str| {
+            let mut name = path.as_os_str().to_owned();
+            name.push(ending);
+            PathBuf::from(name)
+        };
+        if args.fill > 0 {
+            let mask = beside(".mask.png");
+            grid::write_mask(&mask, map).with_context(|| mask.display().to_string())?;
+            told["mask"] = json!(mask.file_name().map(|name| name.to_string_lossy()));
+        }
+        let sidecar = beside(".json");
+        fs::write(&sidecar, format!("{told:#}\n"))
+            .with_context(|| sidecar.display().to_string())?;
+        told["path"] = json!(path);
+        files.push(told);
+    }
+    if let Some(path) = &args.picture {
+        picture::save(path, &results.topic, map)?;
+        files.push(json!({"path": path, "format": "picture"}));
+    }
+    Ok(files)
+}
+
+fn report(
+    args: &ExportArgs,
+    results: &Results,
+    outline: &Outline,
+    read: Read,
+    files: &[Json],
+) -> String {
+    if args.json {
+        let object = json!({
+            "topic": results.topic,
+            "profiles": read.profiles,
+            "points": outline.num_points,
+            "rejected": read.rejected,
+            "from_m": outline.from_m,
+            "to_m": outline.to_m,
+            "files": files,
+        });
+        format!("{object}\n")
+    } else {
+        let line = |file: &Json| {
+            let path = file["path"].as_str().unwrap_or_default();
+            match (file["points"].as_u64(), file["cell_m"].as_f64()) {
+                (Some(points), _) => format!("{path}: {points} points\n"),
+                (_, Some(cell_m)) => format!(
+                    "{path}: {} x {} cells of {:.1} µm, {} measured, {} filled\n",
+                    file["width"],
+                    file["height"],
+                    1e6 * cell_m,
+                    file["measured"],
+                    file["filled"]
+                ),
+                _ => format!("{path}: a picture\n"),
+            }
+        };
+        files.iter().map(line).collect()
+    }
+}
+
+/// How many cells are in each state, for sidecars and answers.
+fn counts(map: &RegularHeightMap) -> [usize; 2] {
+    [CellState::Measured, CellState::Filled].map(|state| map.count(state))
+}

@@ -1,0 +1,74 @@
+//! Points as text, one a line.
+
+use std::io::Write;
+
+use super::{ExportArgs, outline::Placing};
+use crate::{
+    bag::Filter,
+    cli::results::Results,
+    msg::{cdr, laser_profiler_msgs::Profile},
+};
+
+/// Writes the profiles beside the clouds, with their uncertainties, or the points of the clouds; returns how many.
+///
+/// # Errors
+/// A file that cannot be written.
+pub(super) fn write(
+    file: &mut impl Write,
+    args: &ExportArgs,
+    results: &Results,
+    placing: &Placing,
+) -> anyhow::Result<u64> {
+    let profiles = results.profile_topic();
+    match profiles.filter(|_| args.region.is_none() && !args.level) {
+        Some(topic) => write_profiles(file, results, &topic),
+        None => write_points(file, results, placing),
+    }
+}
+
+fn write_points(
+    file: &mut impl Write,
+    results: &Results,
+    placing: &Placing,
+) -> anyhow::Result<u64> {
+    writeln!(file, "x_m,y_m,z_m,intensity")?;
+    let mut num_points = 0;
+    results.profiles(|row| {
+        for [x, y, z, intensity] in placing.points(row) {
+            writeln!(file, "{x},{y},{z},{intensity}")?;
+            num_points += 1;
+        }
+        Ok(())
+    })?;
+    Ok(num_points)
+}
+
+/// Profiles of the frames of the scan; those that cannot be read are counted with the clouds.
+fn write_profiles(file: &mut impl Write, results: &Results, topic: &str) -> anyhow::Result<u64> {
+    writeln!(file, "frame,stamp_ns,position,x_m,z_m,intensity,sigma_z_m,flags")?;
+    let mut num_points = 0;
+    for message in results.bag.messages(&Filter::topics([topic])).flatten() {
+        let Ok(profile) = cdr::decode::<Profile<'_>>(&message.data) else { continue };
+        let (frame, position) = (profile.trace.frame_number, profile.trace.position);
+        if !results.has_frame(frame) {
+            continue;
+        }
+        let stamp_ns = profile.header.stamp.to_ns();
+        for (i, (x, z)) in profile.x.iter().zip(profile.z.iter()).enumerate() {
+            if !(x.is_finite() && z.is_finite()) {
+                continue;
+            }
+            // These arrays may be empty.
+            let number = |values: &[f32]| values.get(i).copied().unwrap_or(f32::NAN);
+            let flags = profile.flags.get(i).copied().unwrap_or(0);
+            writeln!(
+                file,
+                "{frame},{stamp_ns},{position},{x},{z},{},{},{flags}",
+                number(&profile.intensity),
+                number(&profile.sigma_z)
+            )?;
+            num_points += 1;
+        }
+    }
+    Ok(num_points)
+}

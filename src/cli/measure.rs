@@ -1,0 +1,168 @@
+//! `laser_profiler measure`: planes, steps, spheres and volumes in the results of a replay, with their uncertainty.
+
+mod report;
+mod tools;
+
+use std::io::Write;
+
+use anyhow::Context;
+
+use super::{
+    Outcome,
+    length::{length_m, positive_m},
+    results::ResultsArgs,
+};
+use crate::metrology::surface::Region;
+
+const HELP: &str = "\
+Examples:
+  laser_profiler measure plane results --region 0,0,20mm,30mm      how flat, how inclined
+  laser_profiler measure step results --region 0,0,20mm,5mm        a ridge or groove across the profiles, ISO 5436-1 type A1
+  laser_profiler measure step results --edges 8mm,12mm --direction y --json
+  laser_profiler measure sphere results --region 5mm,5mm,15mm,15mm
+  laser_profiler measure spheres results --region 0,0,9mm,20mm --region 30mm,0,39mm,20mm
+  laser_profiler measure volume results --region 5mm,5mm,9mm,9mm --reference 0,0,20mm,4mm
+
+A region is x0,y0,x1,y1 in the frame of the point cloud: x along the stripe, y along the motion; metres, or with a unit. Lengths in
+the answer are metres with --json, else as they are labelled; each has one standard deviation and a half width that contains the
+truth in 95 %. It comes from the scatter of the points. Neighbours that deviate together, as after smoothing or by waviness, count
+as so many independent points as the correlation of the residuals leaves (`effective`). What the calibration adds is not in it: the
+calibration in the recording tells its own.
+
+--json prints one object:
+  tool, topic, profiles, points, rejected (clouds), calibration (text of the file in the recording; null without)
+  plane:   tilt_rad, normal, center_m, height_m, scatter_m, flatness_d95_m, peak_to_valley_m, outliers, effective
+  step:    height_m, edges_m, profile_sigma_m, profiles_used, profiles_rejected, effective
+  sphere:  center_x_m, center_y_m, center_z_m, radius_m, scatter_m, form_d95_m, peak_to_valley_m, outliers, effective
+  spheres: distance_m, spheres: [sphere, sphere]
+  volume:  volume_m3, above_m3, below_m3, area_m2, missing_m2, cell_m
+  where a figure with an uncertainty is {value, sigma, u95}";
+
+/// Measures in the point cloud of a scan: plane and flatness, step height, spheres and their distance, volume.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub struct MeasureArgs {
+    #[command(subcommand)]
+    tool: Tool,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Tool {
+    /// A plane through the points, robust: how inclined, how flat (D95 % of ISO 10360-13, peak to valley).
+    Plane(PlaneArgs),
+    /// The height of a ridge or groove over the straight line beside it, ISO 5436-1 type A1, profile by profile.
+    Step(StepArgs),
+    /// A sphere through the points, robust: centre, radius, form (D95 %).
+    Sphere(PlaneArgs),
+    /// The distance between the centres of two spheres.
+    Spheres(SpheresArgs),
+    /// The volume between the surface and a plane.
+    Volume(VolumeArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct Common {
+    #[command(flatten)]
+    results: ResultsArgs,
+    /// One JSON object on standard output; see `measure --help`.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct PlaneArgs {
+    #[command(flatten)]
+    common: Common,
+    /// Only points in x0,y0,x1,y1.
+    #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
+    region: Option<Region>,
+}
+
+#[derive(Debug, clap::Args)]
+struct StepArgs {
+    #[command(flatten)]
+    common: Common,
+    /// Only points in x0,y0,x1,y1.
+    #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
+    region: Option<Region>,
+    /// Where the middle part begins and ends; found in the median of all profiles, when not given.
+    #[arg(long, value_name = "FROM,TO", value_parser = edges, allow_hyphen_values = true)]
+    edges: Option<[f64; 2]>,
+    /// Along what the profiles run: x along the stripe, y along the motion.
+    #[arg(long, value_name = "AXIS", default_value = "x", value_parser = ["x", "y"])]
+    direction: String,
+}
+
+#[derive(Debug, clap::Args)]
+struct SpheresArgs {
+    #[command(flatten)]
+    common: Common,
+    /// Points of one sphere, x0,y0,x1,y1; given twice.
+    #[arg(long, value_name = "REGION", value_parser = region, required = true, allow_hyphen_values = true)]
+    region: Vec<Region>,
+}
+
+#[derive(Debug, clap::Args)]
+struct VolumeArgs {
+    #[command(flatten)]
+    common: Common,
+    /// The volume over x0,y0,x1,y1; over everything, when not given.
+    #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
+    region: Option<Region>,
+    /// The plane goes through the points here; through all points outside the region, when not given. May be given often.
+    #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
+    reference: Vec<Region>,
+    /// Side of a cell of the height map that is summed; the distance of the points, when not given.
+    #[arg(long, value_name = "LENGTH", value_parser = positive_m)]
+    cell: Option<f64>,
+}
+
+/// `x0,y0,x1,y1` with `x0 < x1` and `y0 < y1`.
+pub(super) fn region(text: &str) -> Result<Region, String> {
+    let numbers = text.split(',').map(length_m).collect::<Result<Vec<_>, _>>()?;
+    match numbers[..] {
+        [x0, y0, x1, y1] if x0 < x1 && y0 < y1 => Ok(Region { from_m: [x0, y0], to_m: [x1, y1] }),
+        _ => Err(format!("{text:?} is not a region x0,y0,x1,y1 with x0 < x1 and y0 < y1")),
+    }
+}
+
+fn edges(text: &str) -> Result<[f64; 2], String> {
+    let numbers = text.split(',').map(length_m).collect::<Result<Vec<_>, _>>()?;
+    match numbers[..] {
+        [from, to] if from < to => Ok([from, to]),
+        _ => Err(format!("{text:?} is not FROM,TO with FROM < TO")),
+    }
+}
+
+/// Measures and tells on `out`.
+///
+/// # Errors
+/// [`Usage`](super::Usage) when the request cannot be followed, a recording without points there, points that do not
+/// determine the form.
+pub fn run(args: &MeasureArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let (common, answer) = match &args.tool {
+        Tool::Plane(args) => (&args.common, tools::plane(args)?),
+        Tool::Step(args) => (&args.common, tools::step(args)?),
+        Tool::Sphere(args) => (&args.common, tools::sphere(args)?),
+        Tool::Spheres(args) => (&args.common, tools::spheres(args)?),
+        Tool::Volume(args) => (&args.common, tools::volume(args)?),
+    };
+    let text = if common.json { answer.json() } else { answer.text() };
+    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    Ok(answer.outcome)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn regions_are_understood_and_nothing_else() {
+        let found = region("-1mm,0,2cm,0.03").unwrap();
+        assert!((found.from_m[0] + 1e-3).abs() < 1e-15 && (found.to_m[1] - 0.03).abs() < 1e-15);
+        for text in ["0,0,1", "1,0,0,1", "0,0,1,1,1", "a,b,c,d"] {
+            assert!(region(text).is_err(), "{text}");
+        }
+        assert!(edges("1mm,2mm").is_ok() && edges("2mm,1mm").is_err());
+    }
+}

@@ -1,0 +1,127 @@
+//! An answer as text and as JSON.
+
+use serde_json::{Map, Value as Json, json};
+
+use crate::cli::Outcome;
+
+/// Half width of the interval with a coverage of 95 %, in standard deviations of many degrees of freedom.
+const FACTOR_95: f64 = 1.959_964;
+
+/// A figure with one standard deviation and the half width that contains the truth in 95 %, in its SI unit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Figure {
+    value: f64,
+    sigma: f64,
+    u95: f64,
+}
+
+impl Figure {
+    /// A figure of many independent points.
+    pub(super) const fn new(value: f64, sigma: f64) -> Self {
+        Self { value, sigma, u95: FACTOR_95 * sigma }
+    }
+
+    /// A figure whose interval is wider or narrower than that of many points.
+    pub(super) const fn with_u95(value: f64, sigma: f64, u95: f64) -> Self {
+        Self { value, sigma, u95 }
+    }
+}
+
+/// How a number is written for people.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Unit {
+    Millimetre,
+    Micrometre,
+    Milliradian,
+    CubicMillimetre,
+    SquareMillimetre,
+    None,
+}
+
+impl Unit {
+    /// Factor, digits behind the point and name.
+    const fn form(self) -> (f64, usize, &'static str) {
+        match self {
+            Self::Millimetre => (1e3, 5, " mm"),
+            Self::Micrometre => (1e6, 3, " µm"),
+            Self::Milliradian => (1e3, 4, " mrad"),
+            Self::CubicMillimetre => (1e9, 5, " mm³"),
+            Self::SquareMillimetre => (1e6, 3, " mm²"),
+            Self::None => (1.0, 0, ""),
+        }
+    }
+}
+
+/// What a tool found: figures in the order in which they are read.
+#[derive(Debug)]
+pub(super) struct Answer {
+    pub(super) outcome: Outcome,
+    object: Map<String, Json>,
+    lines: Vec<(String, String)>,
+}
+
+impl Answer {
+    pub(super) fn new(tool: &str) -> Self {
+        let mut answer = Self { outcome: Outcome::Done, object: Map::new(), lines: Vec::new() };
+        answer.object.insert("tool".into(), json!(tool));
+        answer
+    }
+
+    /// For programs only.
+    pub(super) fn hidden(&mut self, key: &str, value: Json) {
+        self.object.insert(key.into(), value);
+    }
+
+    pub(super) fn text_line(&mut self, key: &str, label: &str, value: &str) {
+        self.object.insert(key.into(), json!(value));
+        self.lines.push((label.into(), value.into()));
+    }
+
+    pub(super) fn number(&mut self, key: &str, label: &str, value: f64, unit: Unit) {
+        let (factor, digits, name) = unit.form();
+        self.object.insert(key.into(), json!(value));
+        self.lines.push((label.into(), format!("{:.digits$}{name}", factor * value)));
+    }
+
+    pub(super) fn count(&mut self, key: &str, label: &str, value: u64) {
+        self.object.insert(key.into(), json!(value));
+        self.lines.push((label.into(), value.to_string()));
+    }
+
+    pub(super) fn place(&mut self, key: &str, label: &str, metres: &[f64]) {
+        self.object.insert(key.into(), json!(metres));
+        let numbers: Vec<_> = metres.iter().map(|m| format!("{:.5}", 1e3 * m)).collect();
+        self.lines.push((label.into(), format!("{} mm", numbers.join(", "))));
+    }
+
+    pub(super) fn figure(&mut self, key: &str, label: &str, figure: Figure, unit: Unit) {
+        let Figure { value, sigma, u95 } = figure;
+        let (factor, digits, name) = unit.form();
+        self.object.insert(key.into(), json!({"value": value, "sigma": sigma, "u95": u95}));
+        let [value, sigma, u95] =
+            [value, sigma, u95].map(|number| format!("{:.digits$}", factor * number));
+        self.lines.push((label.into(), format!("{value}{name} ± {u95} (95 %), sigma {sigma}")));
+    }
+
+    pub(super) fn heading(&mut self, text: &str) {
+        self.lines.push((text.into(), String::new()));
+    }
+
+    /// Takes the figures of a part of the answer.
+    pub(super) fn absorb(&mut self, other: Self) -> Json {
+        self.lines.extend(other.lines);
+        Json::Object(other.object)
+    }
+
+    pub(super) fn json(&self) -> String {
+        format!("{}\n", Json::Object(self.object.clone()))
+    }
+
+    pub(super) fn text(&self) -> String {
+        let width = self.lines.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0);
+        let line = |(label, value): &(String, String)| {
+            format!("{label:width$}  {value}").trim_end().to_owned() + "\n"
+        };
+        self.lines.iter().map(line).collect()
+    }
+}

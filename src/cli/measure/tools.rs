@@ -1,0 +1,193 @@
+//! The tools, applied to a recording.
+
+use anyhow::{Context, ensure};
+use serde_json::json;
+
+use super::{
+    Common, PlaneArgs, SpheresArgs, StepArgs, VolumeArgs,
+    report::{Answer, Figure, Unit},
+};
+use crate::{
+    cli::{
+        Usage,
+        results::{Read, Results},
+    },
+    metrology::{
+        form::Form,
+        height_map::{GridLayout, Resampler},
+        plane, sphere,
+        sphere::SphereFit,
+        step_height,
+        surface::{Region, Surface, is_measured},
+        volume,
+    },
+};
+
+/// The points of a region.
+fn points(common: &Common, region: &Region) -> anyhow::Result<(Surface, Results, Read)> {
+    let results = Results::open(&common.results)?;
+    let (surface, read) = results
+        .surface(region)
+        .with_context(|| format!("{}: {}", common.results.bag.display(), results.topic))?;
+    Ok((surface, results, read))
+}
+
+/// What every answer says of its input.
+fn input(answer: &mut Answer, results: &Results, read: Read, num_points: usize) {
+    answer.text_line("topic", "points of", &results.topic);
+    answer.count("profiles", "profiles", read.profiles);
+    answer.count("points", "points", num_points as u64);
+    if read.rejected > 0 {
+        answer.count("rejected", "clouds passed over", read.rejected);
+    } else {
+        answer.hidden("rejected", json!(0));
+    }
+    answer.hidden("calibration", json!(results.calibration()));
+    answer.outcome = read.outcome();
+}
+
+pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
+    let region = args.region.unwrap_or(Region::ALL);
+    let (surface, results, read) = points(&args.common, &region)?;
+    let plane = plane::fit(&surface)?;
+    let mut answer = Answer::new("plane");
+    input(&mut answer, &results, read, plane.num_points);
+    answer.hidden("normal", json!([plane.normal.x, plane.normal.y, plane.normal.z]));
+    answer.place("center_m", "middle", plane.center_m.coords.as_slice());
+    let height = Figure::new(plane.center_m.z, plane.sigma_m / plane.normal.z.abs().max(1e-3));
+    answer.figure("height_m", "height in the middle", height, Unit::Millimetre);
+    let [about_x, about_y] = plane.tilt_sigma_rad;
+    let tilt = Figure::new(plane.tilt_rad(), about_x.hypot(about_y) / 2.0_f64.sqrt());
+    answer.figure("tilt_rad", "inclination", tilt, Unit::Milliradian);
+    answer.number("scatter_m", "scatter (robust sigma)", plane.scatter_m, Unit::Micrometre);
+    form(&mut answer, "flatness_d95_m", "flatness D95 %", plane.flatness);
+    answer.count("outliers", "outliers", plane.num_outliers as u64);
+    answer.number("effective", "independent points", plane.effective_points, Unit::None);
+    Ok(answer)
+}
+
+fn form(answer: &mut Answer, key: &str, label: &str, form: Form) {
+    answer.figure(key, label, Figure::new(form.d95_m, form.d95_sigma_m), Unit::Micrometre);
+    answer.number("peak_to_valley_m", "peak to valley", form.peak_to_valley_m, Unit::Micrometre);
+}
+
+pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
+    let region = args.region.unwrap_or(Region::ALL);
+    let (surface, results, read) = points(&args.common, &region)?;
+    let num_points = surface.num_measured();
+    let surface = if args.direction == "y" { surface.transposed() } else { surface };
+    let step = step_height::measure(&surface, args.edges)?;
+    let mut answer = Answer::new("step");
+    input(&mut answer, &results, read, num_points);
+    answer.text_line("direction", "profiles along", &args.direction);
+    let height = Figure::with_u95(step.height_m, step.sigma_m, step.u95_m);
+    answer.figure("height_m", "step height", height, Unit::Micrometre);
+    answer.place("edges_m", "edges", &step.edges_m);
+    answer.number(
+        "profile_sigma_m",
+        "sigma of one profile",
+        step.profile_sigma_m,
+        Unit::Micrometre,
+    );
+    answer.count("profiles_used", "profiles used", step.num_profiles as u64);
+    answer.count("profiles_rejected", "profiles with too few points", step.num_rejected as u64);
+    answer.number("effective", "independent profiles", step.effective_profiles, Unit::None);
+    Ok(answer)
+}
+
+pub(super) fn sphere(args: &PlaneArgs) -> anyhow::Result<Answer> {
+    let region = args.region.unwrap_or(Region::ALL);
+    let (surface, results, read) = points(&args.common, &region)?;
+    let sphere = sphere::fit(&surface)?;
+    let mut answer = Answer::new("sphere");
+    input(&mut answer, &results, read, sphere.num_points);
+    tell(&mut answer, &sphere);
+    Ok(answer)
+}
+
+fn tell(answer: &mut Answer, sphere: &SphereFit) {
+    for (at, key) in ["center_x_m", "center_y_m", "center_z_m"].into_iter().enumerate() {
+        let figure = Figure::new(sphere.center_m[at], sphere.center_sigma_m()[at]);
+        answer.figure(key, &format!("centre {}", &key[7..8]), figure, Unit::Millimetre);
+    }
+    let radius = Figure::new(sphere.radius_m, sphere.radius_sigma_m());
+    answer.figure("radius_m", "radius", radius, Unit::Millimetre);
+    answer.number("scatter_m", "scatter (robust sigma)", sphere.scatter_m, Unit::Micrometre);
+    form(answer, "form_d95_m", "form D95 %", sphere.form);
+    answer.count("outliers", "outliers", sphere.num_outliers as u64);
+    answer.number("effective", "independent points", sphere.effective_points, Unit::None);
+}
+
+pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
+    let [first, second] = args.region[..] else {
+        return Err(Usage("two spheres are two --region".into()).into());
+    };
+    let mut answer = Answer::new("spheres");
+    let mut fits = Vec::new();
+    let mut parts = Vec::new();
+    for (number, region) in [first, second].iter().enumerate() {
+        let (surface, results, read) = points(&args.common, region)?;
+        let fit = sphere::fit(&surface).with_context(|| format!("sphere {}", number + 1))?;
+        if number == 0 {
+            input(&mut answer, &results, read, fit.num_points);
+        }
+        answer.heading(&format!("sphere {}", number + 1));
+        let mut part = Answer::new("sphere");
+        tell(&mut part, &fit);
+        parts.push(answer.absorb(part));
+        fits.push(fit);
+    }
+    let [distance, sigma] = sphere::distance_m(&fits[0], &fits[1]);
+    answer.heading("both");
+    answer.figure(
+        "distance_m",
+        "distance of centres",
+        Figure::new(distance, sigma),
+        Unit::Millimetre,
+    );
+    answer.hidden("spheres", json!(parts));
+    Ok(answer)
+}
+
+pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
+    let (surface, results, read) = points(&args.common, &Region::ALL)?;
+    let region = args.region.unwrap_or_else(|| surface.extent());
+    let is_reference = |x: f64, y: f64| match &args.reference[..] {
+        [] => args.region.is_none() || !region.contains(x, y),
+        regions => regions.iter().any(|reference| reference.contains(x, y)),
+    };
+    let mut base = surface.clone();
+    for point in &mut base.points {
+        if !is_reference(point.x, point.y) {
+            point.z = f64::NAN;
+        }
+    }
+    let plane = plane::fit(&base).context("the reference plane")?;
+    ensure!(
+        plane.normal.z > 0.1,
+        "the reference plane is inclined by {:.0} degrees: a volume over it has no meaning",
+        plane.tilt_rad().to_degrees()
+    );
+    let pitch_m = surface.pitch_m();
+    let cell_m = args.cell.unwrap_or_else(|| pitch_m[0].max(pitch_m[1]));
+    let mut resampler = Resampler::new(GridLayout::covering(&region, cell_m)?, pitch_m);
+    surface.rows().for_each(|row| resampler.push(row));
+    let inside = surface.points.iter().filter(|p| is_measured(p) && region.contains(p.x, p.y));
+    let num_inside = inside.count();
+    // As correlated inside as on the reference.
+    let share = plane.effective_points / (plane.num_points - plane.num_outliers).max(1) as f64;
+    let effective = share * num_inside as f64;
+    let found =
+        volume::over_plane(&resampler.finish(), &region, &plane, plane.scatter_m, effective);
+    let mut answer = Answer::new("volume");
+    input(&mut answer, &results, read, num_inside);
+    let figure = Figure::new(found.volume_m3, found.sigma_m3);
+    answer.figure("volume_m3", "volume", figure, Unit::CubicMillimetre);
+    answer.number("above_m3", "above the plane", found.above_m3, Unit::CubicMillimetre);
+    answer.number("below_m3", "below the plane", found.below_m3, Unit::CubicMillimetre);
+    answer.number("area_m2", "measured area", found.area_m2, Unit::SquareMillimetre);
+    answer.number("missing_m2", "area without points", found.missing_m2, Unit::SquareMillimetre);
+    answer.number("cell_m", "cell", cell_m, Unit::Millimetre);
+    answer.number("scatter_m", "scatter on the reference", plane.scatter_m, Unit::Micrometre);
+    Ok(answer)
+}

@@ -1,0 +1,246 @@
+//! Heights on a regular grid, from points as they were measured.
+//!
+//! The surface between four neighbouring points (two of a profile, two of the next) is taken as two flat triangles; a cell
+//! holds the mean height of that surface over its area, sampled on a lattice at least as fine as the points. So heights
+//! are passed through linear interpolation between points and a mean over a cell: a wave along x or y keeps
+//! `sinc²(pitch / wavelength) · sinc(cell / wavelength)` of its height. A cell of which less than half was measured
+//! is invalid, another holds the mean of its measured part; nothing is invented between points that are far apart or missing.
+
+mod fill;
+mod triangle;
+
+pub use fill::fill_gaps;
+
+use nalgebra::Point3;
+use thiserror::Error;
+
+use super::surface::{Region, is_measured};
+
+/// Most cells of a grid: with its sums it takes 1 GiB.
+pub const MAX_CELLS: u64 = 1 << 26;
+/// Coarsest and finest lattice in a cell, along each side.
+const MIN_SAMPLES: u32 = 3;
+const MAX_SAMPLES: u32 = 8;
+
+/// Where a cell's height comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum CellState {
+    /// Nothing was measured.
+    #[default]
+    Invalid = 0,
+    /// Measured.
+    Measured = 1,
+    /// Filled in from measured neighbours, because somebody asked for it.
+    Filled = 2,
+}
+
+/// Where the cells lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridLayout {
+    /// Smallest x and y of the first cell: its corner, metres.
+    pub origin_m: [f64; 2],
+    /// Side of a cell, metres.
+    pub cell_m: f64,
+    /// Cells along x.
+    pub width: u32,
+    /// Cells along y.
+    pub height: u32,
+}
+
+/// No such grid.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum GridError {
+    /// Nothing to cover.
+    #[error("no point was measured in the region")]
+    Empty,
+    /// Too large.
+    #[error(
+        "cells of {cell_m:.3e} m make {cells} cells, {MAX_CELLS} are allowed: choose cells of {enough_m:.1e} m or more, or a region"
+    )]
+    TooLarge {
+        /// Side of a cell, metres.
+        cell_m: f64,
+        /// Cells it would have.
+        cells: u64,
+        /// Smallest side that would do, metres.
+        enough_m: f64,
+    },
+}
+
+impl GridLayout {
+    /// The grid whose cells cover a region; corners lie at multiples of the cell's side.
+    ///
+    /// # Errors
+    /// An empty region, or too many cells.
+    pub fn covering(region: &Region, cell_m: f64) -> Result<Self, GridError> {
+        let sides = [0, 1].map(|axis| region.to_m[axis] - region.from_m[axis]);
+        if !sides.iter().all(|side| side.is_finite() && *side >= 0.0) {
+            return Err(GridError::Empty);
+        }
+        let first = region.from_m.map(|from| (from / cell_m).floor());
+        let counts = [0, 1].map(|axis| (region.to_m[axis] / cell_m).floor() - first[axis] + 1.0);
+        let cells = counts[0] * counts[1];
+        if cells.is_nan() || cells > MAX_CELLS as f64 || counts.iter().any(|count| *count < 1.0) {
+            let enough_m = (sides[0] * sides[1] / MAX_CELLS as f64).sqrt().max(2.0 * cell_m);
+            return Err(GridError::TooLarge { cell_m, cells: cells as u64, enough_m });
+        }
+        Ok(Self {
+            origin_m: first.map(|first| first * cell_m),
+            cell_m,
+            width: counts[0] as u32,
+            height: counts[1] as u32,
+        })
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub const fn num_cells(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// x and y of the middle of a cell, metres.
+    #[must_use]
+    pub fn center_m(&self, column: usize, row: usize) -> [f64; 2] {
+        [(0, column), (1, row)]
+            .map(|(axis, at)| self.origin_m[axis] + (at as f64 + 0.5) * self.cell_m)
+    }
+}
+
+/// Heights on a regular grid, row after row, y growing from row to row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegularHeightMap {
+    /// Where its cells lie.
+    pub layout: GridLayout,
+    /// Heights, metres; NaN where nothing was measured.
+    pub z_m: Vec<f32>,
+    /// Where each height comes from.
+    pub states: Vec<CellState>,
+}
+
+impl RegularHeightMap {
+    /// Smallest and largest height, metres; none where nothing was measured.
+    #[must_use]
+    pub fn range_m(&self) -> Option<[f32; 2]> {
+        self.z_m.iter().filter(|z| z.is_finite()).fold(None, |range, &z| {
+            let [low, high] = range.unwrap_or([z, z]);
+            Some([low.min(z), high.max(z)])
+        })
+    }
+
+    /// Number of cells in a state.
+    #[must_use]
+    pub fn count(&self, state: CellState) -> usize {
+        self.states.iter().filter(|found| **found == state).count()
+    }
+}
+
+/// Lays profiles into a grid, one after another.
+#[derive(Clone, Debug)]
+pub struct Resampler {
+    layout: GridLayout,
+    /// Lattice points along a cell's side.
+    samples: u32,
+    max_gap_m: f64,
+    sums: Vec<f64>,
+    counts: Vec<u32>,
+    previous: Vec<Point3<f64>>,
+}
+
+impl Resampler {
+    /// Begins a grid. `pitch_m`: the typical distance of neighbours along x and along y; points more than three times as
+    /// far apart are not joined.
+    #[must_use]
+    pub fn new(layout: GridLayout, pitch_m: [f64; 2]) -> Self {
+        let finest = 0.5 * pitch_m[0].min(pitch_m[1]);
+        let samples = (layout.cell_m / finest).ceil();
+        let samples = if samples.is_finite() { samples as u32 } else { MAX_SAMPLES };
+        Self {
+            layout,
+            samples: samples.clamp(MIN_SAMPLES, MAX_SAMPLES),
+            max_gap_m: 3.0 * pitch_m[0].max(pitch_m[1]),
+            sums: vec![0.0; layout.num_cells()],
+            counts: vec![0; layout.num_cells()],
+            previous: Vec::new(),
+        }
+    }
+
+    /// The next profile of the scan; one of another length is not joined to the one before.
+    pub fn push(&mut self, profile: &[Point3<f64>]) {
+        if self.previous.len() == profile.len() {
+            let previous = std::mem::take(&mut self.previous);
+            for i in 1..profile.len() {
+                self.quad([previous[i - 1], previous[i], profile[i], profile[i - 1]]);
+            }
+            self.previous = previous;
+        }
+        self.previous.clear();
+        self.previous.extend_from_slice(profile);
+    }
+
+    /// Breaks the surface: the next profile is not joined to the last.
+    pub fn separate(&mut self) {
+        self.previous.clear();
+    }
+
+    /// The heights of all that was pushed.
+    #[must_use]
+    pub fn finish(self) -> RegularHeightMap {
+        let half = (self.samples * self.samples).div_ceil(2);
+        let cells = self.sums.iter().zip(&self.counts);
+        let z_m: Vec<f32> = cells
+            .map(
+                |(sum, &count)| {
+                    if count >= half { (sum / f64::from(count)) as f32 } else { f32::NAN }
+                },
+            )
+            .collect();
+        let state = |z: &f32| if z.is_finite() { CellState::Measured } else { CellState::Invalid };
+        let states = z_m.iter().map(state).collect();
+        RegularHeightMap { layout: self.layout, z_m, states }
+    }
+
+    /// The surface between four neighbours in their order round it; with one missing, between the other three.
+    fn quad(&mut self, corners: [Point3<f64>; 4]) {
+        let [a, b, c, d] = corners.map(|corner| is_measured(&corner));
+        match (a, b, c, d) {
+            (true, true, true, true) => {
+                self.triangle([corners[0], corners[1], corners[2]]);
+                self.triangle([corners[0], corners[2], corners[3]]);
+            }
+            (false, true, true, true) => self.triangle([corners[1], corners[2], corners[3]]),
+            (true, false, true, true) => self.triangle([corners[0], corners[2], corners[3]]),
+            (true, true, false, true) => self.triangle([corners[0], corners[1], corners[3]]),
+            (true, true, true, false) => self.triangle([corners[0], corners[1], corners[2]]),
+            _ => {}
+        }
+    }
+
+    fn triangle(&mut self, corners: [Point3<f64>; 3]) {
+        let is_wide =
+            |i: usize| (corners[(i + 1) % 3].xy() - corners[i].xy()).norm() > self.max_gap_m;
+        if (0..3).any(is_wide) {
+            return;
+        }
+        let samples = f64::from(self.samples);
+        let scale = samples / self.layout.cell_m;
+        let local = corners.map(|corner| {
+            let [x, y] = [
+                (corner.x - self.layout.origin_m[0]) * scale,
+                (corner.y - self.layout.origin_m[1]) * scale,
+            ];
+            [x, y, corner.z]
+        });
+        let size =
+            [self.layout.width, self.layout.height].map(|n| n as usize * self.samples as usize);
+        let (width, samples) = (self.layout.width as usize, self.samples as usize);
+        triangle::sample(&local, size, |column, row, z_m| {
+            let cell = row / samples * width + column / samples;
+            self.sums[cell] += z_m;
+            self.counts[cell] += 1;
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,190 @@
+//! A plane through measured points, and how flat they are.
+
+use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use thiserror::Error;
+
+use super::{
+    correlation::inflation,
+    form::{Form, form},
+    robust::{self, Equation},
+    surface::Surface,
+};
+
+/// Rounds of turning the frame to the plane; the second one changes little.
+const MAX_ROUNDS: usize = 4;
+const MIN_POINTS: usize = 20;
+
+/// A plane and what is known of it.
+#[derive(Clone, Debug)]
+pub struct PlaneFit {
+    /// Upwards, unit length.
+    pub normal: Vector3<f64>,
+    /// The plane's point over the middle of the points, metres.
+    pub center_m: Point3<f64>,
+    /// One standard deviation of the plane's height at `center_m`, along the normal, metres.
+    pub sigma_m: f64,
+    /// One standard deviation of the normal's tilts about the plane's own two directions, radians.
+    pub tilt_sigma_rad: [f64; 2],
+    /// Covariance of height, and slope along `directions`, at `center_m`.
+    pub covariance: Matrix3<f64>,
+    /// Two directions in the plane, the first nearly along x.
+    pub directions: [Vector3<f64>; 2],
+    /// Robust standard deviation of the points about the plane, metres.
+    pub scatter_m: f64,
+    /// How flat all points are, outliers included.
+    pub flatness: Form,
+    /// Points that took part.
+    pub num_points: usize,
+    /// Points without weight: farther away than 4.7 standard deviations.
+    pub num_outliers: usize,
+    /// So many independent points would tell as much: neighbours deviate together.
+    pub effective_points: f64,
+}
+
+/// Why there is no plane.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum FormError {
+    /// Too few points.
+    #[error("{found} measured points in the region, {needed} or more are needed")]
+    TooFew {
+        /// Points there.
+        found: usize,
+        /// Points needed.
+        needed: usize,
+    },
+    /// Points that leave the form open.
+    #[error("the {found} points lie so that {what} through them is not determined")]
+    Degenerate {
+        /// Points there.
+        found: usize,
+        /// The form.
+        what: &'static str,
+    },
+}
+
+impl PlaneFit {
+    /// Distance of a point from the plane, above it positive, metres.
+    #[must_use]
+    pub fn distance_m(&self, point: &Point3<f64>) -> f64 {
+        (point - self.center_m).dot(&self.normal)
+    }
+
+    /// Height of the plane over a place, metres.
+    #[must_use]
+    pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
+        let (dx, dy) = (x_m - self.center_m.x, y_m - self.center_m.y);
+        self.center_m.z - (self.normal.x * dx + self.normal.y * dy) / self.normal.z
+    }
+
+    /// Angle between the plane and the level, radians.
+    #[must_use]
+    pub fn tilt_rad(&self) -> f64 {
+        self.normal.xy().norm().atan2(self.normal.z)
+    }
+}
+
+/// The plane with the smallest distances from the points along its normal, by Tukey's weights; see
+/// [`robust::solve`]. Uncertainties count neighbours that deviate together as what they tell:
+/// [`inflation`].
+///
+/// # Errors
+/// Too few points, or points on a line.
+pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
+    let points: Vec<Point3<f64>> = surface.measured().map(|(_, point)| *point).collect();
+    let found = points.len();
+    if found < MIN_POINTS {
+        return Err(FormError::TooFew { found, needed: MIN_POINTS });
+    }
+    let degenerate = || FormError::Degenerate { found, what: "a plane" };
+    let middle = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / found as f64);
+    let mut normal = narrowest(&points, &middle).ok_or_else(degenerate)?;
+    for _ in 0..MAX_ROUNDS {
+        let directions = directions(&normal);
+        let equations: Vec<Equation<3>> = points
+            .iter()
+            .map(|point| {
+                let from = point - middle;
+                let [u, v] = directions.map(|direction| from.dot(&direction));
+                Equation { row: [1.0, u, v].into(), value: from.dot(&normal) }
+            })
+            .collect();
+        let solved = robust::solve(&equations).ok_or_else(degenerate)?;
+        let [height, along, across] = [solved.x[0], solved.x[1], solved.x[2]];
+        if along.hypot(across) < 1e-9 {
+            return Ok(finish(surface, &solved, normal, middle + height * normal));
+        }
+        normal = (normal - along * directions[0] - across * directions[1]).normalize();
+    }
+    Err(degenerate())
+}
+
+fn finish(
+    surface: &Surface,
+    solved: &robust::Fit<3>,
+    normal: Vector3<f64>,
+    center_m: Point3<f64>,
+) -> PlaneFit {
+    let residuals = surface.spread(&solved.residuals, &solved.weights);
+    let [along, across] = inflation(&residuals, surface.width);
+    let covariance = solved.covariance * (along * across);
+    let num_points = solved.residuals.len();
+    let num_outliers = solved.weights.iter().filter(|weight| **weight <= 0.0).count();
+    let effective_points = (num_points - num_outliers) as f64 / (along * across);
+    // There are points enough: the caller has counted.
+    let flatness = form(&solved.residuals, effective_points).unwrap_or(Form {
+        d95_m: f64::NAN,
+        d95_sigma_m: f64::NAN,
+        peak_to_valley_m: f64::NAN,
+    });
+    PlaneFit {
+        normal,
+        center_m,
+        sigma_m: covariance[(0, 0)].sqrt(),
+        tilt_sigma_rad: [covariance[(1, 1)].sqrt(), covariance[(2, 2)].sqrt()],
+        covariance,
+        directions: directions(&normal),
+        scatter_m: solved.scale,
+        flatness,
+        num_points,
+        num_outliers,
+        effective_points,
+    }
+}
+
+/// The direction in which the points reach least, upwards; none when they reach in one direction only.
+fn narrowest(points: &[Point3<f64>], middle: &Point3<f64>) -> Option<Vector3<f64>> {
+    let mut spread = Matrix3::zeros();
+    for point in points {
+        let from = point - middle;
+        spread += from * from.transpose();
+    }
+    let eigen = spread.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
+    let [_, second, largest] = order.map(|i| eigen.eigenvalues[i].max(0.0));
+    if second.is_nan() || second <= 1e-12 * largest {
+        return None;
+    }
+    let normal = eigen.eigenvectors.column(order[0]).into_owned();
+    Some(if normal.z < 0.0 { -normal } else { normal })
+}
+
+/// Two directions at right angles to the normal, the first nearly along x.
+fn directions(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let start = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let first = (start - normal * normal.dot(&start)).normalize();
+    [first, normal.cross(&first)]
+}
+
+/// The motion that lays a plane level at height 0: the smallest turn that takes its normal to z, about its middle.
+#[must_use]
+pub fn leveling(plane: &PlaneFit) -> nalgebra::Isometry3<f64> {
+    let turn = Rotation3::rotation_between(&plane.normal, &Vector3::z())
+        .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let target = Point3::new(plane.center_m.x, plane.center_m.y, 0.0);
+    let shift = target - turn * plane.center_m;
+    nalgebra::Isometry3::from_parts(shift.into(), turn.into())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,199 @@
+//! The height of a step by ISO 5436-1:2000, type A1.
+
+use nalgebra::Point3;
+use thiserror::Error;
+
+use super::{
+    correlation::inflation,
+    plateaus::{self, Piece, PlateauError},
+    robust::{self, Equation},
+    student::factor_95,
+    surface::{Surface, is_measured},
+};
+
+/// Fewest points of each of the three parts of a profile.
+const MIN_POINTS: usize = 4;
+/// What `plateaus` takes for the noise of a line: heights are scaled to it.
+const NOISE: f64 = 0.05;
+
+/// A step and what is known of it.
+#[derive(Clone, Debug)]
+pub struct StepHeight {
+    /// Height of the middle part over the straight line through the outer ones, metres; a groove's is negative.
+    pub height_m: f64,
+    /// One standard deviation, metres.
+    pub sigma_m: f64,
+    /// Half width of the interval that contains the truth in 95 %, metres.
+    pub u95_m: f64,
+    /// Where the middle part begins and ends along the profile, metres.
+    pub edges_m: [f64; 2],
+    /// One standard deviation of the height of single profiles, metres.
+    pub profile_sigma_m: f64,
+    /// Profiles that took part.
+    pub num_profiles: usize,
+    /// Profiles with too few points.
+    pub num_rejected: usize,
+    /// So many independent profiles would tell as much.
+    pub effective_profiles: f64,
+}
+
+/// Why there is no step height.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum StepHeightError {
+    /// No ridge or groove.
+    #[error(
+        "no ridge or groove between two level parts was found: {0} (a region chooses a part, edges can be given)"
+    )]
+    Edges(#[source] PlateauError),
+    /// Outer parts of different heights.
+    #[error(
+        "the parts beside the step differ by {difference_m:.3e} m, the step is {height_m:.3e} m: a stair, not a step of type A1"
+    )]
+    Stair {
+        /// Difference of the outer parts, metres.
+        difference_m: f64,
+        /// Height of the middle part, metres.
+        height_m: f64,
+    },
+    /// No profile has enough points.
+    #[error(
+        "none of {0} profiles has {MIN_POINTS} points in each of the three parts; left and right of the edges a third to a whole of the step's width is used"
+    )]
+    TooFew(usize),
+}
+
+/// Measures the step in every row of a surface, x being along the row. `edges_m`: where the middle part begins and ends;
+/// none: found in the median of all rows, which so have to run across the edges.
+///
+/// Each profile: `Z = α·X + β + h·δ` (ISO 5436-1:2000, 7.2), here with Tukey's weights; δ is 1 over the middle third of the
+/// step and 0 over the outer parts, from one third to one width of the step away from each edge, so that h is the height.
+/// The mean over the profiles has the scatter that they show, those that deviate together counted as what they tell.
+///
+/// # Errors
+/// No step, or too few points.
+pub fn measure(
+    surface: &Surface,
+    edges_m: Option<[f64; 2]>,
+) -> Result<StepHeight, StepHeightError> {
+    let edges_m = match edges_m {
+        Some(edges_m) => edges_m,
+        None => find_edges(surface)?,
+    };
+    let fits: Vec<Option<(f64, f64)>> =
+        surface.rows().map(|row| one_profile(row, edges_m)).collect();
+    let heights: Vec<f64> = fits.iter().flatten().map(|fit| fit.0).collect();
+    let num = heights.len();
+    if num == 0 {
+        return Err(StepHeightError::TooFew(fits.len()));
+    }
+    let mean = heights.iter().sum::<f64>() / num as f64;
+    let residuals: Vec<f64> = heights.iter().map(|height| height - mean).collect();
+    let squares: f64 = residuals.iter().map(|residual| residual * residual).sum();
+    let [factor, _] = inflation(&residuals, num);
+    let effective = (num as f64 / factor).max(1.0);
+    // Two profiles tell less of their scatter than each tells of its own.
+    let (profile_sigma_m, freedom) = if num > 2 {
+        ((squares / (num - 1) as f64).sqrt(), effective - 1.0)
+    } else {
+        (fits.iter().flatten().map(|fit| fit.1).sum::<f64>() / num as f64, 1e3)
+    };
+    let sigma_m = profile_sigma_m / effective.sqrt();
+    Ok(StepHeight {
+        height_m: mean,
+        sigma_m,
+        u95_m: factor_95(freedom) * sigma_m,
+        edges_m,
+        profile_sigma_m,
+        num_profiles: num,
+        num_rejected: fits.len() - num,
+        effective_profiles: effective,
+    })
+}
+
+/// Height of one profile's step and one standard deviation of it, metres.
+fn one_profile(row: &[Point3<f64>], [left, right]: [f64; 2]) -> Option<(f64, f64)> {
+    let width = right - left;
+    let middle = 0.5 * (left + right);
+    let part = |x: f64| {
+        let outside = (left - x).max(x - right);
+        if (x - middle).abs() <= width / 6.0 {
+            Some(1)
+        } else if (width / 3.0..=width).contains(&outside) {
+            Some(if x < middle { 0 } else { 2 })
+        } else {
+            None
+        }
+    };
+    let mut counts = [0; 3];
+    let mut equations: Vec<Equation<3>> = Vec::with_capacity(row.len());
+    for point in row.iter().filter(|point| is_measured(point)) {
+        let Some(part) = part(point.x) else { continue };
+        counts[part] += 1;
+        let delta = if part == 1 { 1.0 } else { 0.0 };
+        let row = [1.0, (point.x - middle) / width, delta].into();
+        equations.push(Equation { row, value: point.z });
+    }
+    if counts.iter().any(|count| *count < MIN_POINTS) {
+        return None;
+    }
+    let fit = robust::solve(&equations)?;
+    let correlated = inflation(&fit.residuals, fit.residuals.len())[0];
+    Some((fit.x[2], (correlated * fit.covariance[(2, 2)]).sqrt()))
+}
+
+/// Edges of the step in the median of all rows.
+fn find_edges(surface: &Surface) -> Result<[f64; 2], StepHeightError> {
+    let profile = median_profile(surface);
+    let mut steps: Vec<f64> =
+        profile.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()).collect();
+    steps.sort_by(f64::total_cmp);
+    let noise = steps.get(steps.len() / 2).copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
+    let scaled: Vec<_> = profile.iter().map(|[x, z]| [*x, z * NOISE / noise]).collect();
+    let pieces = plateaus::cut(&scaled, 3).map_err(StepHeightError::Edges)?;
+    let (difference_m, height_m) = levels(&profile, &pieces).ok_or(StepHeightError::TooFew(1))?;
+    if difference_m.abs() > 0.5 * height_m.abs() {
+        return Err(StepHeightError::Stair { difference_m, height_m });
+    }
+    let between = |at: usize| 0.5 * (profile[at - 1][0] + profile[at][0]);
+    Ok([between(pieces[1].whole.start), between(pieces[1].whole.end)])
+}
+
+/// How far the last part lies above the first one, and the middle one above the mean of both, when all have one
+/// inclination, metres.
+fn levels(profile: &[[f64; 2]], pieces: &[Piece]) -> Option<(f64, f64)> {
+    let (from, to) = (profile[0][0], profile[profile.len() - 1][0]);
+    let equations = pieces.iter().enumerate().flat_map(|(part, piece)| {
+        let is = move |wanted: usize| if part == wanted { 1.0 } else { 0.0 };
+        let points = profile[piece.inner.clone()].iter();
+        points.map(move |[x, z]| Equation {
+            row: [1.0, (x - from) / (to - from), is(1), is(2)].into(),
+            value: *z,
+        })
+    });
+    let x = robust::solve(&equations.collect::<Vec<_>>())?.x;
+    Some((x[3], x[2] - 0.5 * x[3]))
+}
+
+/// Median position and height of every column, ascending along the row.
+fn median_profile(surface: &Surface) -> Vec<[f64; 2]> {
+    let median = |mut values: Vec<f64>| {
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    let mut profile = Vec::with_capacity(surface.width);
+    for column in 0..surface.width {
+        let points = surface.points.iter().skip(column).step_by(surface.width);
+        let points: Vec<_> = points.filter(|point| is_measured(point)).collect();
+        if points.is_empty() {
+            continue;
+        }
+        let [x, z] = [|p: &Point3<f64>| p.x, |p: &Point3<f64>| p.z]
+            .map(|of| median(points.iter().map(|point| of(point)).collect()));
+        profile.push([x, z]);
+    }
+    profile.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    profile
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,62 @@
+use super::*;
+use crate::metrology::noise::{share, surface};
+
+const SIGMA_M: f64 = 3e-6;
+const STEP_M: f64 = 100e-6;
+
+/// A ridge 1.6 mm wide on an inclined base.
+fn ridge(sigma_m: f64, smooth: usize, seed: u64) -> Surface {
+    let z = |x: f64, _| 0.02 * x + if x.abs() < 0.8e-3 { STEP_M } else { 0.0 };
+    surface(z, sigma_m, smooth, seed)
+}
+
+#[test]
+fn a_ridge_and_a_groove_have_their_height() {
+    let found = measure(&ridge(0.0, 1, 0), None).unwrap();
+    assert!((found.height_m - STEP_M).abs() < 1e-12, "{}", found.height_m);
+    assert!(
+        found
+            .edges_m
+            .iter()
+            .zip([-0.8e-3, 0.8e-3])
+            .all(|(edge, truth)| (edge - truth).abs() < 1e-4)
+    );
+    let mut groove = ridge(SIGMA_M, 1, 4);
+    groove.points.iter_mut().for_each(|point| point.z = -point.z);
+    let found = measure(&groove, None).unwrap();
+    assert!((found.height_m + STEP_M).abs() < 1e-6, "{}", found.height_m);
+    assert_eq!((found.num_profiles, found.num_rejected), (50, 0));
+}
+
+#[test]
+fn the_stated_uncertainty_covers_the_truth() {
+    for smooth in [1, 4] {
+        let covered = share(300, |seed| {
+            let found = measure(&ridge(SIGMA_M, smooth, seed), None).unwrap();
+            (found.height_m - STEP_M).abs() < found.u95_m
+        });
+        assert!((covered - 0.95).abs() <= 0.03, "smoothed over {smooth}: {covered}");
+    }
+}
+
+#[test]
+fn a_single_profile_states_its_own_noise() {
+    let covered = share(300, |seed| {
+        let mut surface = ridge(SIGMA_M, 1, seed);
+        surface.points.truncate(60);
+        let found = measure(&surface, Some([-0.8e-3, 0.8e-3])).unwrap();
+        (found.height_m - STEP_M).abs() < found.u95_m
+    });
+    // 38 points and three unknowns: the normal law is a little narrow.
+    assert!((0.90..=0.98).contains(&covered), "{covered}");
+}
+
+#[test]
+fn what_is_no_step_is_told() {
+    let flat = surface(|_, _| 0.0, SIGMA_M, 1, 1);
+    assert!(matches!(measure(&flat, None), Err(StepHeightError::Edges(_))));
+    let stair = surface(|x, _| ((x + 3e-3) / 2e-3).floor() * STEP_M, SIGMA_M, 1, 1);
+    assert!(matches!(measure(&stair, None), Err(StepHeightError::Stair { .. })));
+    let beside = measure(&ridge(SIGMA_M, 1, 1), Some([0.01, 0.02]));
+    assert!(matches!(beside, Err(StepHeightError::TooFew(50))));
+}
