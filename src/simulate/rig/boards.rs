@@ -184,37 +184,40 @@ struct Sight {
     off_plane_per_px: Vector2<f64>,
 }
 
-/// Looks from pixel to pixel: each starts at its neighbour's place on the board.
+/// Looks from pixel to pixel: each starts with its neighbour's distortion.
 struct Sights<'a> {
     lens: &'a Lens,
     view: &'a View,
     normal: Vector3<f64>,
     distance_m: f64,
-    last_m: Vector2<f64>,
+    /// How far the last pixel's ray is from that of a pinhole, on the plane z = 1.
+    bend: Vector2<f64>,
 }
+
+/// Step of differences, on the plane z = 1 and, in metres, on the board.
+const STEP: f64 = 1e-6;
 
 impl<'a> Sights<'a> {
     fn new(rig: &'a Rig, view: &'a View) -> Self {
         let normal = Vector3::from(rig.laser_normal).normalize();
         let distance_m = rig.laser_distance_m;
-        Self { lens: &rig.lens, view, normal, distance_m, last_m: Vector2::zeros() }
+        Self { lens: &rig.lens, view, normal, distance_m, bend: Vector2::zeros() }
     }
 
-    fn seen(&self, at_m: Vector2<f64>) -> Option<Vector2<f64>> {
-        let point = self.view.rotation * at_m.push(0.0) + self.view.middle_m;
-        self.lens.project(point.into()).map(Vector2::from)
-    }
-
-    /// Newton's method on the board, with differences for derivatives.
     fn look(&mut self, column: u32, row: u32) -> Option<Sight> {
         let pixel = Vector2::new(f64::from(column), f64::from(row));
-        let found = self.from_guess(pixel, self.last_m);
-        let (at_m, at_per_px) = match found {
-            Some(found) => found,
-            None => self.from_guess(pixel, Vector2::zeros())?,
+        let ray = self.ray(pixel)?.push(1.0);
+        let facing = self.view.rotation * Vector3::z();
+        let point = ray * (facing.dot(&self.view.middle_m) / facing.dot(&ray));
+        if point.z.is_nan() || point.z <= 0.0 {
+            return None;
+        }
+        let at_m = (self.view.rotation.inverse() * (point - self.view.middle_m)).xy();
+        let seen = |at_m: Vector2<f64>| {
+            let point = self.view.rotation * at_m.push(0.0) + self.view.middle_m;
+            self.lens.project(point.into()).map(Vector2::from)
         };
-        self.last_m = at_m;
-        let point = self.view.rotation * at_m.push(0.0) + self.view.middle_m;
+        let at_per_px = slope(seen, at_m)?.try_inverse()?;
         let on_board = self.view.rotation.inverse() * self.normal;
         Some(Sight {
             at_m,
@@ -224,25 +227,33 @@ impl<'a> Sights<'a> {
         })
     }
 
-    fn from_guess(
-        &self,
-        pixel: Vector2<f64>,
-        guess_m: Vector2<f64>,
-    ) -> Option<(Vector2<f64>, Matrix2<f64>)> {
-        let step_m = 1e-6;
-        let mut at_m = guess_m;
+    /// The ray of a pixel, on the plane z = 1: Newton's method.
+    fn ray(&mut self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
+        let seen = |ray: Vector2<f64>| self.lens.project(ray.push(1.0).into()).map(Vector2::from);
+        let [fx, fy] = self.lens.focal_px;
+        let [cx, cy] = self.lens.center_px;
+        let pinhole = Vector2::new((pixel.x - cx) / fx, (pixel.y - cy) / fy);
+        let mut ray = pinhole + self.bend;
         for _ in 0..NEWTON_STEPS {
-            let missing = pixel - self.seen(at_m)?;
-            let slope = |step: Vector2<f64>| {
-                Some((self.seen(at_m + step)? - self.seen(at_m - step)?) / (2.0 * step_m))
-            };
-            let columns = [slope(Vector2::x() * step_m)?, slope(Vector2::y() * step_m)?];
-            let at_per_px = Matrix2::from_columns(&columns).try_inverse()?;
-            at_m += at_per_px * missing;
+            let missing = pixel - seen(ray)?;
+            ray += slope(seen, ray)?.try_inverse()? * missing;
             if missing.norm() < 1e-4 {
-                return Some((at_m, at_per_px));
+                self.bend = ray - pinhole;
+                return Some(ray);
             }
         }
+        // The next pixel starts anew.
+        self.bend = Vector2::zeros();
         None
     }
+}
+
+/// The derivative of a map by differences.
+fn slope(
+    map: impl Fn(Vector2<f64>) -> Option<Vector2<f64>>,
+    at: Vector2<f64>,
+) -> Option<Matrix2<f64>> {
+    let along = |step: Vector2<f64>| Some((map(at + step)? - map(at - step)?) / (2.0 * STEP));
+    let columns = [along(Vector2::x() * STEP)?, along(Vector2::y() * STEP)?];
+    Some(Matrix2::from_columns(&columns))
 }
