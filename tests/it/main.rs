@@ -17,6 +17,7 @@ mod evaluate;
 mod estimators;
 mod steps;
 mod measure;
+mod metrology;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;
