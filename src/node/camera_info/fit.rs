@@ -82,8 +82,11 @@ pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<View, Mis
     Ok(view)
 }
 
-/// What a message says of the part.
-fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
+/// The part of the sensor that a message states.
+///
+/// # Errors
+/// The sensor does not have that part.
+pub fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
     let roi = &info.roi;
     let sensor_px = [info.width, info.height];
     let offset_px = [roi.x_offset, roi.y_offset];

@@ -1,9 +1,13 @@
 //! The one thread of a camera: it owns the pipeline, judges every frame and publishes what the pipeline says.
 
 mod frame;
+mod framing;
 pub mod live;
 
-use crate::{ros::node_params::ImageTransport, scanner::pipeline::Pipeline};
+use crate::{
+    ros::node_params::ImageTransport,
+    scanner::{calibration::Calibration, pipeline::Pipeline},
+};
 
 use super::{
     clock::system_ns,
@@ -19,6 +23,7 @@ use super::{
     topics::Output,
     unpack::{Picture, Unpacked},
 };
+use framing::Framing;
 use live::Live;
 
 /// How the worker treats its input.
@@ -62,6 +67,8 @@ pub struct Worker {
     last_writer: Writer,
     /// Why the last frame was refused, until it is reported.
     last_rejection: Option<String>,
+    /// What is known of the camera.
+    framing: Framing,
     /// What only a live camera has.
     live: Option<Live>,
 }
@@ -90,6 +97,7 @@ impl Worker {
             last_position_m: 0.0,
             last_writer: Writer::default(),
             last_rejection: None,
+            framing: Framing::default(),
             live: None,
         }
     }
@@ -98,6 +106,13 @@ impl Worker {
     #[must_use]
     pub fn with_live(self, live: Live) -> Self {
         Self { live: Some(live), ..self }
+    }
+
+    /// Makes it refuse images of another camera than the calibrated one, and measure those of a part of its sensor as such;
+    /// recorded descriptions of the camera come on `topic`.
+    #[must_use]
+    pub fn with_camera_info(self, calibration: Option<Calibration>, topic: Option<String>) -> Self {
+        Self { framing: Framing::new(calibration, topic), ..self }
     }
 
     /// The largest picture that it takes, bytes, where its images are compressed.

@@ -169,6 +169,9 @@ impl Distortion {
     fn radial(&self, s: f64) -> (f64, f64) {
         let Terms { above, below, .. } = self.terms();
         let (n, dn) = series(above, s);
+        if below == [0.0; 3] {
+            return (n, dn);
+        }
         let (d, dd) = series(below, s);
         (n / d, (dn * d - n * dd) / (d * d))
     }
