@@ -11,7 +11,7 @@ mod vertical_incidence;
 
 use thiserror::Error;
 
-use super::{camera::View, profile::Profile, stripe::Centerline};
+use super::{axis::Axis, camera::View, profile::Profile, stripe::Centerline};
 
 pub use camera_and_plane::{Alignment, CameraAndPlane};
 pub use camera_calibration::CameraCalibration;
@@ -84,6 +84,14 @@ impl Calibration {
     /// The calibration file; [`from_yaml`](Self::from_yaml) gives back an equal calibration.
     pub fn to_yaml(&self) -> String {
         file::write(self)
+    }
+
+    /// The axis that moves the part, where it was calibrated.
+    pub const fn axis(&self) -> Option<&Axis> {
+        match self {
+            Self::CameraAndPlane(geometry) => geometry.axis.as_ref(),
+            Self::VerticalIncidence(_) | Self::Projective(_) => None,
+        }
     }
 
     /// Frame of the profiles.

@@ -22,6 +22,7 @@ mod ambient;
 mod bright_scene;
 mod labelled_scenes;
 mod alternating_exposures;
+mod positions;
 mod smoothing;
 mod allocation;
 mod cli;

@@ -68,7 +68,7 @@ impl Worker {
         self.last_time_ns = message.log_time_ns;
         self.counts.received += 1;
         if self.options.sends_images {
-            out.forward(message)?;
+            out.forward(message, 0)?;
         }
         match self.measure(message, picture, out)? {
             Ok(()) => self.counts.processed += 1,
@@ -162,14 +162,17 @@ impl Worker {
             frames_rejected: self.pending.rejected,
         };
 
+        let position = self.locate(place.frame_number, (stamp_ns, message.log_time_ns));
         let mut clock = StageClock { last: started, stages: &mut self.stages };
         let frame = image::Frame { stamp_ns, image };
-        let output = match self.pipeline.process(&frame, index, |stage| clock.tick(stage)) {
+        let on_stage = |stage| clock.tick(stage);
+        let output = match self.pipeline.process_at(&frame, index, position, on_stage) {
             Ok(output) => output,
             Err(error) => return Ok(Err(error.into())),
         };
         self.pending = Pending::default();
-        self.last_position_m = output.position_m;
+        self.travelled = output.travelled;
+        let position = output.position;
         self.counts.points += output.centerline.len() as u64;
         self.counts.slices += u64::from(output.slice.is_some());
         self.counts.unpaired += u64::from(is_unpaired(output.pairing));
@@ -177,6 +180,7 @@ impl Worker {
         let time_ns = message.log_time_ns;
         self.results
             .publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
+        self.count_position(stamp_ns, position);
         self.stages.encode.record(out.take_encoding_time());
         if let Some(live) = &mut self.live {
             live.note_latency(stamp_ns);
