@@ -49,6 +49,22 @@ fn every_verb_explains_itself() {
     assert!(names.iter().all(|name| VERBS.contains(name)), "{names:?}");
 }
 
+#[cfg(not(feature = "calibrate"))]
+#[test]
+fn what_is_not_built_in_says_how_to_build_it() {
+    let board = ["--target", "checkerboard:8x6:0.040"];
+    for (what, rest) in [
+        ("camera", &board[..]),
+        ("plane", &[&board[..], &["--camera", "camera.yaml"]].concat()),
+        ("axis", &["--calibration", "rig.yaml", "--markers", "aruco:4x4_50"]),
+    ] {
+        let mut command = laser_profiler(&["calibrate", what, "bag", "-o", "out.yaml"]);
+        let ended = end(command.args(rest));
+        assert_eq!(ended.code, Some(1), "{ended:?}");
+        assert!(ended.stderr.contains("--features calibrate"), "{ended:?}");
+    }
+}
+
 #[test]
 fn wrong_usage_is_exit_code_2_with_a_reason() {
     let input = bundled("film_defects").display().to_string();

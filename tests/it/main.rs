@@ -9,6 +9,8 @@ mod opencv;
 mod program;
 #[cfg(any(feature = "dds", feature = "zenoh"))]
 mod live;
+#[cfg(feature = "calibrate")]
+mod calibrate;
 mod real_scenes;
 mod recordings;
 

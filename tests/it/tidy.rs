@@ -14,20 +14,24 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
 /// What each module may use of the others.
-const MAY_USE: [(&str, &[&str]); 9] = [
+const MAY_USE: [(&str, &[&str]); 10] = [
     ("scanner", &[]),
     ("metrology", &["scanner"]),
     ("simulate", &["scanner"]),
     ("evaluate", &["scanner", "simulate"]),
+    ("calibrate", &["scanner"]),
     ("msg", &["scanner"]),
     ("ros", &["msg", "scanner"]),
     ("bag", &["msg"]),
     ("node", &["ros", "bag", "msg", "scanner"]),
-    ("cli", &["node", "ros", "bag", "msg", "scanner", "simulate", "evaluate", "metrology"]),
+    (
+        "cli",
+        &["node", "ros", "bag", "msg", "scanner", "simulate", "evaluate", "metrology", "calibrate"],
+    ),
 ];
 
 /// What a module that only computes does not use.
-const PURE: [&str; 5] = ["scanner", "metrology", "simulate", "evaluate", "msg"];
+const PURE: [&str; 6] = ["scanner", "metrology", "simulate", "evaluate", "calibrate", "msg"];
 const IMPURE: [&str; 14] = [
     "std::fs",
     "std::net",

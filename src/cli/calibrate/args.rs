@@ -1,0 +1,142 @@
+//! What `calibrate camera`, `plane` and `axis` are told; the same whether they are built in or not.
+
+use std::path::PathBuf;
+
+use crate::cli::settings::SettingsArgs;
+
+const CAMERA_HELP: &str = "\
+Hold the board into every part of the image, near and far, and tilt it by 20 to 40 degrees each way; 20 views are good.
+Views that do not help are left out and told, each with its reason.
+
+Examples:
+  laser_profiler calibrate camera board_recording --target checkerboard:8x6:0.040 -o camera.yaml --report camera.png
+  laser_profiler calibrate camera pictures/*.png --target checkerboard:8x6:0.040 -o camera.yaml --json
+  laser_profiler calibrate camera recording --target checkerboard:8x6:0.040 -o camera.yaml \\
+      --ros-args -r image_raw:=/camera/image_raw";
+
+/// Calibrates a camera, its lens included, from views of a checkerboard.
+#[derive(Debug, clap::Args)]
+#[command(after_help = CAMERA_HELP)]
+pub(super) struct CameraArgs {
+    /// Recordings, PNG or JPEG files, or directories of these.
+    #[arg(value_name = "BAG|PICTURE", required = true)]
+    pub(super) inputs: Vec<PathBuf>,
+    /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres. checkerboard:8x6:0.040 has 9 x 7 squares.
+    #[arg(long)]
+    pub(super) target: String,
+    /// Formula of the lens, as ROS names it. `rational_polynomial` is for wide angles.
+    #[arg(long, default_value = "plumb_bob", value_parser = ["plumb_bob", "rational_polynomial"])]
+    pub(super) model: String,
+    /// Name of the camera in the file.
+    #[arg(long, default_value = "camera")]
+    pub(super) camera_name: String,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
+}
+
+const PLANE_HELP: &str = "\
+Hold the board into the laser near and far and tilted, with the line across its squares; 20 views are good. The line is
+found by the node's own extraction, with these defaults: background local, threshold adaptive (5 sigmas), method steger, and of
+colour pictures what the laser's colour has above the mean of the others. A params file or -p changes them.
+
+Examples:
+  laser_profiler calibrate plane laser_on_board --target checkerboard:8x6:0.040 --camera camera.yaml -o rig.yaml \\
+      --ros-args -p stripe_direction:=vertical
+  laser_profiler calibrate plane pictures --target checkerboard:8x6:0.040 --camera camera.yaml -o rig.yaml --json";
+
+/// Calibrates the plane of the laser from views of a checkerboard with the line on it.
+#[derive(Debug, clap::Args)]
+#[command(after_help = PLANE_HELP)]
+pub(super) struct PlaneArgs {
+    /// Recordings, PNG or JPEG files, or directories of these.
+    #[arg(value_name = "BAG|PICTURE", required = true)]
+    pub(super) inputs: Vec<PathBuf>,
+    /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres. checkerboard:8x6:0.040 has 9 x 7 squares.
+    #[arg(long)]
+    pub(super) target: String,
+    /// The camera: a file of `calibrate camera`, or of one of ROS's calibrators.
+    #[arg(long = "camera", value_name = "FILE.yaml")]
+    pub(super) camera_file: PathBuf,
+    /// How far the board is flat beyond its inner corners, squares: 1 for the outermost squares, more for a plate about
+    /// them. The line is looked for that far.
+    #[arg(long, default_value_t = 1.2, value_name = "SQUARES", value_parser = border)]
+    pub(super) border: f64,
+    /// Name of the profiles' frame, the laser plane.
+    #[arg(long, default_value = "laser_plane")]
+    pub(super) frame_id: String,
+    /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
+    #[arg(long, value_name = "FILE")]
+    pub(super) params_file: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+const AXIS_HELP: &str = "\
+Markers lie on a turning table and turn with it, at least half a turn, once round is best. How far away they are comes from
+their side, where it is given, else from the laser's line on the table. A checkerboard that moves with the part gives a linear
+or a rotary axis, turned by less than a quarter from picture to picture. Positions come from sensor_msgs/JointState; pictures
+whose position lags are named and bend nothing.
+
+Examples:
+  laser_profiler calibrate axis turning --calibration rig.yaml --markers aruco:4x4_50 -o scanner.yaml \\
+      --ros-args -p stripe_direction:=vertical
+  laser_profiler calibrate axis turning --calibration rig.yaml --markers aruco:4x4_50:0.030 --joint table -o scanner.yaml
+  laser_profiler calibrate axis pictures --calibration rig.yaml --markers aruco:4x4_50:0.030 --step 0.157 -o scanner.yaml
+  laser_profiler calibrate axis sliding_board --calibration rig.yaml --target checkerboard:8x6:0.040 -o scanner.yaml";
+
+/// Calibrates the axis that moves the part, from markers that turn with it or a board that moves with it.
+#[derive(Debug, clap::Args)]
+#[command(after_help = AXIS_HELP)]
+pub(super) struct AxisArgs {
+    /// Recordings, PNG or JPEG files, or directories of these.
+    #[arg(value_name = "BAG|PICTURE", required = true)]
+    pub(super) inputs: Vec<PathBuf>,
+    /// Camera and laser plane: a file of `calibrate plane`.
+    #[arg(long, value_name = "FILE.yaml")]
+    pub(super) calibration: PathBuf,
+    /// The markers: `aruco:DICTIONARY`, as `aruco:4x4_50`, or with the side of the black square in metres,
+    /// `aruco:4x4_50:0.030`.
+    #[arg(long, required_unless_present = "target", conflicts_with = "target")]
+    pub(super) markers: Option<String>,
+    /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres.
+    #[arg(long)]
+    pub(super) target: Option<String>,
+    /// Joint whose positions count, where the messages name several.
+    #[arg(long, value_name = "NAME")]
+    pub(super) joint: Option<String>,
+    /// Topic of the positions, where the recording has several.
+    #[arg(long, value_name = "TOPIC")]
+    pub(super) joint_topic: Option<String>,
+    /// Position between one picture and the next, radians or metres, where no messages state it.
+    #[arg(long, value_name = "STEP", allow_negative_numbers = true, conflicts_with_all = ["joint", "joint_topic"])]
+    pub(super) step: Option<f64>,
+    /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
+    #[arg(long, value_name = "FILE")]
+    pub(super) params_file: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
+}
+
+fn border(text: &str) -> Result<f64, String> {
+    let squares = text.parse().ok().filter(|squares| (0.0..=20.0).contains(squares));
+    squares.ok_or_else(|| "a number of squares from 0 to 20".to_owned())
+}
+
+/// Where the answer goes.
+#[derive(Debug, clap::Args)]
+pub(super) struct OutputArgs {
+    /// The calibration, a YAML file.
+    #[arg(short, long, value_name = "FILE.yaml")]
+    pub(super) output: PathBuf,
+    /// Replaces a file that is there already.
+    #[arg(long)]
+    pub(super) force: bool,
+    /// One JSON object on standard output: all figures, unrounded.
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Draws what was seen and how well it fits into this PNG file.
+    #[arg(long, value_name = "FILE.png")]
+    pub(super) report: Option<PathBuf>,
+}

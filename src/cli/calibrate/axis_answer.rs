@@ -1,0 +1,132 @@
+//! What `calibrate axis` tells.
+
+use std::io::{self, Write};
+
+use serde_json::{Value as Json, json};
+
+use super::{
+    args::AxisArgs,
+    axis::{Found, Frames},
+    rejected,
+};
+use crate::scanner::axis::AxisKind;
+
+/// The answer as text or as JSON.
+///
+/// # Errors
+/// It cannot be written.
+pub(super) fn print(
+    args: &AxisArgs,
+    frames: &Frames,
+    found: &Found,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    if args.output.json {
+        return writeln!(out, "{}", json(args, frames, found));
+    }
+    let (axis, quality, agreement) = (&found.axis, &found.quality, &found.agreement);
+    let (d, p) = (axis.direction, axis.point_m);
+    let (output, count) = (args.output.output.display(), frames.names.len());
+    let rms = match (quality.rms_px, quality.rms_m) {
+        (Some(px), _) => format!("{px:.2} px"),
+        (_, meters) => format!("{:.3} mm", 1e3 * meters.unwrap_or(f64::NAN)),
+    };
+    writeln!(out, "{output}: {} axis from {count} pictures, {rms} RMS", kind(axis.kind))?;
+    let sigma_deg = quality.direction_sigma_rad.unwrap_or(f64::NAN).to_degrees();
+    writeln!(out, "  direction ({:.4}, {:.4}, {:.4}) ± {sigma_deg:.3}°", d.x, d.y, d.z)?;
+    if let Some(sigma_m) = quality.point_sigma_m {
+        let [x, y, z] = [p.x, p.y, p.z].map(|meters| 1e3 * meters);
+        writeln!(out, "  point     ({x:.2}, {y:.2}, {z:.2}) ± {:.2} mm", 1e3 * sigma_m)?;
+    }
+    if let Some((_, distance)) = &found.circles {
+        let (meters, spread_m) = (distance.meters, distance.spread_m);
+        writeln!(
+            out,
+            "  table     {:.2} mm away, from {} (spread {:.2} mm)",
+            1e3 * meters,
+            distance.source,
+            1e3 * spread_m
+        )?;
+    }
+    writeln!(
+        out,
+        "  position  {:.5} ± {:.5} {} for 1 stated, written as {}; pictures scatter by {}",
+        agreement.scale.abs(),
+        agreement.scale_sigma,
+        if axis.kind == AxisKind::Revolute { "rad" } else { "m" },
+        axis.scale,
+        in_words(axis.kind, agreement.sigma)
+    )?;
+    if !agreement.suspicious.is_empty() {
+        writeln!(out, "pictures that are not where their position says:")?;
+        for &at in &agreement.suspicious {
+            let off = agreement.off[at] * agreement.scale.signum();
+            writeln!(out, "  {}: {}", frames.names[at], in_words(axis.kind, off))?;
+        }
+    }
+    if !frames.rejected.is_empty() {
+        writeln!(out, "{} pictures not used:", frames.rejected.len())?;
+        write!(out, "{}", rejected::text(&frames.rejected))?;
+    }
+    Ok(())
+}
+
+const fn kind(kind: AxisKind) -> &'static str {
+    match kind {
+        AxisKind::Prismatic => "prismatic",
+        AxisKind::Revolute => "revolute",
+    }
+}
+
+fn in_words(kind: AxisKind, off: f64) -> String {
+    match kind {
+        AxisKind::Prismatic => format!("{:.3} mm", 1e3 * off),
+        AxisKind::Revolute => format!("{:.3}°", off.to_degrees()),
+    }
+}
+
+fn json(args: &AxisArgs, frames: &Frames, found: &Found) -> Json {
+    let (axis, quality, agreement) = (&found.axis, &found.quality, &found.agreement);
+    let sense = agreement.scale.signum();
+    let suspicious =
+        agreement.suspicious.iter().map(|&at| (&frames.names[at], sense * agreement.off[at]));
+    let suspicious = suspicious.map(|(view, off)| json!({"view": view, "off": off}));
+    let views = frames.names.iter().zip(&frames.stated).zip(&found.shown);
+    let views = views.map(
+        |((name, stated), shown)| json!({"view": name, "stated": stated, "shown": sense * shown}),
+    );
+    let steps = found.shown.windows(2).map(|pair| sense * (pair[1] - pair[0]));
+    let circles = found.circles.as_ref().map(|(fit, distance)| {
+        json!({
+            "markers": frames.ids,
+            "radii_m": fit.radii.iter().map(|radius| radius * distance.meters).collect::<Vec<_>>(),
+            "table_distance_m": distance.meters,
+            "table_spread_m": distance.spread_m,
+            "distance_from": distance.source,
+        })
+    });
+    json!({
+        "output": args.output.output,
+        "report": args.output.report,
+        "kind": kind(axis.kind),
+        "unit": if axis.kind == AxisKind::Revolute { "rad" } else { "m" },
+        "direction": axis.direction.as_slice(),
+        "point_m": axis.point_m.coords.as_slice(),
+        "scale": axis.scale,
+        "rms_px": quality.rms_px,
+        "rms_m": quality.rms_m,
+        "views_used": frames.names.len(),
+        "views_rejected": rejected::json(&frames.rejected),
+        "views": views.collect::<Vec<_>>(),
+        "steps": steps.collect::<Vec<_>>(),
+        "suspicious": suspicious.collect::<Vec<_>>(),
+        "measured_scale": agreement.scale.abs(),
+        "positions_sigma": agreement.sigma,
+        "circles": circles,
+        "uncertainties": {
+            "direction_rad": quality.direction_sigma_rad,
+            "point_m": quality.point_sigma_m,
+            "scale": quality.scale_sigma,
+        },
+    })
+}

@@ -1,0 +1,167 @@
+//! Boards in all pictures.
+
+use anyhow::bail;
+
+use super::{
+    rejected::{self, Rejected},
+    views::{self, View, Views},
+};
+use crate::{
+    calibrate::{
+        board::{Board, BoardDetector, BoardRejected},
+        target::Checkerboard,
+    },
+    cli::{Outcome, settings},
+    scanner::image::Image,
+};
+
+/// What one picture shows.
+pub(super) struct Seen<T> {
+    /// Columns and rows of the picture.
+    pub(super) size_px: [u32; 2],
+    /// A board, and what a command wants to know beside it.
+    pub(super) found: Result<(Board, T), BoardRejected>,
+}
+
+/// Boards that were found, all in pictures of one size.
+pub(super) struct Boards<T> {
+    /// Columns and rows of the pictures.
+    pub(super) size_px: [u32; 2],
+    /// Name of each board's picture.
+    pub(super) names: Vec<String>,
+    /// The boards.
+    pub(super) found: Vec<Board>,
+    /// What was asked beside each.
+    pub(super) beside: Vec<T>,
+    /// Pictures without, or whose board was not used.
+    pub(super) rejected: Vec<Rejected>,
+    /// Whether pictures could not be read.
+    is_lossy: bool,
+}
+
+/// Reads a target.
+///
+/// # Errors
+/// [`Usage`](crate::cli::Usage): it is none.
+pub(super) fn target(text: &str) -> anyhow::Result<Checkerboard> {
+    text.parse().map_err(settings::usage)
+}
+
+/// Looks for the board in every picture, and at what `beside` finds there.
+///
+/// # Errors
+/// No board anywhere, or another one than was said.
+pub(super) fn find<T: Send>(
+    views: &Views,
+    (target, min_corners): (Checkerboard, usize),
+    beside: impl Fn(&Image<'_>) -> Result<T, String> + Sync,
+) -> anyhow::Result<Boards<T>> {
+    let detector = BoardDetector::new(target, min_corners)?;
+    let seen = views.map(|image| {
+        let found = match detect(&detector, image, views) {
+            Ok(board) => Ok((board, beside(image)?)),
+            Err(rejected) => Err(rejected),
+        };
+        Ok(Seen { size_px: [image.width(), image.height()], found })
+    });
+    sort(seen, target)
+}
+
+/// The board in one picture.
+pub(super) fn detect(
+    detector: &BoardDetector,
+    image: &Image<'_>,
+    views: &Views,
+) -> Result<Board, BoardRejected> {
+    let full_scale = views.params.scanner.full_scale_of(image.format());
+    let levels = views::gray(image, full_scale.unwrap_or(image.format().max_level()));
+    detector.detect(&views::view_of(image, &levels))
+}
+
+fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Boards<T>> {
+    let size_px = views.iter().find_map(|view| view.result.as_ref().ok()).map(|seen| seen.size_px);
+    let Some(size_px) = size_px else {
+        let unread: Vec<_> = views.into_iter().filter_map(unread).collect();
+        bail!("no picture can be read\n{}", rejected::text(&unread));
+    };
+    let mut boards = Boards {
+        size_px,
+        names: Vec::new(),
+        found: Vec::new(),
+        beside: Vec::new(),
+        rejected: Vec::new(),
+        is_lossy: false,
+    };
+    let mut num_larger = 0;
+    for View { name, result, .. } in views {
+        let reason = match result {
+            Err(reason) => {
+                boards.is_lossy = true;
+                reason
+            }
+            Ok(seen) if seen.size_px != size_px => format!(
+                "{} x {} pixels, the first picture has {} x {}",
+                seen.size_px[0], seen.size_px[1], size_px[0], size_px[1]
+            ),
+            Ok(Seen { found: Ok((board, beside)), .. }) => {
+                boards.names.push(name);
+                boards.found.push(board);
+                boards.beside.push(beside);
+                continue;
+            }
+            Ok(Seen { found: Err(error), .. }) => {
+                num_larger += usize::from(matches!(error, BoardRejected::Larger { .. }));
+                error.to_string()
+            }
+        };
+        boards.rejected.push(Rejected::new(name, reason));
+    }
+    boards.refuse_another(target, num_larger)?;
+    Ok(boards)
+}
+
+fn unread<T>(view: View<T>) -> Option<Rejected> {
+    let reason = view.result.err()?;
+    Some(Rejected::new(view.name, reason))
+}
+
+impl<T> Boards<T> {
+    /// A board of another size would be taken for a part of this one, or this one for a part of it.
+    fn refuse_another(&self, target: Checkerboard, num_larger: usize) -> anyhow::Result<()> {
+        if num_larger > self.found.len() {
+            bail!("--target says {target}, the pictures show a larger board\n{}", self.told());
+        }
+        if self.found.is_empty() {
+            bail!("no picture shows the board {target}\n{}", self.told());
+        }
+        if self.found.iter().all(|board| !board.is_whole(&target)) {
+            let largest = self.found.iter().max_by_key(|board| board.corners.len());
+            let (columns, rows) = largest.map_or((0, 0), |board| (board.columns, board.rows));
+            bail!(
+                "no picture shows the whole board {target}: the largest part has {columns} x {rows} corners. Is the \
+                 target right? It counts inner corners, one less than squares\n{}",
+                self.told()
+            );
+        }
+        Ok(())
+    }
+
+    /// A board that is not used after all.
+    pub(super) fn reject(&mut self, index: usize, reason: impl Into<String>) {
+        self.rejected.push(Rejected::new(self.names[index].clone(), reason));
+    }
+
+    /// Where pictures went.
+    pub(super) fn told(&self) -> String {
+        let (used, rejected) = (self.found.len(), self.rejected.len());
+        format!(
+            "{used} views with the board, {rejected} not used\n{}",
+            rejected::text(&self.rejected)
+        )
+    }
+
+    /// Whether all pictures could be read.
+    pub(super) const fn outcome(&self) -> Outcome {
+        if self.is_lossy { Outcome::DataLost } else { Outcome::Done }
+    }
+}

@@ -1,0 +1,106 @@
+//! Positions of a joint, as a recording states them.
+
+use anyhow::{anyhow, bail};
+
+use super::{args::AxisArgs, views::Views};
+use crate::{
+    bag::RawMessage,
+    cli::settings,
+    msg::{cdr, schema::Message, sensor_msgs::JointState},
+};
+
+/// Where the positions of pictures come from.
+pub(super) enum Source {
+    /// So much further from picture to picture.
+    Step(f64),
+    /// Messages on a topic.
+    Topic(String),
+}
+
+/// Positions by time.
+pub(super) struct Joint {
+    name: Option<String>,
+    stated: Vec<(i64, f64)>,
+}
+
+/// What `args` ask for.
+///
+/// # Errors
+/// [`Usage`](crate::cli::Usage): no topic, or several.
+pub(super) fn source(args: &AxisArgs, views: &Views) -> anyhow::Result<Source> {
+    if let Some(step) = args.step {
+        return Ok(Source::Step(step));
+    }
+    let topics = views.topics_of(JointState::TYPE.name);
+    match (&args.joint_topic, topics.as_slice()) {
+        (Some(wanted), _) if topics.contains(wanted) => Ok(Source::Topic(wanted.clone())),
+        (None, [only]) => Ok(Source::Topic(only.clone())),
+        (Some(wanted), _) => Err(settings::usage(format!(
+            "no positions on {wanted}; topics of sensor_msgs/msg/JointState: {}",
+            listed(&topics)
+        ))),
+        (None, []) => Err(settings::usage(
+            "nothing states positions: no topic of sensor_msgs/msg/JointState. --step says how far it moves from picture \
+             to picture",
+        )),
+        (None, _) => {
+            Err(settings::usage(format!("--joint-topic must name one of {}", listed(&topics))))
+        }
+    }
+}
+
+fn listed(topics: &[String]) -> String {
+    if topics.is_empty() { "none".to_owned() } else { topics.join(", ") }
+}
+
+impl Joint {
+    /// No positions yet, of the named joint or of the only one.
+    pub(super) fn new(name: Option<String>) -> Self {
+        Self { name, stated: Vec::new() }
+    }
+
+    /// Takes a message.
+    ///
+    /// # Errors
+    /// Not a joint state, or none of the joint.
+    pub(super) fn take(&mut self, message: &RawMessage) -> anyhow::Result<()> {
+        let state: JointState<'_> = cdr::decode(&message.data)?;
+        let at = match &self.name {
+            Some(name) => state.name.iter().position(|named| named == name),
+            None if state.position.len() == 1 => Some(0),
+            None => None,
+        };
+        let position = at.and_then(|at| state.position.get(at)).copied();
+        let Some(position) = position.filter(|position| position.is_finite()) else {
+            let joints = state.name.join(", ");
+            return match &self.name {
+                Some(name) => bail!("no position of the joint {name} among {joints}"),
+                None => Err(anyhow!("--joint must name one of {joints}")),
+            };
+        };
+        self.stated.push((state.header.stamp.to_ns(), position));
+        Ok(())
+    }
+
+    /// Puts what was taken into the order of time.
+    pub(super) fn settle(&mut self) {
+        self.stated.sort_by_key(|(stamp_ns, _)| *stamp_ns);
+    }
+
+    /// The position at a time, linear between two messages; `None` outside of them.
+    pub(super) fn at(&self, stamp_ns: i64) -> Option<f64> {
+        let after = self.stated.partition_point(|(stamp, _)| *stamp < stamp_ns);
+        let &(end_ns, end) = self.stated.get(after)?;
+        if end_ns == stamp_ns {
+            return Some(end);
+        }
+        let &(start_ns, start) = self.stated.get(after.checked_sub(1)?)?;
+        let share = (stamp_ns - start_ns) as f64 / (end_ns - start_ns) as f64;
+        Some(start + share * (end - start))
+    }
+
+    /// Whether nothing was stated.
+    pub(super) fn is_empty(&self) -> bool {
+        self.stated.is_empty()
+    }
+}

@@ -1,0 +1,101 @@
+//! What `calibrate plane` tells.
+
+use std::io::{self, Write};
+
+use serde_json::{Value as Json, json};
+
+use super::{
+    args::PlaneArgs,
+    boards::Boards,
+    plane::{Lines, Stripe},
+    rejected,
+};
+use crate::calibrate::plane::{BoardResidual, PlaneFit};
+
+/// The answer as text or as JSON.
+///
+/// # Errors
+/// It cannot be written.
+pub(super) fn print(
+    args: &PlaneArgs,
+    boards: &Boards<Stripe>,
+    lines: &Lines,
+    fit: &PlaneFit,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    if args.output.json {
+        return writeln!(out, "{}", json(args, boards, lines, fit));
+    }
+    let sigmas = sigmas(fit);
+    let normal = fit.plane.normal;
+    writeln!(
+        out,
+        "{}: {} boards, {} points, {:.3} mm RMS from the plane",
+        args.output.output.display(),
+        fit.used.len(),
+        fit.used.iter().map(|board| board.points).sum::<usize>(),
+        1e3 * fit.rms_m
+    )?;
+    writeln!(
+        out,
+        "  normal   ({:.4}, {:.4}, {:.4}) ± {:.3}°, {:.3}°",
+        normal.x,
+        normal.y,
+        normal.z,
+        sigmas[0].to_degrees(),
+        sigmas[1].to_degrees()
+    )?;
+    let distance_m = fit.plane.distance_m;
+    writeln!(out, "  distance {:.3} ± {:.3} mm", 1e3 * distance_m, 1e3 * sigmas[2])?;
+    writeln!(
+        out,
+        "  ± one standard deviation, from leaving out one board at a time; the camera's own is not in it"
+    )?;
+    writeln!(out, "  the laser was found in {}", lines.light.name())?;
+    if !boards.rejected.is_empty() {
+        writeln!(out, "{} views not used:", boards.rejected.len())?;
+        write!(out, "{}", rejected::text(&boards.rejected))?;
+    }
+    Ok(())
+}
+
+/// Standard deviations of two tilts, radians, and the distance, metres.
+fn sigmas(fit: &PlaneFit) -> [f64; 3] {
+    std::array::from_fn(|i| fit.covariance[(i, i)].sqrt())
+}
+
+fn json(args: &PlaneArgs, boards: &Boards<Stripe>, lines: &Lines, fit: &PlaneFit) -> Json {
+    let normal = fit.plane.normal;
+    let sigmas = sigmas(fit);
+    let board = |board: &BoardResidual| {
+        let line = lines.indices.iter().position(|&index| index == board.index);
+        let line_rms_px = line.map(|at| lines.found[at].rms_px);
+        json!({
+            "view": boards.names[board.index],
+            "points": board.points,
+            "mean_m": board.mean_m,
+            "rms_m": board.rms_m,
+            "line_rms_px": line_rms_px,
+        })
+    };
+    json!({
+        "output": args.output.output,
+        "report": args.output.report,
+        "target": args.target,
+        "camera": args.camera_file,
+        "plane_rms_m": fit.rms_m,
+        "normal": [normal.x, normal.y, normal.z],
+        "distance_m": fit.plane.distance_m,
+        "boards_used": fit.used.len(),
+        "views_used": fit.used.len(),
+        "views_rejected": rejected::json(&boards.rejected),
+        "boards": fit.used.iter().map(board).collect::<Vec<_>>(),
+        "board_rms_px": lines.board_rms_px,
+        "light": lines.light.name(),
+        "uncertainties": {
+            "tilts_rad": [sigmas[0], sigmas[1]],
+            "distance_m": sigmas[2],
+            "method": "jackknife over boards, camera held fixed",
+        },
+    })
+}

@@ -1,0 +1,46 @@
+//! Views that were not used, each with its reason.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value as Json, json};
+
+/// Views that a summary in words names one by one.
+const MAX_NAMED: usize = 12;
+
+/// A view that was not used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Rejected {
+    /// Its name.
+    pub(super) view: String,
+    /// Why.
+    pub(super) reason: String,
+}
+
+impl Rejected {
+    /// A view and what speaks against it.
+    pub(super) fn new(view: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self { view: view.into(), reason: reason.into() }
+    }
+}
+
+/// As a list of objects, `view` and `reason`.
+pub(super) fn json(rejected: &[Rejected]) -> Json {
+    rejected.iter().map(|view| json!({"view": view.view, "reason": view.reason})).collect()
+}
+
+/// One line a view; where there are many, one line a reason.
+pub(super) fn text(rejected: &[Rejected]) -> String {
+    if rejected.len() <= MAX_NAMED {
+        let line = |view: &Rejected| format!("  {}: {}\n", view.view, view.reason);
+        return rejected.iter().map(line).collect();
+    }
+    let mut by_reason: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for view in rejected {
+        by_reason.entry(&view.reason).or_default().push(&view.view);
+    }
+    let line = |(reason, views): (&str, Vec<&str>)| match views.as_slice() {
+        [only] => format!("  {only}: {reason}\n"),
+        _ => format!("  {} views, first {}: {reason}\n", views.len(), views[0]),
+    };
+    by_reason.into_iter().map(line).collect()
+}

@@ -1,0 +1,125 @@
+//! Which charts a camera, a plane and an axis get.
+
+use std::{f64::consts::PI, path::Path};
+
+use super::{
+    axis::{Found, Frames},
+    boards::Boards,
+    plane::Stripe,
+    report::{self, Chart, Marks, padded, places},
+};
+use crate::{
+    calibrate::{intrinsics::CameraFit, plane::PlaneFit},
+    scanner::axis::AxisKind,
+};
+
+/// How much longer residuals are drawn than they are.
+const ENLARGED: f64 = 100.0;
+
+/// Where corners were seen, their residuals, and those of each view.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn camera(path: &Path, boards: &Boards<()>, fit: &CameraFit) -> anyhow::Result<()> {
+    let seen = |index: usize| boards.found[index].corners.iter().map(|corner| corner.seen);
+    let dots = fit.used.iter().flat_map(|view| seen(view.index)).map(|at| (at.x, at.y)).collect();
+    let arrows = fit.used.iter().flat_map(|view| {
+        let pairs = seen(view.index).zip(&view.pose.residuals_px);
+        pairs.map(|(at, (u, v))| [(at.x, at.y), (at.x + ENLARGED * u, at.y + ENLARGED * v)])
+    });
+    let [width, height] = boards.size_px.map(f64::from);
+    let image = || [-0.5..width - 0.5, height - 0.5..-0.5];
+    let labels = ["column [px]", "row [px]"];
+    let bars: Vec<_> = fit.used.iter().map(|view| view.pose.rms_px()).collect();
+    let residuals = || fit.used.iter().flat_map(|view| view.pose.residuals_px.iter().copied());
+    let both = padded(residuals().flat_map(|(u, v)| [u, v]));
+    let charts = [
+        Chart {
+            title: format!("corners of {} views", fit.used.len()),
+            labels,
+            ranges: image(),
+            marks: Marks::Dots(dots),
+        },
+        Chart {
+            title: format!("residuals, {ENLARGED:.0} times enlarged"),
+            labels,
+            ranges: image(),
+            marks: Marks::Arrows(arrows.collect()),
+        },
+        Chart {
+            title: format!("RMS of each view; of all: {:.3} px", fit.rms_px),
+            labels: ["view", "RMS [px]"],
+            ranges: [places(bars.len()), 0.0..padded(bars.iter().copied()).end],
+            marks: Marks::Bars(bars),
+        },
+        Chart {
+            title: "residuals".to_owned(),
+            labels: ["across columns [px]", "across rows [px]"],
+            ranges: [both.clone(), both],
+            marks: Marks::Dots(residuals().collect()),
+        },
+    ];
+    report::save(path, &charts)
+}
+
+/// How each board's line lies to the plane, and where the boards' corners were seen.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn plane(path: &Path, boards: &Boards<Stripe>, fit: &PlaneFit) -> anyhow::Result<()> {
+    let scatter = |mean: f64, rms: f64| (rms * rms - mean * mean).max(0.0).sqrt();
+    let spans =
+        fit.used.iter().map(|board| (1e3 * board.mean_m, 1e3 * scatter(board.mean_m, board.rms_m)));
+    let spans: Vec<_> = spans.collect();
+    let ends = spans.iter().flat_map(|(middle, half)| [middle - half, middle + half]);
+    let corners = fit.used.iter().flat_map(|board| &boards.found[board.index].corners);
+    let [width, height] = boards.size_px.map(f64::from);
+    let charts = [
+        Chart {
+            title: format!("the line on each board off the plane; RMS {:.3} mm", 1e3 * fit.rms_m),
+            labels: ["board", "mean, and standard deviation on the board [mm]"],
+            ranges: [places(spans.len()), padded(ends)],
+            marks: Marks::Spans(spans),
+        },
+        Chart {
+            title: format!("corners of {} boards", fit.used.len()),
+            labels: ["column [px]", "row [px]"],
+            ranges: [-0.5..width - 0.5, height - 0.5..-0.5],
+            marks: Marks::Dots(corners.map(|corner| (corner.seen.x, corner.seen.y)).collect()),
+        },
+    ];
+    report::save(path, &charts)
+}
+
+/// How far each picture is from its stated position, and where markers or boards were seen.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn axis(path: &Path, frames: &Frames, found: &Found) -> anyhow::Result<()> {
+    let (unit, factor) = match found.axis.kind {
+        AxisKind::Revolute => ("off [°]", 180.0 / PI),
+        AxisKind::Prismatic => ("off [mm]", 1e3),
+    };
+    let sense = found.agreement.scale.signum();
+    let off: Vec<_> = found.agreement.off.iter().map(|off| sense * factor * off).collect();
+    let markers = frames.shown.iter().flat_map(|shown| &shown.markers).flat_map(|m| m.corners);
+    let boards = frames.shown.iter().filter_map(|shown| shown.board.as_ref());
+    let corners = boards.flat_map(|board| board.corners.iter().map(|corner| corner.seen));
+    let seen: Vec<_> = markers.chain(corners).map(|at| (at.x, at.y)).collect();
+    let rows = padded(seen.iter().map(|at| at.1));
+    let charts = [
+        Chart {
+            title: "each picture off its stated position".to_owned(),
+            labels: ["picture", unit],
+            ranges: [places(off.len()), padded(off.iter().copied().chain([0.0]))],
+            marks: Marks::Bars(off),
+        },
+        Chart {
+            title: "corners seen".to_owned(),
+            labels: ["column [px]", "row [px]"],
+            ranges: [padded(seen.iter().map(|at| at.0)), rows.end..rows.start],
+            marks: Marks::Dots(seen),
+        },
+    ];
+    report::save(path, &charts)
+}

@@ -1,0 +1,139 @@
+//! Pictures of boards and markers before a known camera, and of the line of a known laser plane on them.
+
+use std::path::Path;
+
+use image::{Rgb, RgbImage};
+use laser_profiler::scanner::{
+    camera::{Camera, Distortion},
+    laser_plane::LaserPlane,
+};
+use nalgebra::{Isometry3, Point2, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+
+/// Rays a side of a pixel.
+const FINE: u32 = 3;
+/// Standard deviation of the laser's light across its plane, metres.
+const LASER_SIGMA_M: f64 = 0.0008;
+
+/// The camera of all pictures: a lens that bends by several pixels in the corners.
+pub(super) fn camera() -> Camera {
+    Camera {
+        width_px: 480,
+        height_px: 360,
+        fx_px: 520.0,
+        fy_px: 518.0,
+        cx_px: 236.0,
+        cy_px: 184.0,
+        distortion: Distortion::PlumbBob { k1: -0.12, k2: 0.08, p1: 0.001, p2: -0.0005, k3: 0.0 },
+        tilt_rad: [0.0; 2],
+    }
+}
+
+/// The laser of all pictures: a steep plane half a metre before the camera.
+pub(super) fn laser() -> LaserPlane {
+    let normal = Unit::new_normalize(Vector3::new(0.9, -0.1, 0.42));
+    LaserPlane { normal, distance_m: 0.21 }
+}
+
+/// A plane that reflects, in its own coordinates, metres.
+pub(super) trait Surface {
+    /// Share of the light that comes back, 0 to 1; `None` beyond its edge.
+    fn albedo(&self, x: f64, y: f64) -> Option<f64>;
+}
+
+/// Checkerboard with inner corners from (0, 0) on, one square beyond them and a white border of half a square.
+#[derive(Clone, Copy)]
+pub(super) struct Checkerboard {
+    /// Inner corners along x.
+    pub(super) columns: u32,
+    /// Inner corners along y.
+    pub(super) rows: u32,
+    /// Side of a square, metres.
+    pub(super) square_m: f64,
+}
+
+impl Surface for Checkerboard {
+    fn albedo(&self, x: f64, y: f64) -> Option<f64> {
+        let (column, row) = ((x / self.square_m).floor(), (y / self.square_m).floor());
+        let is_square = |at: f64, corners: u32| (-1.0..f64::from(corners)).contains(&at);
+        if is_square(column, self.columns) && is_square(row, self.rows) {
+            return Some(if (column + row).rem_euclid(2.0) < 0.5 { 0.08 } else { 0.85 });
+        }
+        let reach = |at: f64, corners: u32| {
+            (-1.5..f64::from(corners) + 0.5).contains(&(at / self.square_m))
+        };
+        (reach(x, self.columns) && reach(y, self.rows)).then_some(0.85)
+    }
+}
+
+/// A camera with its rays, computed once.
+pub(super) struct Renderer {
+    camera: Camera,
+    rays: Vec<Vector3<f64>>,
+}
+
+impl Renderer {
+    pub(super) fn new() -> Self {
+        let camera = camera();
+        let mut rays = Vec::new();
+        for v in 0..camera.height_px * FINE {
+            for u in 0..camera.width_px * FINE {
+                let fine = |at: u32| (f64::from(at) + 0.5) / f64::from(FINE) - 0.5;
+                rays.push(camera.ray(Point2::new(fine(u), fine(v))).unwrap());
+            }
+        }
+        Self { camera, rays }
+    }
+
+    /// The surface in white light, and with the green line of `laser` on it.
+    pub(super) fn render(
+        &self,
+        surface: &dyn Surface,
+        camera_from_surface: &Isometry3<f64>,
+        laser: Option<&LaserPlane>,
+    ) -> RgbImage {
+        let surface_from_camera = camera_from_surface.inverse();
+        let normal = camera_from_surface.rotation * Vector3::z();
+        let distance = normal.dot(&camera_from_surface.translation.vector);
+        let width = self.camera.width_px * FINE;
+        RgbImage::from_fn(self.camera.width_px, self.camera.height_px, |u, v| {
+            let (mut white, mut green) = (0.0, 0.0);
+            for fine in 0..FINE * FINE {
+                let (x, y) = (u * FINE + fine % FINE, v * FINE + fine / FINE);
+                let ray = self.rays[(y * width + x) as usize];
+                let point = Point3::from(ray * (distance / normal.dot(&ray)));
+                let on = surface_from_camera * point;
+                let Some(albedo) = surface.albedo(on.x, on.y) else {
+                    white += 0.3;
+                    continue;
+                };
+                white += albedo;
+                if let Some(laser) = laser {
+                    let off = (laser.normal.dot(&point.coords) - laser.distance_m) / LASER_SIGMA_M;
+                    green += (0.3 + 0.7 * albedo) * (-0.5 * off * off).exp();
+                }
+            }
+            let count = f64::from(FINE * FINE);
+            let level = |light: f64| (light / count).clamp(0.0, 255.0).round() as u8;
+            Rgb([level(170.0 * white), level(170.0 * white + 80.0 * green), level(170.0 * white)])
+        })
+    }
+}
+
+/// A board's pose: its middle at a place, turned about x, y and z, degrees.
+pub(super) fn pose(
+    board: &Checkerboard,
+    middle_m: [f64; 3],
+    turned_deg: [f64; 3],
+) -> Isometry3<f64> {
+    let [x, y, z] = turned_deg.map(f64::to_radians);
+    let rotation = UnitQuaternion::from_euler_angles(x, y, z);
+    let half = |corners: u32| f64::from(corners - 1) * board.square_m / 2.0;
+    let middle = Vector3::new(half(board.columns), half(board.rows), 0.0);
+    let shift = Vector3::from(middle_m) - rotation * middle;
+    Isometry3::from_parts(Translation3::from(shift), rotation)
+}
+
+/// Writes a picture.
+pub(super) fn save(picture: &RgbImage, directory: &Path, name: &str) {
+    picture.save(directory.join(name)).unwrap();
+}
