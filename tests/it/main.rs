@@ -27,6 +27,7 @@ mod alternating_exposures;
 mod positions;
 mod smoothing;
 mod allocation;
+mod camera_info;
 mod cli;
 mod coverage;
 mod determinism;

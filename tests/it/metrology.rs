@@ -43,7 +43,7 @@ fn simulate(directory: &Path, name: &str) -> PathBuf {
 fn scan(directory: &Path, name: &str, calibration: Option<&Path>) -> PathBuf {
     let bag = simulate(directory, name);
     let results = directory.join(format!("{name}_results"));
-    let params = data(if name == "spheres" { "spheres.params.yaml" } else { "scan.params.yaml" });
+    let params = data(if name == "spheres" { "replay_spheres.yaml" } else { "replay_scan.yaml" });
     // Without another, the true one, which lies beside the recording.
     let own = bag.join("calibration.yaml");
     let file = format!("calibration_file:={}", path(calibration.unwrap_or(&own)));
@@ -150,4 +150,24 @@ fn gauges_are_what_they_are_with_the_true_calibration() {
     assert!(judged.form_ratio < 1.2, "{judged:?}");
     assert!(judged.linearity < 1e-5 && judged.scale.abs() < 1e-5, "{judged:?}");
     assert!(judged.distance.abs() < 1e-5, "{judged:?}");
+}
+
+/// Boards, then gauges: nothing is known but the size of the squares.
+#[cfg(feature = "calibrate")]
+#[test]
+fn gauges_are_what_they_are_with_a_calibration_from_boards() {
+    let directory = tempfile::tempdir().unwrap();
+    let [camera, rig] = ["camera.yaml", "rig.yaml"].map(|name| directory.path().join(name));
+    let boards = simulate(directory.path(), "boards");
+    let target = ["--target", "checkerboard:8x6:0.003"];
+    run(&[&["calibrate", "camera", path(&boards), "-o", path(&camera)], &target[..]].concat());
+    let lines = simulate(directory.path(), "boards_with_line");
+    let plane = ["calibrate", "plane", path(&lines), "--camera", path(&camera), "-o", path(&rig)];
+    run(&[&plane[..], &target[..]].concat());
+    let judged = judge(Some(&rig));
+    assert!(judged.step_error_m.abs() < 2e-6, "{judged:?}");
+    assert!(judged.flatness_ratio < 1.5, "{judged:?}");
+    assert!(judged.form_ratio < 1.5, "{judged:?}");
+    assert!(judged.linearity < 2e-4, "{judged:?}");
+    assert!(judged.distance.abs() < 1e-4, "{judged:?}");
 }
