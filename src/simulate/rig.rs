@@ -138,9 +138,10 @@ impl Rig {
 
     fn distortion(&self) -> Distortion {
         let [k1, k2, p1, p2, k3, k4, k5, k6] = self.lens.distortion;
-        if self.lens.distortion == [0.0; 8] {
+        let is_zero = |coefficients: &[f64]| coefficients.iter().all(|value| *value == 0.0);
+        if is_zero(&self.lens.distortion) {
             Distortion::None
-        } else if [k4, k5, k6] == [0.0; 3] {
+        } else if is_zero(&[k4, k5, k6]) {
             Distortion::PlumbBob { k1, k2, p1, p2, k3 }
         } else {
             Distortion::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 }
@@ -159,7 +160,7 @@ impl Rig {
         }
         let normal = Vector3::from(self.laser_normal);
         let slope = normal.z / normal.norm();
-        if !(slope >= 0.05) {
+        if slope.is_nan() || slope < 0.05 {
             let allowed = "a direction away from the lens that the optical axis has too".to_owned();
             return Err(range_error(
                 "rig.laser_normal",

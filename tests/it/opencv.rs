@@ -18,7 +18,7 @@ fn projections() -> Vec<(Camera, Point3<f64>, Point2<f64>)> {
             else {
                 panic!("{line}");
             };
-            let distortion = if [k4, k5, k6] == [0.0; 3] {
+            let distortion = if [k4, k5, k6].iter().all(|coefficient| *coefficient == 0.0) {
                 Distortion::PlumbBob { k1, k2, p1, p2, k3 }
             } else {
                 Distortion::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 }

@@ -110,7 +110,7 @@ pub fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
 fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<(), Misfit> {
     let model = if info.distortion_model.is_empty() { "plumb_bob" } else { &info.distortion_model };
     let distortion = Distortion::from_coefficients(model, &info.d)
-        .map_err(|_| Misfit::Model { model: model.to_owned(), count: info.d.len() })?;
+        .map_err(|_allowed| Misfit::Model { model: model.to_owned(), count: info.d.len() })?;
     let described = Camera {
         fx_px: info.k[0],
         fy_px: info.k[4],

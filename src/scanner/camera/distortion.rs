@@ -169,7 +169,7 @@ impl Distortion {
     fn radial(&self, s: f64) -> (f64, f64) {
         let Terms { above, below, .. } = self.terms();
         let (n, dn) = series(above, s);
-        if below == [0.0; 3] {
+        if below.iter().all(|coefficient| *coefficient == 0.0) {
             return (n, dn);
         }
         let (d, dd) = series(below, s);

@@ -188,7 +188,7 @@ fn along(rig: &Rig, world: &World, (guess_m, z_m): (f64, f64), line: f64) -> Opt
     let mut missed_before = miss(before_m)?;
     for _ in 0..MAX_ROUNDS {
         let missed = miss(x_m)?;
-        if missed.abs() < 1e-11 || missed == missed_before {
+        if missed.abs() < 1e-11 || (missed - missed_before).abs() < f64::MIN_POSITIVE {
             return Some(x_m);
         }
         let next_m = x_m - missed * (x_m - before_m) / (missed - missed_before);
