@@ -218,7 +218,8 @@ impl Replay {
     /// The results cannot be written; what was written before stays readable.
     pub fn run(self, stop: &Stop, on_message: &mut dyn FnMut(u64)) -> Result<Summary, ReplayError> {
         let images = self.image_topics().map(|topic| topic.name.as_str());
-        let filter = Filter::topics(images.chain(self.position_topics()));
+        let side: Vec<_> = self.cameras.iter().flat_map(CameraReplay::side_topics).collect();
+        let filter = Filter::topics(images.chain(side.iter().map(String::as_str)));
         let messages: Vec<_> = self.bags.iter().map(|bag| bag.messages(&filter)).collect();
         let mut player = BagPlayer::new(messages, self.request.rate, stop.clone())?;
         // One that cannot be written must not cost the others' results.

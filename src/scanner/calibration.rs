@@ -11,7 +11,7 @@ mod vertical_incidence;
 
 use thiserror::Error;
 
-use super::{axis::Axis, profile::Profile, stripe::Centerline};
+use super::{axis::Axis, camera::View, profile::Profile, stripe::Centerline};
 
 pub use camera_and_plane::{Alignment, CameraAndPlane};
 pub use camera_calibration::CameraCalibration;
@@ -121,6 +121,20 @@ impl Calibration {
                 Some((geometry.camera.width_px, geometry.camera.height_px))
             }
             Self::Projective(geometry) => Some((geometry.width_px, geometry.height_px)),
+        }
+    }
+
+    /// The same calibration for images of a part of the sensor. Formula 6 states no size and is for the images that it
+    /// was measured with: it stays as it is.
+    #[must_use]
+    pub fn seen_through(&self, view: &View) -> Self {
+        match self {
+            Self::VerticalIncidence(_) => self.clone(),
+            Self::CameraAndPlane(geometry) => {
+                let camera = geometry.camera.seen_through(view);
+                Self::CameraAndPlane(Box::new(CameraAndPlane { camera, ..(**geometry).clone() }))
+            }
+            Self::Projective(geometry) => Self::Projective(Box::new(geometry.seen_through(view))),
         }
     }
 

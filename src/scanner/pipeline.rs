@@ -252,6 +252,11 @@ impl Pipeline {
         motion != params.motion || stripe_direction != params.stripe_direction || roi != params.roi
     }
 
+    /// Measures with this calibration from the next frame on. The scan was finished before.
+    pub fn recalibrate(&mut self, calibration: Calibration) {
+        self.calibration = Some(calibration);
+    }
+
     /// Measures by these parameters from the next frame on. Where [`must_end_for`](Self::must_end_for) says so, the scan
     /// was finished before.
     pub fn reconfigure(&mut self, params: Params) {

@@ -221,6 +221,7 @@ impl Context {
             pipeline = pipeline.with_laser_tracked();
         }
         Worker::new(options, pipeline, results, reporter)
+            .with_camera_info(calibration.cloned(), None)
     }
 
     fn publications(&self, outputs: &[TopicEndpoint]) -> Result<Outlet, LiveError> {

@@ -7,6 +7,7 @@ use std::{
 
 use crate::{
     bag::{BagReader, RecordError, Topic, place},
+    msg::{schema::Message, sensor_msgs::CameraInfo},
     node::{
         ambient_file, calibration_file,
         input::{self, ImageTopic, InputError},
@@ -35,6 +36,8 @@ pub(super) struct CameraReplay {
     pub(super) image_topic: ImageTopic,
     /// Where the frames were taken is told on these.
     pub(super) position_topics: Vec<String>,
+    /// What describes the camera, where that matters and is recorded.
+    info_topic: Option<String>,
     /// Its bag of results.
     output: PathBuf,
 }
@@ -77,7 +80,20 @@ impl CameraReplay {
         // What is recorded as effective is what was done, not the default that gave way.
         let transport = Value::Text(image_topic.transport.name().to_owned());
         values.set(&camera.full_name("image_transport"), transport, "the recording")?;
-        Ok(Self { camera, values, calibration, ambient, image_topic, position_topics, output })
+        let info_topic = match axis.and_then(Calibration::image_size_px) {
+            Some(_) => info_topic(&replay.bags, &replay.names, &camera, &image_topic)?,
+            None => None,
+        };
+        Ok(Self {
+            camera,
+            values,
+            calibration,
+            ambient,
+            image_topic,
+            position_topics,
+            info_topic,
+            output,
+        })
     }
 
     /// Two cameras with the same images would both want every message.
@@ -107,7 +123,8 @@ impl CameraReplay {
         let mut topics = topics::recorded(&published);
         let num_topics = topics.len();
         if replay.request.with_images {
-            let inputs = std::iter::once(&self.image_topic.name).chain(&self.position_topics);
+            let side = self.side_topics();
+            let inputs = std::iter::once(&self.image_topic.name).chain(&side);
             topics.extend(inputs.filter_map(|name| recorded(name, &replay.bags)));
         }
         let description = self.description(replay);
@@ -149,7 +166,13 @@ impl CameraReplay {
         }
         let positions = positions::of_camera(&self.camera, calibration)?;
         Ok(Worker::new(options, pipeline, results, reporter)
-            .with_positions(positions, self.position_topics.clone()))
+            .with_positions(positions, self.side_topics())
+            .with_camera_info(calibration.cloned(), self.info_topic.clone()))
+    }
+
+    /// All topics besides the images.
+    pub(super) fn side_topics(&self) -> Vec<String> {
+        self.position_topics.iter().chain(&self.info_topic).cloned().collect()
     }
 
     pub(super) fn description(&self, replay: &Replay) -> Description {
@@ -179,6 +202,33 @@ fn named(bag: &BagReader) -> Vec<(String, String)> {
     // One name and type may stand there twice, with different QoS.
     topics.dedup();
     topics
+}
+
+/// The topic that describes the camera: the one that a remap of `camera_info` names, else the one beside the images.
+fn info_topic(
+    bags: &[BagReader],
+    names: &NodeNames,
+    camera: &CameraParams,
+    images: &ImageTopic,
+) -> Result<Option<String>, ReplayError> {
+    let remapped = names.remapped(&topics::of_camera(&camera.name, "camera_info"));
+    let name = match remapped.map_err(InputError::Name) {
+        Ok(Some(name)) => name,
+        Ok(None) => {
+            let base = images.name.strip_suffix("/compressed").unwrap_or(&images.name);
+            format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent))
+        }
+        Err(source) => return Err(ReplayError::Input { bag: PathBuf::new(), source }),
+    };
+    let described = recorded(&name, bags);
+    let is_info = |topic: &Topic| topic.type_name == CameraInfo::TYPE.name;
+    match described.filter(is_info) {
+        Some(topic) => {
+            topic.require_cdr()?;
+            Ok(Some(name))
+        }
+        None => Ok(None),
+    }
 }
 
 fn choose_positions(

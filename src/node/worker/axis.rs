@@ -85,6 +85,10 @@ impl Worker {
             // Behind the images.
             out.forward(message, 1 + place.unwrap_or(0))?;
         }
+        if self.framing.topic.as_ref() == Some(&message.topic.name) {
+            self.framing.take(message);
+            return Ok(());
+        }
         let Some(positions) = &mut self.positions else { return Ok(()) };
         positions.take(message);
         self.counts.positions_refused = positions.num_refused();

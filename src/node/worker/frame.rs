@@ -14,7 +14,7 @@ use crate::{
         std_msgs::Header,
     },
     node::{
-        camera_info::ImageHeader,
+        camera_info::{Conflict, ImageHeader},
         order::{Place, StampFault, StampStep},
         publisher::{Halt, Publisher},
         results::Measured,
@@ -40,6 +40,8 @@ enum Rejection {
     Image(#[from] FrameRejected),
     #[error("malformed: {0}")]
     Params(#[from] FrameError),
+    #[error("malformed: {0}")]
+    CameraInfo(#[from] Conflict),
     #[error("malformed: {0}")]
     Transport(String),
     #[error("its stamp is that of the frame before")]
@@ -143,11 +145,17 @@ impl Worker {
                 }));
             }
         }
-        if let Some(live) = &mut self.live {
-            let (width, height) = (image.width(), image.height());
-            live.observe(&ImageHeader { stamp_ns, frame_id: &header.frame_id, width, height });
-        }
+        let (width, height) = (image.width(), image.height());
+        let of_image = ImageHeader { stamp_ns, frame_id: &header.frame_id, width, height };
+        let pairing = match &mut self.live {
+            Some(live) => live.observe(&of_image),
+            None => self.framing.pair(&of_image),
+        };
+        let framed = self.frame_by(pairing, out)?;
         let place = self.place(message.sequence);
+        if let Err(conflict) = framed {
+            return Ok(Err(conflict.into()));
+        }
         let index = FrameIndex {
             frame_number: place.frame_number,
             frames_missing: self.pending.missing,

@@ -7,7 +7,7 @@ use std::{
 
 use super::{Now, Pending, Worker};
 use crate::node::{
-    camera_info::ImageHeader,
+    camera_info::{ImageHeader, Pairing},
     clock::{RosClock, system_ns},
     command::{Answer, Command, Mailbox, Reply, ScanRequest, Settings},
     histogram::Histogram,
@@ -33,8 +33,8 @@ pub struct Surroundings {
 /// Asks them, once a report.
 pub type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
 
-/// Looks at every image that is measured.
-pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) + Send>;
+/// Looks at every image that is measured, and says what is known of its camera.
+pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> Pairing + Send>;
 
 /// The live side of a worker.
 pub struct Live {
@@ -101,8 +101,8 @@ impl Live {
         std::mem::replace(&mut self.num_breaks, num_breaks) != num_breaks
     }
 
-    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) {
-        (self.observe)(image);
+    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) -> Pairing {
+        (self.observe)(image)
     }
 
     /// From the stamp to the result. A stamp of the future, by a clock that runs ahead, tells nothing.

@@ -2,11 +2,15 @@
 
 mod axis;
 mod frame;
+mod framing;
 pub mod live;
 
 use std::sync::Arc;
 
-use crate::{ros::node_params::ImageTransport, scanner::pipeline::Pipeline};
+use crate::{
+    ros::node_params::ImageTransport,
+    scanner::{calibration::Calibration, pipeline::Pipeline},
+};
 
 use super::{
     clock::system_ns,
@@ -27,6 +31,7 @@ use super::{
     topics::Output,
     unpack::{Picture, Unpacked},
 };
+use framing::Framing;
 use live::Live;
 
 /// How the worker treats its input.
@@ -78,6 +83,8 @@ pub struct Worker {
     last_writer: Writer,
     /// Why the last frame was refused, until it is reported.
     last_rejection: Option<String>,
+    /// What is known of the camera.
+    framing: Framing,
     /// What only a live camera has.
     live: Option<Live>,
 }
@@ -110,6 +117,7 @@ impl Worker {
             waiting: Waiting::default(),
             last_writer: Writer::default(),
             last_rejection: None,
+            framing: Framing::default(),
             live: None,
         }
     }
@@ -135,6 +143,13 @@ impl Worker {
     /// The topics of messages about the axis.
     pub fn position_topics(&self) -> &[String] {
         &self.position_topics
+    }
+
+    /// Makes it refuse images of another camera than the calibrated one, and measure those of a part of its sensor as such;
+    /// recorded descriptions of the camera come on `topic`, one of those of the positions.
+    #[must_use]
+    pub fn with_camera_info(self, calibration: Option<Calibration>, topic: Option<String>) -> Self {
+        Self { framing: Framing::new(calibration, topic), ..self }
     }
 
     /// The largest picture that it takes, bytes, where its images are compressed.
