@@ -59,7 +59,7 @@ fn a_rendered_camera_is_found_again_beside_bad_pictures() {
     let report_flag = ["--report", report.to_str().unwrap()];
     let found = calibrate(&[&CAMERA[..], &report_flag].concat(), pictures.path(), &output);
     assert_eq!(found["views_used"], 12, "{found}");
-    assert!(number(&found, "rms_px") < 0.05, "{found}");
+    assert!(number(&found, "rms_px") < 0.08, "{found}");
     let truth = render::camera();
     for (name, wanted) in
         [("fx", truth.fx_px), ("fy", truth.fy_px), ("cx", truth.cx_px), ("cy", truth.cy_px)]
