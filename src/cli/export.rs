@@ -19,7 +19,7 @@ use serde_json::{Value as Json, json};
 use super::{
     Outcome, Usage,
     length::positive_m,
-    measure::region,
+    measure::{edges, region},
     results::{Read, Results, ResultsArgs},
 };
 use crate::metrology::{
@@ -40,7 +40,7 @@ Examples:
 Formats, by the ending:
   .ply   x, y, z, intensity as 32-bit floats in metres, binary little endian; with --color also red, green, blue
   .pcd   x, y, z, intensity as 32-bit floats in metres, binary (PCL 0.7)
-  .csv   one point a line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m, flags of every profile; with --region or
+  .csv   one point a line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m, flags of every profile; with --region, --heights or
          --level, or without profiles in the recording: x_m, y_m, z_m, intensity of the cloud
   .png   heights, 16 bit: level 0 is invalid, else z = offset_m + level * metres_per_level; the numbers stand in the file (tEXt)
          and in FILE.json beside it
@@ -49,7 +49,7 @@ Rows of a height map begin at the smallest y. A cell holds the mean of the surfa
 nothing was measured it stays invalid, unless --fill N closes gaps of at most N cells: those are flagged in FILE.mask.png
 (0 invalid, 1 measured, 2 filled).
 
---json prints one object: topic, profiles, points, rejected (clouds), from_m and to_m ([x, y, z]), files: [{path, format, …}]";
+--json prints one object: topic, profiles, points, rejected (clouds, and profiles of a .csv), from_m and to_m ([x, y, z]), files: [{path, format, …}]";
 
 /// Writes a scan as point cloud (PLY, PCD, CSV), height map (16-bit PNG, 32-bit TIFF) or picture.
 #[derive(Debug, clap::Args)]
@@ -66,10 +66,16 @@ pub struct ExportArgs {
     /// Only points in x0,y0,x1,y1.
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
+    /// Only heights from LOW to HIGH, before the scan is laid level.
+    #[arg(long, value_name = "LOW,HIGH", value_parser = edges, allow_hyphen_values = true)]
+    heights: Option<[f64; 2]>,
     /// Lays the scan level: turned and lifted so that the robust plane through its points lies at height 0.
     #[arg(long)]
     level: bool,
-    /// Side of a cell of height maps and pictures; the distance of the points, when not given.
+    /// The same by the plane through the points of a flat, x0,y0,x1,y1.
+    #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
+    level_on: Option<Region>,
+    /// Side of a cell of height maps and pictures; the geometric mean of the distances of the points, when not given.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m)]
     cell: Option<f64>,
     /// Closes gaps of at most so many cells in height maps and pictures.
@@ -84,6 +90,12 @@ pub struct ExportArgs {
     /// One JSON object on standard output (see below).
     #[arg(long)]
     json: bool,
+}
+
+impl ExportArgs {
+    const fn is_leveled(&self) -> bool {
+        self.level || self.level_on.is_some()
+    }
 }
 
 /// What a file is.
@@ -116,6 +128,14 @@ impl Format {
     }
 }
 
+/// What became of a file of points.
+#[derive(Clone, Copy, Debug, Default)]
+struct Written {
+    num_points: u64,
+    /// Messages that could not be read.
+    num_lost: u64,
+}
+
 /// Exports and tells on `out` what was written.
 ///
 /// # Errors
@@ -134,9 +154,12 @@ pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     }
     let results = Results::open(&args.results)?;
     let region = args.region.unwrap_or(Region::ALL);
-    let placing = Placing { region, motion: motion(args, &results, &region)? };
-    let (outline, read) = outline::of(&results, &placing)?;
-    let mut files = clouds(args, &formats, &results, &placing, &outline)?;
+    let heights_m = args.heights.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let motion = motion(args, &results, &region)?;
+    let placing = Placing { region, heights_m, motion };
+    let (outline, mut read) = outline::of(&results, &placing)?;
+    let (mut files, num_lost) = clouds(args, &formats, &results, &placing, &outline)?;
+    read.rejected += num_lost;
     if args.picture.is_some() || formats.iter().any(|(_, format)| format.is_grid()) {
         let map = height_map(args, &results, &placing, &outline)?;
         files.extend(grids(args, &formats, &results, &map)?);
@@ -152,10 +175,15 @@ fn motion(
     results: &Results,
     region: &Region,
 ) -> anyhow::Result<Option<Isometry3<f64>>> {
-    if !args.level {
+    if !args.is_leveled() {
         return Ok(None);
     }
-    let (surface, _) = results.surface(region)?;
+    let (mut surface, _) = results.surface(args.level_on.as_ref().unwrap_or(region))?;
+    if let Some([low, high]) = args.heights {
+        for point in surface.points.iter_mut().filter(|p| !(low..=high).contains(&p.z)) {
+            point.z = f64::NAN;
+        }
+    }
     let plane = plane::fit(&surface).context("--level")?;
     Ok(Some(plane::leveling(&plane)))
 }
@@ -167,8 +195,8 @@ fn clouds(
     results: &Results,
     placing: &Placing,
     outline: &Outline,
-) -> anyhow::Result<Vec<Json>> {
-    let mut files = Vec::new();
+) -> anyhow::Result<(Vec<Json>, u64)> {
+    let (mut files, mut num_lost) = (Vec::new(), 0);
     for &(path, format) in formats {
         let written = match format {
             Format::Cloud(format) => write_whole(path, |file| {
@@ -183,11 +211,12 @@ fn clouds(
             Format::Csv => write_whole(path, |file| csv::write(file, args, results, placing)),
             Format::Png | Format::Tiff => continue,
         };
-        let num_points = written.with_context(|| path.display().to_string())?;
+        let written = written.with_context(|| path.display().to_string())?;
+        num_lost += written.num_lost;
         let format = path.extension().map(|ending| ending.to_string_lossy().into_owned());
-        files.push(json!({"path": path, "format": format, "points": num_points}));
+        files.push(json!({"path": path, "format": format, "points": written.num_points}));
     }
-    Ok(files)
+    Ok((files, num_lost))
 }
 
 /// Writes a file, and leaves none behind that is not whole.
@@ -214,7 +243,7 @@ fn height_map(
     outline: &Outline,
 ) -> anyhow::Result<RegularHeightMap> {
     let pitch_m = outline.pitch_m;
-    let cell_m = args.cell.unwrap_or_else(|| pitch_m[0].max(pitch_m[1]));
+    let cell_m = args.cell.unwrap_or_else(|| (pitch_m[0] * pitch_m[1]).sqrt());
     if cell_m <= 0.0 {
         return Err(Usage(
             "the points lie on one line: --cell must say how large a cell is".into(),

@@ -1,5 +1,6 @@
 //! `laser_profiler measure`: planes, steps, spheres and volumes in the results of a replay, with their uncertainty.
 
+mod calibration;
 mod report;
 mod tools;
 
@@ -25,18 +26,20 @@ Examples:
 
 A region is x0,y0,x1,y1 in the frame of the point cloud: x along the stripe, y along the motion; metres, or with a unit. Lengths in
 the answer are metres with --json, else as they are labelled; each has one standard deviation and a half width that contains the
-truth in 95 %. It comes from the scatter of the points. Neighbours that deviate together, as after smoothing or by waviness, count
-as so many independent points as the correlation of the residuals leaves (`effective`). What the calibration adds is not in it: the
-calibration in the recording tells its own.
+truth in 95 %. It comes from the scatter of the points and, where the
+calibration in the recording states its covariance, from that of the calibration (`sigma_calibration`): everything is measured again
+with a calibration one standard deviation off. Neighbours that deviate together, as after smoothing or by waviness, count as so many
+independent points as the correlation of the residuals leaves (`effective`).
 
 --json prints one object:
-  tool, topic, profiles, points, rejected (clouds), calibration (text of the file in the recording; null without)
+  tool, topic, profiles, points, rejected (clouds), calibration (text of the file in the recording; null without),
+  calibration_unknown (why it has no share in the uncertainties)
   plane:   tilt_rad, normal, center_m, height_m, scatter_m, flatness_d95_m, peak_to_valley_m, outliers, effective
   step:    height_m, edges_m, profile_sigma_m, profiles_used, profiles_rejected, effective
   sphere:  center_x_m, center_y_m, center_z_m, radius_m, scatter_m, form_d95_m, peak_to_valley_m, outliers, effective
   spheres: distance_m, spheres: [sphere, sphere]
   volume:  volume_m3, above_m3, below_m3, area_m2, missing_m2, cell_m
-  where a figure with an uncertainty is {value, sigma, u95}";
+  where a figure with an uncertainty is {value, sigma, u95, sigma_calibration}";
 
 /// Measures in the point cloud of a scan: plane and flatness, step height, spheres and their distance, volume.
 #[derive(Debug, clap::Args)]
@@ -126,7 +129,8 @@ pub(super) fn region(text: &str) -> Result<Region, String> {
     }
 }
 
-fn edges(text: &str) -> Result<[f64; 2], String> {
+/// `FROM,TO` with `FROM < TO`.
+pub(super) fn edges(text: &str) -> Result<[f64; 2], String> {
     let numbers = text.split(',').map(length_m).collect::<Result<Vec<_>, _>>()?;
     match numbers[..] {
         [from, to] if from < to => Ok([from, to]),

@@ -112,6 +112,9 @@ pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
         };
         tracing::info!("taking images from {}{lossy}", topic.name);
     }
+    for topic in replay.position_topics() {
+        tracing::info!("taking positions from {topic}");
+    }
     let topics: Vec<_> = replay.image_topics().map(|topic| topic.name.clone()).collect();
     let bar = progress_bar(replay.num_messages());
     let summary = replay.run(stop, &mut |num_messages| bar.set_position(num_messages));

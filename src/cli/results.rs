@@ -94,6 +94,15 @@ impl Results {
         String::from_utf8(files.next()?.data).ok()
     }
 
+    /// Whether the stripe ran from top to bottom, by the parameters that the recording carries.
+    pub(super) fn is_vertical(&self) -> bool {
+        let mut parameters = self.bag.metadata().flatten().filter_map(|record| {
+            let text = record.entries.get("parameters")?;
+            (record.name == "laser_profiler").then(|| text.contains("stripe_direction: vertical"))
+        });
+        parameters.next().unwrap_or(false)
+    }
+
     /// Hands on every profile of the scan in the order of its frames.
     ///
     /// A cloud that cannot be read is counted and passed over.

@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use super::{Outcome, Usage};
 use crate::{
     bag::{Compression, RecordOptions},
-    simulate::scenario::Scenario,
+    simulate::scene,
 };
 use recording::record;
 
@@ -28,6 +28,9 @@ Example:
 
 OUT becomes a rosbag2 directory with the topics /camera/image_raw, /axis/joint_states and /truth/centerline, and beside
 the recording the calibration.yaml of its camera. The same scenario gives the same bytes.
+
+A scenario describes a part under the camera of formula 6; or, with the key rig, a gauge (flat, groove, stairs, spheres)
+or checkerboards before any camera and plane of light, and then /camera/camera_info is recorded too.
 
 --json prints one object: frames (taken), images (recorded), dropped, output, bytes";
 
@@ -54,10 +57,10 @@ pub struct SimulateArgs {
 /// [`Usage`] for a file that is no scenario; an input that cannot be read, an output that exists or cannot be written.
 pub fn run(args: &SimulateArgs, out: &mut dyn Write) -> Result<Outcome> {
     let text = read_scenario(&args.scenario)?;
-    let scenario = Scenario::from_yaml(&text)
+    let scene = scene::from_yaml(&text)
         .map_err(|error| Usage(format!("{}: {error}", args.scenario.display())))?;
     let options = RecordOptions { compression: Compression::Zstd, force: args.force };
-    let summary = record(&scenario, &text, &args.output, options)?;
+    let summary = record(&*scene, &text, &args.output, options)?;
     let report = if args.json {
         serde_json::to_string(&summary)?
     } else {

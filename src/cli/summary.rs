@@ -4,7 +4,10 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use crate::node::{histogram::Histogram, statistics::Summary};
+use crate::node::{
+    histogram::Histogram,
+    statistics::{Counts, Summary},
+};
 
 fn frames_per_second(summary: &Summary) -> f64 {
     let seconds = summary.elapsed.as_secs_f64();
@@ -17,6 +20,9 @@ pub(super) struct Told<'a> {
     frames: Frames,
     points: u64,
     slices: u64,
+    /// Nothing where positions are not measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    positions: Option<Positions>,
     seconds: f64,
     frames_per_second: f64,
     stages_ms: Stages,
@@ -31,6 +37,15 @@ struct Frames {
     rejected: u64,
     dropped: u64,
     lost: u64,
+}
+
+/// Frames by what is known of where they were taken.
+#[derive(Serialize)]
+struct Positions {
+    known: u64,
+    doubtful: u64,
+    unknown: u64,
+    refused: u64,
 }
 
 #[derive(Serialize)]
@@ -65,6 +80,7 @@ impl<'a> Told<'a> {
             },
             points: counts.points,
             slices: counts.slices,
+            positions: positions(counts),
             seconds: summary.elapsed.as_secs_f64(),
             frames_per_second: frames_per_second(summary),
             stages_ms: Stages {
@@ -76,6 +92,16 @@ impl<'a> Told<'a> {
             output,
         }
     }
+}
+
+fn positions(counts: &Counts) -> Option<Positions> {
+    let &Counts { located, unlocated, doubtful, positions_refused, .. } = counts;
+    (located + unlocated > 0).then_some(Positions {
+        known: located,
+        doubtful,
+        unknown: unlocated,
+        refused: positions_refused,
+    })
 }
 
 /// The summary for people.
@@ -108,6 +134,13 @@ pub(super) fn text(summary: &Summary) -> String {
     if counts.flooded > 0 {
         _ = writeln!(out, "frames too bright for extraction.segment_threshold: {}", counts.flooded);
     }
+    if let Some(Positions { known, doubtful, unknown, refused }) = positions(counts) {
+        _ = writeln!(
+            out,
+            "positions: {known} frames, {doubtful} of them in doubt; {unknown} frames without one are not in the scan; {refused} \
+             samples refused"
+        );
+    }
     if summary.was_interrupted {
         _ = writeln!(out, "interrupted: the rest of the input was not read");
     }
@@ -128,7 +161,7 @@ pub(super) fn text(summary: &Summary) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::statistics::{Counts, StageTimes};
+    use crate::node::statistics::StageTimes;
 
     #[test]
     fn the_summary_has_the_published_keys_in_their_order_and_adds_up() {

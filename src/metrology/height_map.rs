@@ -145,6 +145,9 @@ pub struct Resampler {
     sums: Vec<f64>,
     counts: Vec<u32>,
     previous: Vec<Point3<f64>>,
+    rows: u64,
+    /// The first profile: a part that turned once is closed.
+    first: Vec<Point3<f64>>,
 }
 
 impl Resampler {
@@ -162,11 +165,16 @@ impl Resampler {
             sums: vec![0.0; layout.num_cells()],
             counts: vec![0; layout.num_cells()],
             previous: Vec::new(),
+            rows: 0,
+            first: Vec::new(),
         }
     }
 
     /// The next profile of the scan; one of another length is not joined to the one before.
     pub fn push(&mut self, profile: &[Point3<f64>]) {
+        if self.rows == 0 {
+            self.first.extend_from_slice(profile);
+        }
         if self.previous.len() == profile.len() {
             let previous = std::mem::take(&mut self.previous);
             for i in 1..profile.len() {
@@ -176,16 +184,17 @@ impl Resampler {
         }
         self.previous.clear();
         self.previous.extend_from_slice(profile);
+        self.rows += 1;
     }
 
-    /// Breaks the surface: the next profile is not joined to the last.
-    pub fn separate(&mut self) {
-        self.previous.clear();
-    }
-
-    /// The heights of all that was pushed.
+    /// The heights of all that was pushed. Where the last profile lies beside the first, as after a whole turn, the surface
+    /// is closed.
     #[must_use]
-    pub fn finish(self) -> RegularHeightMap {
+    pub fn finish(mut self) -> RegularHeightMap {
+        let first = std::mem::take(&mut self.first);
+        if self.rows > 2 {
+            self.push(&first);
+        }
         let half = (self.samples * self.samples).div_ceil(2);
         let cells = self.sums.iter().zip(&self.counts);
         let z_m: Vec<f32> = cells

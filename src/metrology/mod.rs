@@ -13,5 +13,6 @@ pub mod sphere;
 pub mod step_height;
 pub mod height_map;
 pub mod volume;
+pub mod calibration_error;
 #[cfg(test)]
 mod noise;

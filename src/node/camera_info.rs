@@ -1,17 +1,23 @@
 //! Which `camera_info` belongs to an image: the one of exactly the same stamp. Pure.
 
+pub mod fit;
+
 use std::collections::VecDeque;
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
-use crate::msg::sensor_msgs::CameraInfo;
+use crate::{
+    msg::sensor_msgs::CameraInfo,
+    scanner::{calibration::Calibration, camera::View},
+};
+use fit::{Misfit, fit};
 
 /// Messages that wait for their image; more than any camera sends ahead.
 const CAPACITY: usize = 32;
 
 /// Why an image and its `camera_info` do not belong together.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum Conflict {
     /// They say to be of different frames.
     #[error(
@@ -34,10 +40,20 @@ pub enum Conflict {
         /// Columns and rows of the image.
         image: (u32, u32),
     },
+    /// It is not of the camera that was calibrated.
+    #[error(transparent)]
+    Misfit(#[from] Misfit),
+}
+
+impl Conflict {
+    /// Whether metres would be wrong: all but a name.
+    pub const fn is_of_geometry(&self) -> bool {
+        !matches!(self, Self::Frame { .. })
+    }
 }
 
 /// What is known of an image's camera.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Pairing {
     /// It is described.
     Matched {
@@ -45,6 +61,8 @@ pub enum Pairing {
         calibration_id: u64,
         /// Whether the image before had another calibration.
         is_new: bool,
+        /// The part of the sensor that the image shows.
+        view: View,
     },
     /// There is no message of this stamp: not yet, or never.
     NoneYet,
@@ -68,6 +86,7 @@ pub struct ImageHeader<'a> {
 /// The last messages of one camera, by stamp.
 #[derive(Debug, Default)]
 pub struct CameraInfos {
+    calibration: Option<Calibration>,
     waiting: VecDeque<Described>,
     calibration_id: Option<u64>,
 }
@@ -76,11 +95,16 @@ pub struct CameraInfos {
 struct Described {
     stamp_ns: i64,
     frame_id: String,
-    size: (u32, u32),
+    view: Result<View, Misfit>,
     calibration_id: u64,
 }
 
 impl CameraInfos {
+    /// Those of a camera with that calibration, which they are compared with.
+    pub fn of(calibration: Option<Calibration>) -> Self {
+        Self { calibration, ..Self::default() }
+    }
+
     /// Keeps a message for its image. One of the same stamp is replaced; of too many, the oldest goes.
     pub fn insert(&mut self, info: &CameraInfo<'_>) {
         let stamp_ns = info.header.stamp.to_ns();
@@ -91,37 +115,48 @@ impl CameraInfos {
         self.waiting.push_back(Described {
             stamp_ns,
             frame_id: info.header.frame_id.as_ref().to_owned(),
-            size: image_size(info),
+            view: match &self.calibration {
+                Some(calibration) => fit(calibration, info),
+                None => fit::view(info),
+            },
             calibration_id: calibration_id(info),
         });
     }
 
     /// Finds the message of an image, and keeps it: an image may come twice.
     pub fn pair(&mut self, image: &ImageHeader<'_>) -> Pairing {
-        let Some(info) = self.waiting.iter().find(|info| info.stamp_ns == image.stamp_ns) else {
-            return Pairing::NoneYet;
-        };
+        match self.waiting.iter().position(|info| info.stamp_ns == image.stamp_ns) {
+            Some(place) => self.compare(place, image),
+            None => Pairing::NoneYet,
+        }
+    }
+
+    /// The same with the message that came last, where none is of the image's stamp: drivers send it before or after.
+    pub fn pair_or_last(&mut self, image: &ImageHeader<'_>) -> Pairing {
+        match (self.pair(image), self.waiting.len().checked_sub(1)) {
+            (Pairing::NoneYet, Some(last)) => self.compare(last, image),
+            (pairing, _) => pairing,
+        }
+    }
+
+    fn compare(&mut self, place: usize, image: &ImageHeader<'_>) -> Pairing {
+        let info = &self.waiting[place];
         if info.frame_id != image.frame_id {
             let (info, image) = (info.frame_id.clone(), image.frame_id.to_owned());
             return Pairing::Conflict(Conflict::Frame { info, image });
         }
-        let size = (image.width, image.height);
-        if info.size != size {
-            return Pairing::Conflict(Conflict::Size { info: info.size, image: size });
+        let view = match &info.view {
+            Ok(view) => *view,
+            Err(misfit) => return Pairing::Conflict(Conflict::Misfit(misfit.clone())),
+        };
+        let (size, described) = ((image.width, image.height), view.size_px.into());
+        if described != size {
+            return Pairing::Conflict(Conflict::Size { info: described, image: size });
         }
         let calibration_id = info.calibration_id;
         let is_new = self.calibration_id.replace(calibration_id) != Some(calibration_id);
-        Pairing::Matched { calibration_id, is_new }
+        Pairing::Matched { calibration_id, is_new, view }
     }
-}
-
-/// Columns and rows of the images that a message describes.
-fn image_size(info: &CameraInfo<'_>) -> (u32, u32) {
-    let part = |roi: u32, all: u32| if roi == 0 { all } else { roi };
-    (
-        part(info.roi.width, info.width) / info.binning_x.max(1),
-        part(info.roi.height, info.height) / info.binning_y.max(1),
-    )
 }
 
 /// The start of the SHA-256 of all that says where a point of the world is seen.
@@ -234,6 +269,22 @@ mod tests {
         assert!(pair(info(0)));
         // No binning is binning by one.
         assert!(!pair(CameraInfo { binning_x: 1, binning_y: 1, ..info(0) }));
+    }
+
+    #[test]
+    fn without_a_message_of_its_stamp_an_image_has_the_last() {
+        let mut infos = CameraInfos::default();
+        assert_eq!(infos.pair_or_last(&image(7)), Pairing::NoneYet);
+        infos.insert(&info(6));
+        assert!(is_new(&infos.pair_or_last(&image(7))));
+        let other = CameraInfo { width: 320, ..info(8) };
+        infos.insert(&other);
+        assert!(
+            matches!(infos.pair_or_last(&image(7)), Pairing::Conflict(_)),
+            "until its own comes"
+        );
+        infos.insert(&info(7));
+        assert!(!is_new(&infos.pair_or_last(&image(7))));
     }
 
     #[test]

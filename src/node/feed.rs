@@ -18,6 +18,8 @@ const MAX_TOLD: u64 = 10;
 pub(super) struct Lane {
     /// Its image topic.
     pub(super) topic: String,
+    /// Topics that tell where its frames were taken.
+    pub(super) positions: Vec<String>,
     /// Frames that wait for it.
     pub(super) input: Queue<Input>,
     /// Buffers that it is done with.
@@ -49,10 +51,15 @@ pub(super) struct Fed {
 }
 
 impl Lane {
-    pub(super) fn new(topic: String, bound: Bound, unpacks_bytes: Option<u64>) -> Self {
+    pub(super) fn new(
+        (topic, positions): (String, Vec<String>),
+        bound: Bound,
+        unpacks_bytes: Option<u64>,
+    ) -> Self {
         let spares = Bound { items: bound.items, bytes: 0 };
         Self {
             topic,
+            positions,
             input: Queue::new(bound, WhenFull::Wait),
             spare: Queue::new(spares, WhenFull::DropOldest),
             unpacks_bytes,
@@ -83,13 +90,21 @@ impl Feed<'_> {
                     Ok(())
                 }
                 Some(Input::Message(message, writer)) => {
-                    num_messages += 1;
-                    on_message(num_messages);
+                    if self.lanes.iter().any(|lane| lane.topic == message.topic.name) {
+                        num_messages += 1;
+                        on_message(num_messages);
+                    }
                     self.pass(message, writer)
                 }
                 Some(Input::NewRecording) => self.new_recording(),
                 // A recording holds nothing else.
-                Some(Input::Ahead(_) | Input::Fault(_) | Input::Command(_)) => Ok(()),
+                Some(
+                    Input::Ahead(_)
+                    | Input::Position(_)
+                    | Input::Positions
+                    | Input::Fault(_)
+                    | Input::Command(_),
+                ) => Ok(()),
             };
             if passed.is_err() {
                 return fed;
@@ -103,7 +118,10 @@ impl Feed<'_> {
     }
 
     fn pass(&self, message: RawMessage, writer: Writer) -> Result<(), Closed<()>> {
-        // Nothing else is read of a recording.
+        let wants = |lane: &&Lane| lane.positions.contains(&message.topic.name);
+        for lane in self.lanes.iter().filter(wants) {
+            push(&lane.input, Input::Position(message.clone()), message.data.len())?;
+        }
         let is_for = |lane: &&Lane| lane.topic == message.topic.name;
         let Some(lane) = self.lanes.iter().find(is_for) else { return Ok(()) };
         let num_bytes = message.data.len();

@@ -19,6 +19,7 @@ pub mod calibration_file;
 pub mod ambient;
 pub mod ambient_file;
 pub mod input;
+pub mod positions;
 pub mod camera;
 pub mod status;
 pub mod parameter_server;

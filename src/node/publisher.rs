@@ -70,14 +70,15 @@ impl<'a> Publisher<'a> {
         self.send(&Outgoing { topic, log_time_ns, publish_time_ns, sequence, data })
     }
 
-    /// Sends an input message on as it is, with its own sequence number: a later replay sees the same gaps.
+    /// Sends an input message on as it is, with its own sequence number: a later replay sees the same gaps. `place` is that
+    /// of its topic among the inputs'.
     ///
     /// # Errors
     /// A sink has failed.
-    pub fn forward(&mut self, message: &RawMessage) -> Result<(), Halt> {
+    pub fn forward(&mut self, message: &RawMessage, place: usize) -> Result<(), Halt> {
         let &RawMessage { log_time_ns, publish_time_ns, sequence, ref data, .. } = message;
-        // The input's own topic stands behind the published ones.
-        let topic = self.sequences.len();
+        // The inputs' own topics stand behind the published ones.
+        let topic = self.sequences.len() + place;
         let data = Arc::from(data.as_slice());
         self.send(&Outgoing { topic, log_time_ns, publish_time_ns, sequence, data })
     }

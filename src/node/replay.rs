@@ -26,6 +26,7 @@ use super::{
     camera::{self, CameraError},
     input::{ImageTopic, InputError},
     player::BagPlayer,
+    positions::{AxisError, topics::PositionTopicError},
     run::{Run, RunError},
     statistics::Summary,
     stop::Stop,
@@ -108,6 +109,17 @@ pub enum ReplayError {
     /// The calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationFileError),
+    /// The axis of the motion.
+    #[error(transparent)]
+    Axis(#[from] AxisError),
+    /// Which topic tells where frames were taken.
+    #[error("{}: {source}", bag.display())]
+    Positions {
+        /// The recording.
+        bag: PathBuf,
+        /// Why none can be taken.
+        source: PositionTopicError,
+    },
     /// The frame without laser.
     #[error(transparent)]
     Ambient(#[from] AmbientFileError),
@@ -183,6 +195,11 @@ impl Replay {
         self.cameras.iter().map(|camera| &camera.image_topic)
     }
 
+    /// The topics that tell where frames were taken, of all cameras.
+    pub fn position_topics(&self) -> impl Iterator<Item = &str> {
+        self.cameras.iter().flat_map(|camera| &camera.position_topics).map(String::as_str)
+    }
+
     /// How many messages will come, as far as the recordings know.
     pub fn num_messages(&self) -> Option<u64> {
         let of_bag = |bag: &BagReader| {
@@ -200,7 +217,9 @@ impl Replay {
     /// # Errors
     /// The results cannot be written; what was written before stays readable.
     pub fn run(self, stop: &Stop, on_message: &mut dyn FnMut(u64)) -> Result<Summary, ReplayError> {
-        let filter = Filter::topics(self.image_topics().map(|topic| topic.name.as_str()));
+        let images = self.image_topics().map(|topic| topic.name.as_str());
+        let side: Vec<_> = self.cameras.iter().flat_map(CameraReplay::side_topics).collect();
+        let filter = Filter::topics(images.chain(side.iter().map(String::as_str)));
         let messages: Vec<_> = self.bags.iter().map(|bag| bag.messages(&filter)).collect();
         let mut player = BagPlayer::new(messages, self.request.rate, stop.clone())?;
         // One that cannot be written must not cost the others' results.

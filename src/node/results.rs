@@ -12,6 +12,7 @@ use crate::{
         calibration::Calibration,
         height_map::HeightMap,
         image::Image,
+        motion::{Position, doubt},
         params::{MotionSource, Params, RegionOfInterest},
         pipeline::{FrameIndex, Output as Measurement},
         scan::{Point, Slice},
@@ -39,8 +40,11 @@ pub(super) struct Measured<'a> {
 pub struct Results {
     roi: RegionOfInterest,
     method: String,
-    position_source: u8,
+    motion_source: MotionSource,
+    /// Frame of the profiles.
     frame_id: String,
+    /// Frame of the scan.
+    part_frame: String,
     calibration_id: String,
     part_id: String,
     dense: Vec<Point>,
@@ -57,8 +61,9 @@ impl Results {
         let mut results = Self {
             roi: params.roi,
             method: String::new(),
-            position_source: FrameTrace::SOURCE_NONE,
+            motion_source: params.motion.source,
             frame_id: calibration.map(|c| c.frame_id().to_owned()).unwrap_or_default(),
+            part_frame: calibration.map(|c| c.frame_id().to_owned()).unwrap_or_default(),
             calibration_id: calibration.map(Calibration::id).unwrap_or_default(),
             part_id: String::new(),
             dense: Vec::new(),
@@ -73,10 +78,13 @@ impl Results {
         let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
         self.roi = params.roi;
         self.method = format!("{}/{hash}", params.extraction.method.name());
-        self.position_source = match params.motion.source {
-            MotionSource::None => FrameTrace::SOURCE_NONE,
-            MotionSource::Constant => FrameTrace::SOURCE_HOST,
-        };
+        self.motion_source = params.motion.source;
+    }
+
+    /// The same with slices and height maps in that frame.
+    #[must_use]
+    pub fn with_part_frame(self, part_frame: String) -> Self {
+        Self { part_frame, ..self }
     }
 
     /// Names the part that slices show from now on.
@@ -118,16 +126,24 @@ impl Results {
         out: &mut Publisher<'_>,
     ) -> Result<(), Halt> {
         if let Some(slice) = slice {
-            out.publish(Output::Points, time_ns, &cloud::organised(&self.frame_id, slice))?;
-            let dense = cloud::dense(&self.frame_id, slice, &mut self.dense);
+            out.publish(Output::Points, time_ns, &cloud::organised(&self.part_frame, slice))?;
+            let dense = cloud::dense(&self.part_frame, slice, &mut self.dense);
             out.publish(Output::PointsDense, time_ns, &dense)?;
-            let info = results::slice_info(&self.frame_id, &self.part_id, slice);
+            let info = results::slice_info(&self.part_frame, &self.part_id, slice);
             out.publish(Output::SliceInfo, time_ns, &info)?;
         }
         if let Some(map) = height_map {
-            out.publish(Output::HeightMap, time_ns, &cloud::height_map(&self.frame_id, map))?;
+            out.publish(Output::HeightMap, time_ns, &cloud::height_map(&self.part_frame, map))?;
         }
         Ok(())
+    }
+
+    fn position_source(&self, position: Option<Position>) -> u8 {
+        match (self.motion_source, position) {
+            (MotionSource::None, _) | (_, None) => FrameTrace::SOURCE_NONE,
+            (_, Some(position)) if position.is_exact => FrameTrace::SOURCE_DEVICE,
+            (_, Some(_)) => FrameTrace::SOURCE_HOST,
+        }
     }
 
     fn trace(&self, measured: &Measured<'_>) -> FrameTrace {
@@ -140,8 +156,10 @@ impl Results {
             },
             frames_missing: index.frames_missing,
             frames_missing_valid: place.missing.is_some(),
-            position: output.position_m,
-            encoder_source: self.position_source,
+            encoder: output.position.map_or(0, |position| position.counts),
+            position: output.position.map_or(0.0, |position| position.value),
+            encoder_source: self.position_source(output.position),
+            encoder_status: output.position.map_or(doubt::STALE, |position| position.doubts),
             receive_stamp: Time::from_ns(*time_ns),
             ..FrameTrace::default()
         }

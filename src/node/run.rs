@@ -117,7 +117,8 @@ impl Chain {
             (Some(unpacker), Some(_)) => Bound { items: unpacker.num_ahead(), ..REPLAY_BOUND },
             _ => REPLAY_BOUND,
         };
-        Lane::new(self.topic.clone(), bound, unpacks_bytes)
+        let positions = self.worker.position_topics().to_vec();
+        Lane::new((self.topic.clone(), positions), bound, unpacks_bytes)
     }
 }
 

@@ -15,6 +15,10 @@ pub enum Input {
     Message(RawMessage, Writer),
     /// The next image message, whose picture is being unpacked by another thread.
     Ahead(Ahead),
+    /// The next message about the axis.
+    Position(RawMessage),
+    /// Messages about the axis have come: see [`Inbox`](super::positions::inbox::Inbox).
+    Positions,
     /// A message arrived that the middleware could not hand on: it is counted as a malformed frame.
     Fault(String),
     /// What follows was recorded on another occasion: stamps and counters may start anew.

@@ -33,6 +33,14 @@ pub struct Counts {
     pub recorder_bytes: u64,
     /// Frames measured without their other exposure although exposures alternate; the first one is among them.
     pub unpaired: u64,
+    /// Frames whose measured position was known.
+    pub located: u64,
+    /// Frames whose position nobody knows: they are not in the scan.
+    pub unlocated: u64,
+    /// Frames whose position is in doubt.
+    pub doubtful: u64,
+    /// Messages about positions that could not be used.
+    pub positions_refused: u64,
     /// Frames of which too much is above the segment threshold for a line.
     pub flooded: u64,
 }
@@ -63,6 +71,10 @@ impl Counts {
         self.unpublished += other.unpublished;
         self.recorder_bytes += other.recorder_bytes;
         self.unpaired += other.unpaired;
+        self.located += other.located;
+        self.unlocated += other.unlocated;
+        self.doubtful += other.doubtful;
+        self.positions_refused += other.positions_refused;
         self.flooded += other.flooded;
     }
 
@@ -73,6 +85,7 @@ impl Counts {
             && self.lost() == 0
             && self.recorder_dropped == 0
             && self.unpublished == 0
+            && self.unlocated == 0
     }
 }
 

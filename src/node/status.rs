@@ -104,6 +104,7 @@ const fn faults(counts: &Counts) -> u64 {
         + counts.lost()
         + counts.recorder_dropped
         + counts.unpublished
+        + counts.unlocated
 }
 
 /// How busy a live camera is. A replay has no latency and no queue worth telling: NaN and 0.
@@ -218,6 +219,9 @@ impl Reporter {
             ("slices", counts.slices.to_string()),
             ("frames without their other exposure", counts.unpaired.to_string()),
             ("frames too bright for the threshold", counts.flooded.to_string()),
+            ("frames without a position", counts.unlocated.to_string()),
+            ("frames with a doubtful position", counts.doubtful.to_string()),
+            ("positions refused", counts.positions_refused.to_string()),
         ];
         let value = |(key, value)| KeyValue { key: Cow::Borrowed(key), value: Cow::Owned(value) };
         let rejection = state.last_rejection.iter().map(|text| ("last rejection", text.clone()));

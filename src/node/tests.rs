@@ -1,5 +1,6 @@
 //! The node from source to sink, with a source and sinks in memory.
 
+mod positions;
 mod streams;
 
 use std::sync::{Arc, Mutex};
@@ -130,6 +131,7 @@ struct Setup {
     max_frame_bytes: u64,
     room: usize,
     stop: Stop,
+    values: Vec<(&'static str, Value)>,
 }
 
 impl Default for Setup {
@@ -141,6 +143,10 @@ impl Default for Setup {
             max_frame_bytes: 1 << 20,
             room: usize::MAX,
             stop: Stop::default(),
+            values: vec![
+                ("motion.source", Value::Text("constant".into())),
+                ("motion.step", Value::Float(0.001)),
+            ],
         }
     }
 }
@@ -163,10 +169,8 @@ fn worker(setup: &Setup) -> Worker {
     let small = [
         ("extraction.min_segment_area", Value::Integer(20)),
         ("slice.profiles", Value::Integer(4)),
-        ("motion.source", Value::Text("constant".into())),
-        ("motion.step", Value::Float(0.001)),
     ];
-    for (name, value) in small {
+    for (name, value) in small.into_iter().chain(setup.values.clone()) {
         values.set(name, value, "a test").unwrap();
     }
     let params = &NodeParams::new(&values).unwrap().cameras[0];
@@ -184,7 +188,10 @@ fn worker(setup: &Setup) -> Worker {
         queue_capacity: 4,
         session_id: session_id("/image_raw", &values.camera_sha256("")),
     };
+    let positions = super::positions::of_camera(params, calibration.as_ref()).unwrap();
+    let topics = vec!["/joint_states".to_owned(), "/encoder".to_owned()];
     Worker::new(options, Pipeline::new(params.scanner, calibration), results, reporter)
+        .with_positions(positions, topics)
 }
 
 fn chain(setup: &Setup, sink: impl Sink + 'static) -> Chain {

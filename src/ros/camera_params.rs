@@ -1,14 +1,18 @@
 //! A camera's parameters as types.
 
+mod motion;
+
+pub use motion::Moved;
+
 use std::path::PathBuf;
 
 use crate::{
     msg::convert::cloud,
     scanner::{
+        calibration::Calibration,
         params::{
-            Background, Channel, Exposure, ExtractionParams, Method, MotionParams, MotionSource,
-            NoiseSource, Params, PeakSelection, RegionOfInterest, StripeDirection, Threshold,
-            Window,
+            Background, Channel, Exposure, ExtractionParams, Method, NoiseSource, Params,
+            PeakSelection, RegionOfInterest, StripeDirection, Threshold, Window,
         },
         scan::MAX_SLICE_POINTS,
     },
@@ -34,6 +38,8 @@ pub struct CameraParams {
     pub background_file: Option<PathBuf>,
     /// Largest message of the point cloud, bytes; 0: any. Live, what the transport carries stands here in its place.
     pub points_max_bytes: u64,
+    /// What is moved, by name.
+    pub moved: Moved,
     /// The measurement, without a limit to a slice's points: see [`scanner_for`](Self::scanner_for).
     pub scanner: Params,
 }
@@ -48,6 +54,7 @@ impl CameraParams {
             calibration_file: values.file("calibration_file")?,
             background_file: values.file("extraction.background_file")?,
             points_max_bytes: values.unsigned("points.max_bytes")?,
+            moved: motion::moved(values)?,
             scanner: scanner(values)?,
         };
         params.check()?;
@@ -63,6 +70,22 @@ impl CameraParams {
         Params { slice_max_points, ..self.scanner }
     }
 
+    /// The frame of the scan: its point clouds and height maps. Empty without a calibration.
+    pub fn part_frame(&self, calibration: Option<&Calibration>) -> String {
+        let Some(calibration) = calibration else { return String::new() };
+        match (self.moved.part_frame.as_str(), calibration.axis()) {
+            ("", None) => calibration.frame_id().to_owned(),
+            ("", Some(_)) => "part".to_owned(),
+            (chosen, _) => chosen.to_owned(),
+        }
+    }
+
+    /// Whether poses that are measured are those of the laser plane itself.
+    pub fn tracks_laser(&self, calibration: Option<&Calibration>) -> bool {
+        let frame = calibration.map_or("", Calibration::frame_id);
+        !frame.is_empty() && self.moved.sensor_frame == frame
+    }
+
     /// How images arrive live: raw, unless it was set.
     pub fn live_transport(&self) -> ImageTransport {
         self.image_transport.unwrap_or(ImageTransport::Raw)
@@ -74,24 +97,9 @@ impl CameraParams {
     }
 
     fn check(&self) -> Result<(), ParameterError> {
-        let MotionParams { source, step_m, velocity_m_s } = self.scanner.motion;
         let name = |name| self.full_name(name);
         let conflict = |text: String| Err(ParameterError::Conflict(text));
-        if source == MotionSource::Constant && step_m == 0.0 && velocity_m_s == 0.0 {
-            return conflict(format!(
-                "{} is constant, but {} and {} are both 0.0: set one of them",
-                name("motion.source"),
-                name("motion.step"),
-                name("motion.velocity")
-            ));
-        }
-        if step_m != 0.0 && velocity_m_s != 0.0 {
-            return conflict(format!(
-                "{} is {step_m} m/frame and {} is {velocity_m_s} m/s: set only one of them",
-                name("motion.step"),
-                name("motion.velocity")
-            ));
-        }
+        motion::check(self)?;
         let is_reference = self.scanner.extraction.background == Background::Reference;
         if is_reference && self.background_file.is_none() {
             return conflict(format!(
@@ -133,11 +141,7 @@ fn scanner(values: Section<'_>) -> Result<Params, ParameterError> {
         },
         exposure: values.choice("exposure", Exposure::from_name)?,
         extraction: extraction(values)?,
-        motion: MotionParams {
-            source: values.choice("motion.source", MotionSource::from_name)?,
-            step_m: values.float("motion.step")?,
-            velocity_m_s: values.float("motion.velocity")?,
-        },
+        motion: motion::params(values)?,
         slice_profiles: number("slice.profiles")?,
         slice_max_points: MAX_SLICE_POINTS,
         scan_max_profiles: number("scan.max_profiles")?,

@@ -11,7 +11,7 @@ mod vertical_incidence;
 
 use thiserror::Error;
 
-use super::{profile::Profile, stripe::Centerline};
+use super::{axis::Axis, camera::View, profile::Profile, stripe::Centerline};
 
 pub use camera_and_plane::{Alignment, CameraAndPlane};
 pub use camera_calibration::CameraCalibration;
@@ -86,6 +86,14 @@ impl Calibration {
         file::write(self)
     }
 
+    /// The axis that moves the part, where it was calibrated.
+    pub const fn axis(&self) -> Option<&Axis> {
+        match self {
+            Self::CameraAndPlane(geometry) => geometry.axis.as_ref(),
+            Self::VerticalIncidence(_) | Self::Projective(_) => None,
+        }
+    }
+
     /// Frame of the profiles.
     pub fn frame_id(&self) -> &str {
         match self {
@@ -113,6 +121,20 @@ impl Calibration {
                 Some((geometry.camera.width_px, geometry.camera.height_px))
             }
             Self::Projective(geometry) => Some((geometry.width_px, geometry.height_px)),
+        }
+    }
+
+    /// The same calibration for images of a part of the sensor. Formula 6 states no size and is for the images that it
+    /// was measured with: it stays as it is.
+    #[must_use]
+    pub fn seen_through(&self, view: &View) -> Self {
+        match self {
+            Self::VerticalIncidence(_) => self.clone(),
+            Self::CameraAndPlane(geometry) => {
+                let camera = geometry.camera.seen_through(view);
+                Self::CameraAndPlane(Box::new(CameraAndPlane { camera, ..(**geometry).clone() }))
+            }
+            Self::Projective(geometry) => Self::Projective(Box::new(geometry.seen_through(view))),
         }
     }
 

@@ -9,6 +9,6 @@ pub struct HeightMap {
     pub width: u32,
     /// Profiles.
     pub height: u32,
-    /// `height * width` heights, metres; NaN where nothing was measured.
+    /// `height * width` heights: z in the part's frame, metres; NaN where nothing was measured.
     pub z_m: Vec<f32>,
 }

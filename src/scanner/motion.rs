@@ -1,6 +1,52 @@
 //! Where along the scan a profile was taken.
+//!
+//! Known of itself (nowhere, or a constant motion) here; measured by samples of an axis or of a pose in
+//! [`track`](self::track) and [`frames`](self::frames).
+
+pub mod track;
+pub mod reading;
+pub mod counter;
+pub mod frames;
+pub mod travel;
+pub mod placement;
+
+use nalgebra::Isometry3;
 
 use super::params::{MotionParams, MotionSource};
+
+/// Why a position is in doubt: bits, as in `FrameTrace.encoder_status`.
+pub mod doubt {
+    /// The samples before and after lie further apart than an axis moves.
+    pub const GAP: u8 = 1;
+    /// The axis moved against the scan direction.
+    pub const REVERSED: u8 = 2;
+    /// The samples before and after lie further apart in time than they should, or there are none.
+    pub const STALE: u8 = 4;
+    /// There is no sample after it: the motion before it was thought to go on.
+    pub const EXTRAPOLATED: u8 = 8;
+}
+
+/// Where the axis was in the middle of a frame's exposure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Position {
+    /// Metres, or radians of a rotary axis; 0 where a pose says more.
+    pub value: f64,
+    /// Encoder, counts; 0 where there is none.
+    pub counts: i64,
+    /// Bits of [`doubt`]; 0: none.
+    pub doubts: u8,
+    /// Whether a sample was taken at that very time.
+    pub is_exact: bool,
+    /// The sensor's pose in the part's frame, metres, where that is what was measured.
+    pub part_from_sensor: Option<Isometry3<f64>>,
+}
+
+impl Position {
+    /// A position beyond doubt.
+    pub const fn at(value: f64) -> Self {
+        Self { value, counts: 0, doubts: 0, is_exact: false, part_from_sensor: None }
+    }
+}
 
 /// Turns frame numbers and stamps into positions along the scan, metres.
 #[derive(Clone, Copy, Debug)]
@@ -16,10 +62,11 @@ impl Motion {
         Self { params, start: None }
     }
 
-    /// Position of a frame, metres. Frames that were lost have moved the part too: numbers count, not arrivals.
-    pub fn position_m(&mut self, frame_number: u64, stamp_ns: i64) -> f64 {
+    /// Position of a frame; none where positions are measured, and nobody has. Frames that were lost have moved the part
+    /// too: numbers count, not arrivals.
+    pub fn position(&mut self, frame_number: u64, stamp_ns: i64) -> Option<Position> {
         let (first_number, first_stamp_ns) = *self.start.get_or_insert((frame_number, stamp_ns));
-        match self.params.source {
+        let position_m = match self.params.source {
             MotionSource::None => 0.0,
             MotionSource::Constant if self.params.step_m != 0.0 => {
                 frame_number.wrapping_sub(first_number) as i64 as f64 * self.params.step_m
@@ -28,7 +75,9 @@ impl Motion {
             MotionSource::Constant => {
                 stamp_ns.saturating_sub(first_stamp_ns) as f64 * 1e-9 * self.params.velocity_m_s
             }
-        }
+            MotionSource::JointState | MotionSource::Encoder | MotionSource::Tf => return None,
+        };
+        Some(Position::at(position_m))
     }
 
     /// Starts again at 0 with the next frame.
@@ -43,27 +92,41 @@ mod tests {
     use super::*;
 
     fn constant(step_m: f64, velocity_m_s: f64) -> Motion {
-        Motion::new(MotionParams { source: MotionSource::Constant, step_m, velocity_m_s })
+        let source = MotionSource::Constant;
+        Motion::new(MotionParams { source, step_m, velocity_m_s, ..MotionParams::default() })
+    }
+
+    fn position_m(motion: &mut Motion, frame_number: u64, stamp_ns: i64) -> f64 {
+        motion.position(frame_number, stamp_ns).unwrap().value
     }
 
     #[test]
     fn lost_frames_move_the_part_too() {
         let mut motion = constant(0.001, 0.0);
-        assert_eq!([7, 8, 11].map(|number| motion.position_m(number, 0)), [0.0, 0.001, 0.004]);
+        let positions = [7, 8, 11].map(|number| position_m(&mut motion, number, 0));
+        assert_eq!(positions, [0.0, 0.001, 0.004]);
     }
 
     #[test]
     fn the_year_does_not_matter() {
         let mut motion = constant(0.0, 0.1);
         let start_ns = 1_800_000_000_000_000_000;
-        assert_eq!(motion.position_m(0, start_ns), 0.0);
-        assert!((motion.position_m(1, start_ns + 1) - 1e-10).abs() < 1e-24);
+        assert_eq!(position_m(&mut motion, 0, start_ns), 0.0);
+        assert!((position_m(&mut motion, 1, start_ns + 1) - 1e-10).abs() < 1e-24);
     }
 
     #[test]
     fn stamps_that_jump_do_not_overflow() {
         let mut motion = constant(0.0, 1.0);
-        assert_eq!(motion.position_m(0, i64::MIN), 0.0);
-        assert!(motion.position_m(1, i64::MAX).is_finite());
+        assert_eq!(position_m(&mut motion, 0, i64::MIN), 0.0);
+        assert!(position_m(&mut motion, 1, i64::MAX).is_finite());
+    }
+
+    #[test]
+    fn nothing_is_made_up_where_positions_are_measured() {
+        for source in [MotionSource::JointState, MotionSource::Encoder, MotionSource::Tf] {
+            let mut motion = Motion::new(MotionParams { source, ..MotionParams::default() });
+            assert_eq!(motion.position(3, 5), None);
+        }
     }
 }

@@ -3,6 +3,10 @@
 //! Names, units, ranges, defaults and descriptions of the ROS parameters stand in one table,
 //! [`ros::parameters`](crate::ros); these are the values after that table has checked them.
 
+mod motion;
+
+pub use motion::{AxisChoice, MotionParams, MotionSource, ScanDirection};
+
 use super::{image::PixelFormat, pipeline::FrameError, scan::ScanLimits};
 
 /// Declares an enum whose variants are known to users by name.
@@ -152,16 +156,6 @@ named_enum! {
     }
 }
 
-named_enum! {
-    /// Where the position of a profile along the scan comes from.
-    MotionSource {
-        /// Nowhere: every profile lies at 0.
-        None = "none",
-        /// A known step a frame, or a known velocity and the stamps.
-        Constant = "constant",
-    }
-}
-
 /// The searched part of the image, pixels; a width or height of 0 reaches to the image's far border.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RegionOfInterest {
@@ -255,17 +249,6 @@ impl Default for ExtractionParams {
             shot_gain: 0.01,
         }
     }
-}
-
-/// How far the part moves between frames.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotionParams {
-    /// Where positions come from.
-    pub source: MotionSource,
-    /// Metres a frame, lost frames included; used when not 0.
-    pub step_m: f64,
-    /// Metres a second, times the difference of stamps; used when `step_m` is 0.
-    pub velocity_m_s: f64,
 }
 
 /// Everything the measurement can be told.

@@ -9,12 +9,13 @@ use super::{
     exposure_pair::{ExposurePairs, Pairing},
     height_map::HeightMap,
     image::{Frame, OwnedImage},
-    motion::Motion,
+    motion::{Motion, Position, doubt, placement::Placement, travel::Travel},
     params::{Exposure, Params},
     profile::Profile,
     scan::{Completed, Placed, Scan, Slice},
     stripe::{Centerline, Extractor},
 };
+use nalgebra::Isometry3;
 use thiserror::Error;
 
 /// Measures frame after frame. Owns all buffers: after the first frame of a size and the first two scans nothing is
@@ -31,6 +32,10 @@ pub struct Pipeline {
     centerline: Centerline,
     profile: Profile,
     motion: Motion,
+    travel: Travel,
+    placement: Placement,
+    /// Frames before the next profile of the scan that are not in it: missing, and refused or without a position.
+    left_out: (u32, u32),
     scan: Scan,
     is_scanning: bool,
 }
@@ -47,6 +52,9 @@ impl Pipeline {
             centerline: Centerline::default(),
             profile: Profile::default(),
             motion: Motion::new(params.motion),
+            travel: travel(&params),
+            placement: placement(calibration.as_ref(), &params),
+            left_out: (0, 0),
             scan: Scan::new(params.scan_limits(), seed),
             is_scanning: true,
             params,
@@ -60,7 +68,14 @@ impl Pipeline {
         Self { ambient: Ambient::new(image), ..self }
     }
 
-    /// Measures one frame. `on_stage` hears of the end of every stage, so that somebody with a clock can time them.
+    /// The same, where poses that are measured ([`Position::part_from_sensor`]) are the laser plane's, not the camera's.
+    #[must_use]
+    pub fn with_laser_tracked(self) -> Self {
+        Self { placement: self.placement.with_laser_tracked(), ..self }
+    }
+
+    /// Measures one frame at the position that the parameters say. `on_stage` hears of the end of every stage, so that
+    /// somebody with a clock can time them.
     ///
     /// # Errors
     /// A frame that the parameters do not fit; the pipeline goes on with the next one as if it had never come.
@@ -68,6 +83,27 @@ impl Pipeline {
         &mut self,
         frame: &Frame<'_>,
         index: FrameIndex,
+        on_stage: impl FnMut(Stage),
+    ) -> Result<Output<'_>, FrameError> {
+        let position = self.expected_position(index.frame_number, frame.stamp_ns);
+        self.process_at(frame, index, position, on_stage)
+    }
+
+    /// Where the parameters say that a frame was taken; `None`: they say that it is measured.
+    pub fn expected_position(&mut self, frame_number: u64, stamp_ns: i64) -> Option<Position> {
+        self.motion.position(frame_number, stamp_ns)
+    }
+
+    /// Measures one frame that was taken at `position`. One whose position nobody knows gives a profile, but is not in the
+    /// scan.
+    ///
+    /// # Errors
+    /// As [`process`](Self::process).
+    pub fn process_at(
+        &mut self,
+        frame: &Frame<'_>,
+        index: FrameIndex,
+        position: Option<Position>,
         mut on_stage: impl FnMut(Stage),
     ) -> Result<Output<'_>, FrameError> {
         let Frame { stamp_ns, image } = *frame;
@@ -93,16 +129,32 @@ impl Pipeline {
         let pairing = pairs.map(|pairs| pairs.merge(&mut self.centerline, index, image_px));
         on_stage(Stage::Extract);
 
-        let position_m = self.motion.position_m(index.frame_number, stamp_ns);
+        let placed = position.map(|position| self.place(position));
         let completed = match &self.calibration {
             Some(calibration) => {
                 let lines = Lines::new(self.params.stripe_direction, &searched);
                 // Step 9: metres.
                 calibration.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
-                let placed =
-                    Placed { profile: &self.profile, image_px, stamp_ns, position_m, index };
+                let (missing, rejected) = std::mem::take(&mut self.left_out);
+                let index = index.behind(missing, rejected);
                 // Step 10: stacked along the motion.
-                if self.is_scanning { self.scan.push(&placed) } else { Completed::default() }
+                match placed {
+                    _ if !self.is_scanning => Completed::default(),
+                    Some((position, part_from_laser)) => self.scan.push(&Placed {
+                        profile: &self.profile,
+                        image_px,
+                        stamp_ns,
+                        position: position.value,
+                        is_doubtful: position.doubts != 0,
+                        part_from_laser,
+                        index,
+                    }),
+                    None => {
+                        let FrameIndex { frames_missing, frames_rejected, .. } = index;
+                        self.left_out = (frames_missing, frames_rejected.saturating_add(1));
+                        Completed::default()
+                    }
+                }
             }
             None => Completed::default(),
         };
@@ -112,11 +164,22 @@ impl Pipeline {
             centerline: &self.centerline,
             pairing,
             share_above_threshold,
-            position_m,
+            position: placed.map(|(position, _)| position),
+            travelled: placed.map_or(0.0, |(position, _)| self.travel.distance(position.value)),
             profile: self.calibration.is_some().then_some(&self.profile),
             slice: completed.slice,
             height_map: completed.height_map,
         })
+    }
+
+    /// What a position means for the part, and whether it is where it should be.
+    fn place(&mut self, mut position: Position) -> (Position, Isometry3<f64>) {
+        let part_from_laser = self.placement.place(&mut position);
+        // A pose has no direction of its own.
+        if position.part_from_sensor.is_none() && self.travel.is_reversed(position.value) {
+            position.doubts |= doubt::REVERSED;
+        }
+        (position, part_from_laser)
     }
 
     /// Images of another size than those of the calibration would be measured at the wrong place.
@@ -134,18 +197,23 @@ impl Pipeline {
     /// arrived and `frames_rejected` were refused. The next frame lies at position 0 again.
     pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
         self.restart();
-        self.scan.finish(frames_missing, frames_rejected)
+        let (missing, rejected) = std::mem::take(&mut self.left_out);
+        let frames_missing = missing.saturating_add(frames_missing);
+        self.scan.finish(frames_missing, rejected.saturating_add(frames_rejected))
     }
 
     /// Throws the open scan away. The next frame lies at position 0 again.
     pub fn discard(&mut self) {
         self.restart();
+        self.left_out = (0, 0);
         self.scan.discard();
     }
 
     /// What comes does not go on from what came: not its positions, and not its exposures.
     fn restart(&mut self) {
         self.motion.restart();
+        self.travel.restart();
+        self.placement.restart();
         self.extractor.reset();
         if let Some(pairs) = &mut self.pairs {
             pairs.restart();
@@ -184,11 +252,21 @@ impl Pipeline {
         motion != params.motion || stripe_direction != params.stripe_direction || roi != params.roi
     }
 
+    /// Measures with this calibration from the next frame on. The scan was finished before.
+    pub fn recalibrate(&mut self, calibration: Calibration) {
+        self.calibration = Some(calibration);
+    }
+
     /// Measures by these parameters from the next frame on. Where [`must_end_for`](Self::must_end_for) says so, the scan
     /// was finished before.
     pub fn reconfigure(&mut self, params: Params) {
         if self.params.motion != params.motion {
             self.motion = Motion::new(params.motion);
+            self.travel = travel(&params);
+        }
+        if self.params.stripe_direction != params.stripe_direction {
+            let camera_from_laser = camera_from_laser(self.calibration.as_ref(), &params);
+            self.placement = self.placement.clone().with_camera_from_laser(camera_from_laser);
         }
         self.extractor = Extractor::new(params.extraction, params.stripe_direction);
         self.ambient.forget();
@@ -202,6 +280,20 @@ fn pairs(params: &Params) -> Option<ExposurePairs> {
     (params.exposure == Exposure::Alternating).then(|| ExposurePairs::new(params.stripe_direction))
 }
 
+fn travel(params: &Params) -> Travel {
+    Travel::new(params.motion.direction, params.motion.backlash)
+}
+
+fn placement(calibration: Option<&Calibration>, params: &Params) -> Placement {
+    let axis = calibration.and_then(Calibration::axis).copied();
+    Placement::new(camera_from_laser(calibration, params), axis)
+}
+
+fn camera_from_laser(calibration: Option<&Calibration>, params: &Params) -> Isometry3<f64> {
+    let direction = params.stripe_direction;
+    calibration.and_then(|calibration| calibration.camera_from_laser(direction)).unwrap_or_default()
+}
+
 /// What is known about a frame besides its picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameIndex {
@@ -211,6 +303,17 @@ pub struct FrameIndex {
     pub frames_missing: u32,
     /// Frames that arrived directly before this one and were refused.
     pub frames_rejected: u32,
+}
+
+impl FrameIndex {
+    /// The same frame behind so many more that are missing or refused.
+    const fn behind(self, missing: u32, rejected: u32) -> Self {
+        Self {
+            frame_number: self.frame_number,
+            frames_missing: self.frames_missing.saturating_add(missing),
+            frames_rejected: self.frames_rejected.saturating_add(rejected),
+        }
+    }
 }
 
 /// End of a stage, told to the observer of [`Pipeline::process`].
@@ -236,8 +339,10 @@ pub struct Output<'a> {
     ///
     /// [`LARGEST_SHARE`]: super::coverage::LARGEST_SHARE
     pub share_above_threshold: Option<f64>,
-    /// Position along the scan, metres.
-    pub position_m: f64,
+    /// Where along the scan it was taken; `None`: nobody knows.
+    pub position: Option<Position>,
+    /// How far it came since the first frame of the scan, metres; radians on a rotary axis.
+    pub travelled: f64,
     /// The metric profile, when calibrated.
     pub profile: Option<&'a Profile>,
     /// The slice before this frame's, when it is complete.

@@ -1,6 +1,7 @@
 //! Step 10 of Yao et al. 2023: profiles pushed along the motion into slices of a scan.
 
 use super::{height_map::HeightMap, pipeline::FrameIndex, profile::Profile};
+use nalgebra::{Isometry3, Vector3};
 use sha2::{Digest, Sha256};
 
 /// Most points of a scan, 1 GiB of heights: one message must hold its height map. A scan ends before it has more.
@@ -8,8 +9,8 @@ pub const MAX_SCAN_POINTS: usize = 1 << 28;
 /// Most points of a slice, 1 GiB of points: one message must hold it. A slice is full before it has more.
 pub const MAX_SLICE_POINTS: usize = 1 << 26;
 
-/// A point of the part: x along the stripe, y along the motion, z up, metres in the scan frame; then the grey level at
-/// the centreline as a share of full scale, 0 to 1. NaN in all four: not measured.
+/// A point of the part: x, y, z, metres in the part's frame ([`Placement`](super::motion::placement::Placement)); then the
+/// grey level at the centreline as a share of full scale, 0 to 1. NaN in all four: not measured.
 pub type Point = [f32; 4];
 
 /// Worst state in a slice, as in `SliceInfo.state`.
@@ -40,10 +41,10 @@ pub struct SliceAccount {
     pub first_frame: u64,
     /// Number of the last frame in the slice, inclusive.
     pub last_frame: u64,
-    /// Position of the first profile along the scan, metres.
-    pub first_position_m: f64,
-    /// Position of the last profile along the scan, metres.
-    pub last_position_m: f64,
+    /// Position of the first profile along the scan, metres; radians on a rotary axis.
+    pub first_position: f64,
+    /// Position of the last profile along the scan, metres; radians on a rotary axis.
+    pub last_position: f64,
     /// Frames that the range should hold.
     pub frames_expected: u32,
     /// Frames whose profile is in the slice.
@@ -99,8 +100,12 @@ pub struct Placed<'a> {
     pub image_px: (u32, u32),
     /// Acquisition time of its frame, nanoseconds.
     pub stamp_ns: i64,
-    /// Position along the scan, metres.
-    pub position_m: f64,
+    /// Position along the scan, metres; radians on a rotary axis.
+    pub position: f64,
+    /// Whether that position is in doubt.
+    pub is_doubtful: bool,
+    /// The laser plane's frame in the part's, metres.
+    pub part_from_laser: Isometry3<f64>,
     /// Which frame it is and what is missing before it.
     pub index: FrameIndex,
 }
@@ -246,7 +251,7 @@ impl Scan {
     }
 
     fn add(&mut self, placed: &Placed<'_>) {
-        let Placed { profile, stamp_ns, position_m, index, .. } = *placed;
+        let Placed { profile, stamp_ns, position, index, .. } = *placed;
         let slice = &mut self.open;
         let account = &mut slice.account;
         if slice.height == 0 {
@@ -254,24 +259,28 @@ impl Scan {
             slice.width = profile.x_m.len() as u32;
             let lost = u64::from(index.frames_missing) + u64::from(index.frames_rejected);
             account.first_frame = index.frame_number.saturating_sub(lost);
-            account.first_position_m = position_m;
+            account.first_position = position;
         }
         slice.height += 1;
         account.last_frame = index.frame_number;
-        account.last_position_m = position_m;
+        account.last_position = position;
         account.count(1, index.frames_missing, index.frames_rejected);
         account.profiles_empty += u32::from(profile.valid_count == 0);
         account.points += u64::from(profile.valid_count);
-        slice.points.extend((0..profile.x_m.len()).map(|i| {
-            match (profile.x_m[i], profile.z_m[i]) {
-                (x_m, z_m) if z_m.is_finite() => {
-                    [x_m, position_m as f32, z_m, profile.intensity[i]]
-                }
-                _ => [f32::NAN; 4],
+        if placed.is_doubtful {
+            account.state = account.state.max(SliceState::Degraded);
+        }
+        let place = Place::new(&placed.part_from_laser);
+        let (width, first) = (profile.x_m.len(), slice.points.len());
+        slice.points.extend((0..width).map(|i| match (profile.x_m[i], profile.z_m[i]) {
+            (x_m, z_m) if z_m.is_finite() => {
+                let [x_m, y_m, z_m] = place.point(x_m, z_m);
+                [x_m, y_m, z_m, profile.intensity[i]]
             }
+            _ => [f32::NAN; 4],
         }));
         self.growing.height += 1;
-        self.growing.z_m.extend_from_slice(&profile.z_m);
+        self.growing.z_m.extend(slice.points[first..].iter().map(|[_, _, z_m, _]| z_m));
     }
 
     fn close_slice(&mut self) {
@@ -311,6 +320,26 @@ impl Scan {
         id[6] = id[6] & 0x0f | 0x80;
         id[8] = id[8] & 0x3f | 0x80;
         id
+    }
+}
+
+/// A pose for points of the laser plane, whose y is 0.
+struct Place {
+    x: Vector3<f64>,
+    z: Vector3<f64>,
+    origin_m: Vector3<f64>,
+}
+
+impl Place {
+    fn new(pose: &Isometry3<f64>) -> Self {
+        let axes = pose.rotation.to_rotation_matrix().into_inner();
+        let axis = |number: usize| axes.column(number).into_owned();
+        Self { x: axis(0), z: axis(2), origin_m: pose.translation.vector }
+    }
+
+    fn point(&self, x_m: f32, z_m: f32) -> [f32; 3] {
+        let point = self.x * f64::from(x_m) + self.z * f64::from(z_m) + self.origin_m;
+        [point.x as f32, point.y as f32, point.z as f32]
     }
 }
 

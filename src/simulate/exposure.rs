@@ -39,7 +39,7 @@ impl Exposure {
     }
 
     /// Adds what `level` says about each pixel (column, row).
-    pub fn add(&mut self, level: impl Fn(u32, u32) -> f32) {
+    pub fn add(&mut self, mut level: impl FnMut(u32, u32) -> f32) {
         for (row, line) in (0..).zip(self.levels.chunks_exact_mut(self.width.max(1) as usize)) {
             for (column, pixel) in (0..).zip(line) {
                 *pixel += level(column, row);

@@ -4,6 +4,8 @@
 //! the stripe. [`stripe::render_stripe`] draws one stripe whose centre the caller states: enough for tests and benchmarks.
 
 pub mod scenario;
+pub mod scene;
+pub mod rig;
 pub mod part;
 pub mod camera;
 pub mod clutter;

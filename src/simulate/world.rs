@@ -13,7 +13,7 @@ pub struct RenderedFrame {
     pub samples: Vec<u8>,
     /// Exact light in each column (row, for a vertical stripe); its centre is NaN where no stripe is in the picture.
     pub truth: Vec<CrossSection>,
-    exposure: Exposure,
+    pub(super) exposure: Exposure,
 }
 
 impl Scenario {

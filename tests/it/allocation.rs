@@ -5,6 +5,11 @@ use laser_profiler::{
     scanner::{
         calibration::Calibration,
         image::{Frame, Image, PixelFormat},
+        motion::{
+            frames::{FrameTree, Stated},
+            reading::Reading,
+            track::{Limits, Track},
+        },
         params::{
             Background, Exposure, ExtractionParams, Method, NoiseSource, Params, PeakSelection,
             StripeDirection, Threshold,
@@ -61,6 +66,41 @@ fn no_selection_allocates() {
         };
         allocates_nothing(StripeDirection::Horizontal, Exposure::Single, extraction);
     }
+}
+
+/// Samples come and frames ask, long after the first have been forgotten.
+#[test]
+fn positions_allocate_nothing() {
+    const FRAMES: (&str, &str) = ("table", "camera");
+    let limits = Limits { max_gap_ns: 0, max_step: 1.0 };
+    let mut track = Track::new(limits, 100);
+    let mut tree = FrameTree::new(limits);
+    let mut found = 0;
+    let mut step = |number: i64| {
+        let stamp_ns = number * 1000;
+        let reading = Reading { position: number as f64, counts: number };
+        track.push(stamp_ns, stamp_ns, reading).unwrap();
+        let pose = |parent, child| Stated {
+            parent,
+            child,
+            stamp_ns,
+            received_ns: stamp_ns,
+            origin_m: [number as f64, 0.0, 0.0],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            is_static: false,
+        };
+        tree.take(&pose("table", "arm")).unwrap();
+        tree.take(&pose("arm", "camera")).unwrap();
+        let time_ns = stamp_ns - 500;
+        let is_known = track.at(time_ns, i64::MAX).is_some()
+            && tree.has_reached(FRAMES, time_ns)
+            && tree.at(FRAMES, time_ns, i64::MAX).is_ok();
+        found += u32::from(is_known);
+    };
+    (1..3000).for_each(&mut step);
+    let counted = allocation_counter::measure(|| (3000..6000).for_each(&mut step));
+    assert_eq!((counted.count_total, counted.bytes_total), (0, 0), "{counted:?}");
+    assert_eq!(found, 5998);
 }
 
 fn allocates_nothing(direction: StripeDirection, exposure: Exposure, extraction: ExtractionParams) {

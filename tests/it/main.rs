@@ -5,6 +5,7 @@
     reason = "tests fail by panicking and say on stderr what they skip"
 )]
 
+mod opencv;
 mod program;
 #[cfg(any(feature = "dds", feature = "zenoh"))]
 mod live;
@@ -18,13 +19,17 @@ mod evaluate;
 mod estimators;
 mod steps;
 mod measure;
+mod metrology;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;
 mod alternating_exposures;
+mod positions;
 mod smoothing;
 mod allocation;
+mod camera_info;
 mod cli;
+mod coverage;
 mod determinism;
 mod memory;
 mod bad_bags;

@@ -3,10 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use laser_profiler::{
-    bag::{Compression, RecordOptions, Recorder, Times},
+    bag::{Attachment, Compression, RecordOptions, Recorder, Times},
     msg::convert::cloud,
     msg::{cdr, qos::QosProfile, schema::Message as _, sensor_msgs::PointCloud2},
-    scanner::scan::{Point, Slice},
+    scanner::{
+        calibration::{Calibration, Projective, StepsQuality},
+        scan::{Point, Slice},
+    },
 };
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -25,7 +28,17 @@ const SIGMA_M: f64 = 2e-6;
 
 /// A recording of one scan in slices of 50 profiles: 200 x 150 points 0.1 mm apart from (0, 0), noise 2 µm.
 fn record(directory: &Path, height_m: impl Fn(f64, f64) -> f64) -> PathBuf {
+    record_with(directory, None, height_m)
+}
+
+/// The same with a calibration in it.
+fn record_with(
+    directory: &Path,
+    calibration: Option<&Calibration>,
+    height_m: impl Fn(f64, f64) -> f64,
+) -> PathBuf {
     let mut random = ChaCha8Rng::seed_from_u64(1);
+    std::fs::create_dir_all(directory).unwrap();
     let bag = directory.join("results");
     let options = RecordOptions { compression: Compression::None, force: false };
     let mut recorder = Recorder::create(&bag, &options).unwrap();
@@ -35,6 +48,16 @@ fn record(directory: &Path, height_m: impl Fn(f64, f64) -> f64) -> PathBuf {
         QosProfile::reliable(10),
     );
     let id = recorder.add_topic(&topic).unwrap();
+    if let Some(calibration) = calibration {
+        let attachment = Attachment {
+            name: "calibration.yaml".into(),
+            media_type: "application/yaml".into(),
+            log_time_ns: 0,
+            create_time_ns: 0,
+            data: calibration.to_yaml().into_bytes(),
+        };
+        recorder.attach(&attachment).unwrap();
+    }
     let mut data = Vec::new();
     for number in 0..3 {
         let points = (0..50 * WIDTH).map(|at| -> Point {
@@ -131,6 +154,33 @@ fn a_volume_lies_over_its_reference() {
     assert!(sigma < 0.01 * truth, "{told}");
 }
 
+/// Heights whose scale is known to a percent: so is a step.
+#[test]
+fn the_calibration_has_its_share_in_the_uncertainty() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut covariance = vec![0.0; 81];
+    covariance[4 * 9 + 4] = (2e-6_f64).powi(2);
+    let calibration = Calibration::Projective(Box::new(Projective {
+        frame_id: "laser_plane".into(),
+        width_px: 640,
+        height_px: 480,
+        homography: [1e-4, 0.0, 0.0, 0.0, 2e-4, 0.0, 0.0, 0.0, 1.0],
+        quality: Some(StepsQuality { rms_m: 0.0, heights_used: 5, covariance }),
+        calibrated_at: None,
+    }));
+    let step = |x: f64, _| if (8e-3..12e-3).contains(&x) { 1e-4 } else { 0.0 };
+    let bag = record_with(directory.path(), Some(&calibration), step).display().to_string();
+    let told = json(&["measure", "step", &bag]);
+    let figure = |key: &str| told["height_m"][key].as_f64().unwrap();
+    assert!((figure("sigma_calibration") / 1e-6 - 1.0).abs() < 1e-3, "{told}");
+    assert!(figure("sigma") > 1e-6 && figure("u95") > 1.95e-6, "{told}");
+    assert!(run(&["measure", "step", &bag]).stdout.contains("calibration 1.000"));
+    let without = record(&directory.path().join("without"), step).display().to_string();
+    let told = json(&["measure", "step", &without]);
+    assert!(told["height_m"]["sigma_calibration"].is_null(), "{told}");
+    assert!(told["calibration_unknown"].as_str().unwrap().contains("no calibration"), "{told}");
+}
+
 #[test]
 fn what_cannot_be_measured_is_told() {
     let directory = tempfile::tempdir().unwrap();
@@ -220,6 +270,9 @@ fn filled_cells_are_flagged_and_a_level_scan_lies_at_height_0() {
     assert_eq!(told["files"][0]["measured"], count(1));
     let [low, high] = ["from_m", "to_m"].map(|key| told[key][2].as_f64().unwrap());
     assert!(low > -20e-6 && high < 20e-6, "{told}");
+    let flat = ["--level-on", "0,0,5mm,5mm", "--force"];
+    let told = json(&[&["export", &bag, "-o", &output][..], &flat].concat());
+    assert!(told["to_m"][2].as_f64().unwrap().abs() < 40e-6, "{told}");
     let again = run(&["export", &bag, "-o", &output]);
     assert!(again.code == Some(1) && again.stderr.contains("--force"), "{again:?}");
 }

@@ -167,6 +167,7 @@ fn what_cannot_calibrate_is_told() {
         (three, &[] as &[&str], 2, "2 different heights"),
         (sources.clone(), &["-o", "x.yaml"], 2, "--lateral"),
         (with(&format!("{two}=4mm")), &[], 2, "2 plateaus"),
+        (with(&format!("{two}=4mm,5mm,6mm")), &[], 2, "fewer than 500 pixels"),
         (with(&format!("{black}=4mm")), &[], 1, "no stripe"),
         (with(&format!("{}=4mm", small.display())), &[], 2, "64 x 48"),
         (with("missing.png=4mm"), &[], 1, "missing.png"),

@@ -16,7 +16,7 @@ use crate::{
         settings::{Settings, SettingsArgs},
     },
     metrology::{
-        plateaus::{self, Piece},
+        plateaus::{self, Piece, PlateauError},
         steps::{self, Known, Plateau, StepsCalibration, Term, VerticalGeometry},
     },
     ros::arguments::RosArguments,
@@ -217,7 +217,7 @@ fn find(args: &StepsArgs, settings: &Settings) -> anyhow::Result<Found> {
         }
         (found.size_px, found.direction) = (size_px, direction);
         let pieces = plateaus::cut(&points, heights_m.len())
-            .map_err(|error| Usage(format!("{name}: {error}")))?;
+            .map_err(|error| Usage(format!("{name}: {error}{}", hint(&error, settings))))?;
         for (at, (piece, height_m)) in pieces.iter().zip(heights_m).enumerate() {
             let plateau = Plateau::fit(&points, &piece.inner, *height_m)
                 .with_context(|| format!("{name}: plateau {at} has too few points"))?;
@@ -230,6 +230,19 @@ fn find(args: &StepsArgs, settings: &Settings) -> anyhow::Result<Found> {
     }
     bar.finish_and_clear();
     Ok(found)
+}
+
+/// What to do about another number of plateaus.
+fn hint(error: &PlateauError, settings: &Settings) -> String {
+    let PlateauError::Count { wanted, found, .. } = error else { return String::new() };
+    if found > wanted {
+        return "; give a height for each, as in FILE=0mm,2mm,0mm".to_owned();
+    }
+    let areas = settings.cameras.iter().map(|c| c.scanner.extraction.min_segment_area);
+    let area = areas.max().unwrap_or_default();
+    format!(
+        "; pieces of the stripe of fewer than {area} pixels are left out (extraction.min_segment_area)"
+    )
 }
 
 /// Where a plateau between two others begins and ends: half way to the neighbour's nearest point.

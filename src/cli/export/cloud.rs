@@ -2,6 +2,7 @@
 
 use std::io::Write;
 
+use super::Written;
 use crate::{cli::chart::viridis, scanner::scan::Point};
 
 /// A format of a point cloud.
@@ -79,8 +80,8 @@ impl<W: Write> CloudWriter<W> {
     ///
     /// # Errors
     /// Fewer points than the header says: the recording has changed.
-    pub(super) fn finish(self) -> anyhow::Result<u64> {
+    pub(super) fn finish(self) -> anyhow::Result<Written> {
         anyhow::ensure!(self.left == 0, "the recording has changed while it was read");
-        Ok(self.written)
+        Ok(Written { num_points: self.written, num_lost: 0 })
     }
 }

@@ -2,14 +2,15 @@
 
 use std::io::Write;
 
-use super::{ExportArgs, outline::Placing};
+use super::{ExportArgs, Written, outline::Placing};
 use crate::{
     bag::Filter,
     cli::results::Results,
     msg::{cdr, laser_profiler_msgs::Profile},
 };
 
-/// Writes the profiles beside the clouds, with their uncertainties, or the points of the clouds; returns how many.
+/// Writes the profiles beside the clouds, with their uncertainties, or the points of the clouds. Profiles that cannot be
+/// read are passed over and counted.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -18,9 +19,10 @@ pub(super) fn write(
     args: &ExportArgs,
     results: &Results,
     placing: &Placing,
-) -> anyhow::Result<u64> {
+) -> anyhow::Result<Written> {
     let profiles = results.profile_topic();
-    match profiles.filter(|_| args.region.is_none() && !args.level) {
+    match profiles.filter(|_| args.region.is_none() && args.heights.is_none() && !args.is_leveled())
+    {
         Some(topic) => write_profiles(file, results, &topic),
         None => write_points(file, results, placing),
     }
@@ -30,7 +32,7 @@ fn write_points(
     file: &mut impl Write,
     results: &Results,
     placing: &Placing,
-) -> anyhow::Result<u64> {
+) -> anyhow::Result<Written> {
     writeln!(file, "x_m,y_m,z_m,intensity")?;
     let mut num_points = 0;
     results.profiles(|row| {
@@ -40,15 +42,24 @@ fn write_points(
         }
         Ok(())
     })?;
-    Ok(num_points)
+    Ok(Written { num_points, num_lost: 0 })
 }
 
-/// Profiles of the frames of the scan; those that cannot be read are counted with the clouds.
-fn write_profiles(file: &mut impl Write, results: &Results, topic: &str) -> anyhow::Result<u64> {
+/// Profiles of the frames of the scan.
+fn write_profiles(
+    file: &mut impl Write,
+    results: &Results,
+    topic: &str,
+) -> anyhow::Result<Written> {
     writeln!(file, "frame,stamp_ns,position,x_m,z_m,intensity,sigma_z_m,flags")?;
-    let mut num_points = 0;
-    for message in results.bag.messages(&Filter::topics([topic])).flatten() {
-        let Ok(profile) = cdr::decode::<Profile<'_>>(&message.data) else { continue };
+    let mut written = Written::default();
+    for message in results.bag.messages(&Filter::topics([topic])) {
+        let bytes = message.map(|message| message.data);
+        let decoded = bytes.as_ref().map(|bytes| cdr::decode::<Profile<'_>>(bytes));
+        let Ok(Ok(profile)) = decoded else {
+            written.num_lost += 1;
+            continue;
+        };
         let (frame, position) = (profile.trace.frame_number, profile.trace.position);
         if !results.has_frame(frame) {
             continue;
@@ -67,8 +78,8 @@ fn write_profiles(file: &mut impl Write, results: &Results, topic: &str) -> anyh
                 number(&profile.intensity),
                 number(&profile.sigma_z)
             )?;
-            num_points += 1;
+            written.num_points += 1;
         }
     }
-    Ok(num_points)
+    Ok(written)
 }

@@ -17,6 +17,8 @@ const MAX_HEIGHTS: usize = 1 << 18;
 /// Which points are taken, and where they are put.
 pub(super) struct Placing {
     pub(super) region: Region,
+    /// Lowest and highest, metres.
+    pub(super) heights_m: [f64; 2],
     pub(super) motion: Option<Isometry3<f64>>,
 }
 
@@ -25,7 +27,8 @@ impl Placing {
     pub(super) fn point(&self, point: &Point) -> Option<(Point3<f64>, f32)> {
         let [x, y, z, intensity] = *point;
         let place = Point3::new(f64::from(x), f64::from(y), f64::from(z));
-        if !z.is_finite() || !self.region.contains(place.x, place.y) {
+        let [low, high] = self.heights_m;
+        if !(low..=high).contains(&place.z) || !self.region.contains(place.x, place.y) {
             return None;
         }
         Some((self.motion.as_ref().map_or(place, |motion| motion * place), intensity))

@@ -13,17 +13,30 @@ pub(super) struct Figure {
     value: f64,
     sigma: f64,
     u95: f64,
+    /// The share of the calibration in `sigma`; none: not known.
+    calibration: Option<f64>,
 }
 
 impl Figure {
     /// A figure of many independent points.
     pub(super) const fn new(value: f64, sigma: f64) -> Self {
-        Self { value, sigma, u95: FACTOR_95 * sigma }
+        Self { value, sigma, u95: FACTOR_95 * sigma, calibration: None }
     }
 
     /// A figure whose interval is wider or narrower than that of many points.
     pub(super) const fn with_u95(value: f64, sigma: f64, u95: f64) -> Self {
-        Self { value, sigma, u95 }
+        Self { value, sigma, u95, calibration: None }
+    }
+
+    /// The same with the share of the calibration, when that is known.
+    pub(super) fn with_calibration(self, sigma: Option<f64>) -> Self {
+        let Some(sigma) = sigma else { return self };
+        Self {
+            sigma: self.sigma.hypot(sigma),
+            u95: self.u95.hypot(FACTOR_95 * sigma),
+            calibration: Some(sigma),
+            ..self
+        }
     }
 }
 
@@ -95,12 +108,17 @@ impl Answer {
     }
 
     pub(super) fn figure(&mut self, key: &str, label: &str, figure: Figure, unit: Unit) {
-        let Figure { value, sigma, u95 } = figure;
+        let Figure { value, sigma, u95, calibration } = figure;
         let (factor, digits, name) = unit.form();
-        self.object.insert(key.into(), json!({"value": value, "sigma": sigma, "u95": u95}));
-        let [value, sigma, u95] =
-            [value, sigma, u95].map(|number| format!("{:.digits$}", factor * number));
-        self.lines.push((label.into(), format!("{value}{name} ± {u95} (95 %), sigma {sigma}")));
+        let told =
+            json!({"value": value, "sigma": sigma, "u95": u95, "sigma_calibration": calibration});
+        self.object.insert(key.into(), told);
+        let number = |number: f64| format!("{:.digits$}", factor * number);
+        let [value, sigma, u95] = [value, sigma, u95].map(number);
+        let share = calibration
+            .map_or(String::new(), |sigma| format!(", of it calibration {}", number(sigma)));
+        self.lines
+            .push((label.into(), format!("{value}{name} ± {u95} (95 %), sigma {sigma}{share}")));
     }
 
     pub(super) fn heading(&mut self, text: &str) {

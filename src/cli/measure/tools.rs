@@ -4,7 +4,7 @@ use anyhow::{Context, ensure};
 use serde_json::json;
 
 use super::{
-    Common, PlaneArgs, SpheresArgs, StepArgs, VolumeArgs,
+    Common, PlaneArgs, SpheresArgs, StepArgs, VolumeArgs, calibration,
     report::{Answer, Figure, Unit},
 };
 use crate::{
@@ -15,7 +15,8 @@ use crate::{
     metrology::{
         form::Form,
         height_map::{GridLayout, Resampler},
-        plane, sphere,
+        plane::{self, PlaneFit},
+        sphere,
         sphere::SphereFit,
         step_height,
         surface::{Region, Surface, is_measured},
@@ -30,6 +31,22 @@ fn points(common: &Common, region: &Region) -> anyhow::Result<(Surface, Results,
         .surface(region)
         .with_context(|| format!("{}: {}", common.results.bag.display(), results.topic))?;
     Ok((surface, results, read))
+}
+
+/// The share of the calibration in each figure; in the answer, why it is not known.
+fn shares<const N: usize>(
+    answer: &mut Answer,
+    results: &Results,
+    surfaces: &[Surface],
+    measure: impl Fn(&[Surface]) -> anyhow::Result<[f64; N]>,
+) -> [Option<f64>; N] {
+    match calibration::share(results, surfaces, measure) {
+        Ok(sigmas) => sigmas.map(Some),
+        Err(why) => {
+            answer.text_line("calibration_unknown", "not in sigma: calibration", &why);
+            [None; N]
+        }
+    }
 }
 
 /// What every answer says of its input.
@@ -54,20 +71,29 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     input(&mut answer, &results, read, plane.num_points);
     answer.hidden("normal", json!([plane.normal.x, plane.normal.y, plane.normal.z]));
     answer.place("center_m", "middle", plane.center_m.coords.as_slice());
+    let [x_m, y_m] = [plane.center_m.x, plane.center_m.y];
+    let of_height = |s: &[Surface]| {
+        let plane = plane::fit(&s[0])?;
+        Ok([plane.height_m(x_m, y_m), plane.tilt_rad(), plane.flatness.d95_m])
+    };
+    let surfaces = [surface];
+    let [by_height, by_tilt, by_form] = shares(&mut answer, &results, &surfaces, of_height);
     let height = Figure::new(plane.center_m.z, plane.sigma_m / plane.normal.z.abs().max(1e-3));
+    let height = height.with_calibration(by_height);
     answer.figure("height_m", "height in the middle", height, Unit::Millimetre);
     let [about_x, about_y] = plane.tilt_sigma_rad;
     let tilt = Figure::new(plane.tilt_rad(), about_x.hypot(about_y) / 2.0_f64.sqrt());
-    answer.figure("tilt_rad", "inclination", tilt, Unit::Milliradian);
+    answer.figure("tilt_rad", "inclination", tilt.with_calibration(by_tilt), Unit::Milliradian);
     answer.number("scatter_m", "scatter (robust sigma)", plane.scatter_m, Unit::Micrometre);
-    form(&mut answer, "flatness_d95_m", "flatness D95 %", plane.flatness);
+    form(&mut answer, ("flatness_d95_m", "flatness D95 %"), plane.flatness, by_form);
     answer.count("outliers", "outliers", plane.num_outliers as u64);
     answer.number("effective", "independent points", plane.effective_points, Unit::None);
     Ok(answer)
 }
 
-fn form(answer: &mut Answer, key: &str, label: &str, form: Form) {
-    answer.figure(key, label, Figure::new(form.d95_m, form.d95_sigma_m), Unit::Micrometre);
+fn form(answer: &mut Answer, (key, label): (&str, &str), form: Form, calibration: Option<f64>) {
+    let d95 = Figure::new(form.d95_m, form.d95_sigma_m).with_calibration(calibration);
+    answer.figure(key, label, d95, Unit::Micrometre);
     answer.number("peak_to_valley_m", "peak to valley", form.peak_to_valley_m, Unit::Micrometre);
 }
 
@@ -80,7 +106,14 @@ pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
     let mut answer = Answer::new("step");
     input(&mut answer, &results, read, num_points);
     answer.text_line("direction", "profiles along", &args.direction);
+    let is_along_y = args.direction == "y";
+    let surfaces = [if is_along_y { surface.transposed() } else { surface }];
+    let [by_height] = shares(&mut answer, &results, &surfaces, |s| {
+        let surface = if is_along_y { s[0].transposed() } else { s[0].clone() };
+        Ok([step_height::measure(&surface, Some(step.edges_m))?.height_m])
+    });
     let height = Figure::with_u95(step.height_m, step.sigma_m, step.u95_m);
+    let height = height.with_calibration(by_height);
     answer.figure("height_m", "step height", height, Unit::Micrometre);
     answer.place("edges_m", "edges", &step.edges_m);
     answer.number(
@@ -101,19 +134,28 @@ pub(super) fn sphere(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let sphere = sphere::fit(&surface)?;
     let mut answer = Answer::new("sphere");
     input(&mut answer, &results, read, sphere.num_points);
-    tell(&mut answer, &sphere);
+    let by = shares(&mut answer, &results, &[surface], |s| Ok(numbers(&sphere::fit(&s[0])?)));
+    tell(&mut answer, &sphere, by);
     Ok(answer)
 }
 
-fn tell(answer: &mut Answer, sphere: &SphereFit) {
+/// Centre, radius and form.
+fn numbers(sphere: &SphereFit) -> [f64; 5] {
+    let center = sphere.center_m;
+    [center.x, center.y, center.z, sphere.radius_m, sphere.form.d95_m]
+}
+
+fn tell(answer: &mut Answer, sphere: &SphereFit, calibration: [Option<f64>; 5]) {
     for (at, key) in ["center_x_m", "center_y_m", "center_z_m"].into_iter().enumerate() {
         let figure = Figure::new(sphere.center_m[at], sphere.center_sigma_m()[at]);
+        let figure = figure.with_calibration(calibration[at]);
         answer.figure(key, &format!("centre {}", &key[7..8]), figure, Unit::Millimetre);
     }
     let radius = Figure::new(sphere.radius_m, sphere.radius_sigma_m());
+    let radius = radius.with_calibration(calibration[3]);
     answer.figure("radius_m", "radius", radius, Unit::Millimetre);
     answer.number("scatter_m", "scatter (robust sigma)", sphere.scatter_m, Unit::Micrometre);
-    form(answer, "form_d95_m", "form D95 %", sphere.form);
+    form(answer, ("form_d95_m", "form D95 %"), sphere.form, calibration[4]);
     answer.count("outliers", "outliers", sphere.num_outliers as u64);
     answer.number("effective", "independent points", sphere.effective_points, Unit::None);
 }
@@ -123,28 +165,30 @@ pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
         return Err(Usage("two spheres are two --region".into()).into());
     };
     let mut answer = Answer::new("spheres");
-    let mut fits = Vec::new();
+    let (one, results, read) = points(&args.common, &first)?;
+    let (other, ..) = points(&args.common, &second)?;
+    let fits = [sphere::fit(&one).context("sphere 1")?, sphere::fit(&other).context("sphere 2")?];
+    input(&mut answer, &results, read, fits[0].num_points + fits[1].num_points);
+    let by = shares(&mut answer, &results, &[one, other], |s| {
+        let fits = [sphere::fit(&s[0])?, sphere::fit(&s[1])?];
+        let [a, b] = fits.each_ref().map(numbers);
+        let mut all = [0.0; 11];
+        all[..5].copy_from_slice(&a);
+        all[5..10].copy_from_slice(&b);
+        all[10] = sphere::distance_m(&fits[0], &fits[1])[0];
+        Ok(all)
+    });
     let mut parts = Vec::new();
-    for (number, region) in [first, second].iter().enumerate() {
-        let (surface, results, read) = points(&args.common, region)?;
-        let fit = sphere::fit(&surface).with_context(|| format!("sphere {}", number + 1))?;
-        if number == 0 {
-            input(&mut answer, &results, read, fit.num_points);
-        }
+    for (number, fit) in fits.iter().enumerate() {
         answer.heading(&format!("sphere {}", number + 1));
         let mut part = Answer::new("sphere");
-        tell(&mut part, &fit);
+        tell(&mut part, fit, [0, 1, 2, 3, 4].map(|i| by[5 * number + i]));
         parts.push(answer.absorb(part));
-        fits.push(fit);
     }
     let [distance, sigma] = sphere::distance_m(&fits[0], &fits[1]);
     answer.heading("both");
-    answer.figure(
-        "distance_m",
-        "distance of centres",
-        Figure::new(distance, sigma),
-        Unit::Millimetre,
-    );
+    let distance = Figure::new(distance, sigma).with_calibration(by[10]);
+    answer.figure("distance_m", "distance of centres", distance, Unit::Millimetre);
     answer.hidden("spheres", json!(parts));
     Ok(answer)
 }
@@ -156,13 +200,17 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
         [] => args.region.is_none() || !region.contains(x, y),
         regions => regions.iter().any(|reference| reference.contains(x, y)),
     };
-    let mut base = surface.clone();
-    for point in &mut base.points {
-        if !is_reference(point.x, point.y) {
-            point.z = f64::NAN;
+    let is_base: Vec<bool> = surface.points.iter().map(|p| is_reference(p.x, p.y)).collect();
+    let reference = |surface: &Surface| {
+        let mut base = surface.clone();
+        for (point, is_base) in base.points.iter_mut().zip(&is_base) {
+            if !is_base {
+                point.z = f64::NAN;
+            }
         }
-    }
-    let plane = plane::fit(&base).context("the reference plane")?;
+        plane::fit(&base)
+    };
+    let plane = reference(&surface).context("the reference plane")?;
     ensure!(
         plane.normal.z > 0.1,
         "the reference plane is inclined by {:.0} degrees: a volume over it has no meaning",
@@ -170,18 +218,24 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
     );
     let pitch_m = surface.pitch_m();
     let cell_m = args.cell.unwrap_or_else(|| pitch_m[0].max(pitch_m[1]));
-    let mut resampler = Resampler::new(GridLayout::covering(&region, cell_m)?, pitch_m);
-    surface.rows().for_each(|row| resampler.push(row));
+    let layout = GridLayout::covering(&region, cell_m)?;
     let inside = surface.points.iter().filter(|p| is_measured(p) && region.contains(p.x, p.y));
     let num_inside = inside.count();
     // As correlated inside as on the reference.
     let share = plane.effective_points / (plane.num_points - plane.num_outliers).max(1) as f64;
     let effective = share * num_inside as f64;
-    let found =
-        volume::over_plane(&resampler.finish(), &region, &plane, plane.scatter_m, effective);
+    let over = |surface: &Surface, plane: &PlaneFit| {
+        let mut resampler = Resampler::new(layout, pitch_m);
+        surface.rows().for_each(|row| resampler.push(row));
+        volume::over_plane(&resampler.finish(), &region, plane, plane.scatter_m, effective)
+    };
+    let found = over(&surface, &plane);
     let mut answer = Answer::new("volume");
     input(&mut answer, &results, read, num_inside);
-    let figure = Figure::new(found.volume_m3, found.sigma_m3);
+    let [by_volume] = shares(&mut answer, &results, &[surface], |s| {
+        Ok([over(&s[0], &reference(&s[0])?).volume_m3])
+    });
+    let figure = Figure::new(found.volume_m3, found.sigma_m3).with_calibration(by_volume);
     answer.figure("volume_m3", "volume", figure, Unit::CubicMillimetre);
     answer.number("above_m3", "above the plane", found.above_m3, Unit::CubicMillimetre);
     answer.number("below_m3", "below the plane", found.below_m3, Unit::CubicMillimetre);

@@ -19,19 +19,22 @@ use crate::{
         laser_profiler_msgs::{Centerline, FrameTrace},
         qos::QosProfile,
         schema::Message,
-        sensor_msgs::{Image, JointState},
+        sensor_msgs::{CameraInfo, Image, JointState},
         std_msgs::Header,
     },
     scanner::params::StripeDirection,
-    simulate::{scenario::Scenario, sensor::BitDepth, world::RenderedFrame},
+    simulate::{scene::Scene, sensor::BitDepth, world::RenderedFrame},
 };
 
 /// Images of the simulated camera.
 pub const IMAGE_TOPIC: &str = "/camera/image_raw";
+/// The simulated camera, where it is more than formula 6.
+pub const INFO_TOPIC: &str = "/camera/camera_info";
 /// Position of the simulated axis.
 pub const AXIS_TOPIC: &str = "/axis/joint_states";
 /// Exact centre of the stripe in every image.
 pub const TRUTH_TOPIC: &str = "/truth/centerline";
+
 /// What was rendered.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Summary {
@@ -52,29 +55,32 @@ pub struct Summary {
 /// # Errors
 /// An output that exists or cannot be written.
 pub fn record(
-    scenario: &Scenario,
+    scene: &dyn Scene,
     yaml: &str,
     output: &Path,
     options: RecordOptions,
 ) -> Result<Summary> {
-    let mut writer = Writer::create(scenario, output, options)?;
+    let mut writer = Writer::create(scene, output, options)?;
     let mut frame = RenderedFrame::default();
-    for number in 0..scenario.frames {
+    for number in 0..scene.frames() {
         writer.write_axis(number)?;
-        if scenario.dropped_frames.contains(&number) {
+        if scene.is_dropped(number) {
             continue;
         }
-        scenario.render(number, &mut frame);
+        scene.render(number, &mut frame);
+        writer.write_info(number)?;
         writer.write_image(number, &frame)?;
-        writer.write_truth(number, &frame)?;
+        if !frame.truth.is_empty() {
+            writer.write_truth(number, &frame)?;
+        }
     }
     let written = writer.finish(yaml)?;
     let images = written.topics.iter().find(|(name, _)| name == IMAGE_TOPIC);
     let images = images.map_or(0, |(_, count)| *count);
     Ok(Summary {
-        frames: scenario.frames,
+        frames: scene.frames(),
         images,
-        dropped: u64::from(scenario.frames) - images,
+        dropped: u64::from(scene.frames()) - images,
         output: written.directory,
         bytes: written.bytes,
     })
@@ -82,9 +88,10 @@ pub fn record(
 
 /// Lays frames out as messages.
 struct Writer<'a> {
-    scenario: &'a Scenario,
+    scene: &'a dyn Scene,
     recorder: Recorder,
     images: TopicId,
+    info: Option<TopicId>,
     axis: TopicId,
     truth: TopicId,
     bytes: Vec<u8>,
@@ -92,13 +99,20 @@ struct Writer<'a> {
 
 impl<'a> Writer<'a> {
     fn create(
-        scenario: &'a Scenario,
+        scene: &'a dyn Scene,
         output: &Path,
         options: RecordOptions,
     ) -> Result<Self, RecordError> {
         let mut recorder = Recorder::create(output, &options)?;
         Ok(Self {
-            scenario,
+            scene,
+            info: scene
+                .camera()
+                .map(|_| {
+                    let qos = QosProfile::best_effort(5);
+                    recorder.add_topic(&topic::<CameraInfo<'_>>(INFO_TOPIC, qos))
+                })
+                .transpose()?,
             images: recorder
                 .add_topic(&topic::<Image<'_>>(IMAGE_TOPIC, QosProfile::best_effort(5)))?,
             axis: recorder
@@ -111,37 +125,55 @@ impl<'a> Writer<'a> {
     }
 
     fn write_axis(&mut self, frame: u32) -> Result<()> {
-        let motion = &self.scenario.motion;
         let message = JointState {
             header: self.header(frame, ""),
             name: vec!["scan_axis".to_owned()],
-            position: vec![self.scenario.position_m(frame)],
-            velocity: vec![motion.step_m * self.scenario.frame_rate_hz],
+            position: vec![self.scene.position_m(frame)],
+            velocity: vec![self.scene.velocity_m_s()],
             effort: Vec::new(),
         };
         self.write(self.axis, frame, &message)
     }
 
     fn write_image(&mut self, frame: u32, rendered: &RenderedFrame) -> Result<()> {
-        let camera = &self.scenario.camera;
-        let encoding = match camera.bit_depth {
+        let picture = self.scene.picture();
+        let encoding = match picture.bit_depth {
             BitDepth::Eight => "mono8",
             BitDepth::Twelve | BitDepth::Sixteen => "mono16",
         };
         let message = Image {
             header: self.header(frame, "camera"),
-            height: camera.height_px,
-            width: camera.width_px,
+            height: picture.height_px,
+            width: picture.width_px,
             encoding: encoding.into(),
             is_bigendian: 0,
-            step: camera.width_px * camera.bit_depth.bytes_per_pixel(),
+            step: picture.width_px * picture.bit_depth.bytes_per_pixel(),
             data: &rendered.samples,
         };
         self.write(self.images, frame, &message)
     }
 
+    /// As a driver describes the camera, with every image.
+    fn write_info(&mut self, frame: u32) -> Result<()> {
+        let (Some(topic), Some(camera)) = (self.info, self.scene.camera()) else { return Ok(()) };
+        let [fx, fy, cx, cy] = [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px];
+        let message = CameraInfo {
+            header: self.header(frame, "camera"),
+            height: camera.height_px,
+            width: camera.width_px,
+            distortion_model: camera.distortion.name().into(),
+            d: camera.distortion.coefficients(),
+            k: [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+            ..CameraInfo::default()
+        };
+        self.write(topic, frame, &message)
+    }
+
+    /// Boards have no stripe whose centre could be stated.
     fn write_truth(&mut self, frame: u32, rendered: &RenderedFrame) -> Result<()> {
-        let camera = &self.scenario.camera;
+        let picture = self.scene.picture();
         let mut along = Vec::new();
         let mut across = Vec::new();
         let mut stripe_start = Vec::new();
@@ -157,7 +189,7 @@ impl<'a> Writer<'a> {
             }
             was_lit = is_lit;
         }
-        let (u, v) = match camera.stripe_direction {
+        let (u, v) = match picture.stripe_direction {
             StripeDirection::Horizontal => (along, across),
             StripeDirection::Vertical => (across, along),
         };
@@ -166,12 +198,12 @@ impl<'a> Writer<'a> {
             trace: FrameTrace {
                 frame_number: u64::from(frame),
                 frame_number_source: FrameTrace::SOURCE_DEVICE,
-                position: self.scenario.position_m(frame),
+                position: self.scene.position_m(frame),
                 encoder_source: FrameTrace::SOURCE_DEVICE,
                 ..FrameTrace::default()
             },
-            image_width: camera.width_px,
-            image_height: camera.height_px,
+            image_width: picture.width_px,
+            image_height: picture.height_px,
             method: "truth".into(),
             u: u.into(),
             v: v.into(),
@@ -183,13 +215,13 @@ impl<'a> Writer<'a> {
 
     /// Calibration, scenario and program version go into the file; the calibration also beside it.
     fn finish(mut self, yaml: &str) -> Result<RecordSummary> {
-        let calibration = self.scenario.camera.calibration_yaml();
+        let calibration = self.scene.calibration_yaml();
         for (name, text) in [("calibration.yaml", calibration.as_str()), ("scenario.yaml", yaml)] {
             self.recorder.attach(&Attachment {
                 name: name.to_owned(),
                 media_type: "application/yaml".to_owned(),
-                log_time_ns: self.scenario.start_time_ns,
-                create_time_ns: self.scenario.start_time_ns,
+                log_time_ns: self.scene.stamp_ns(0),
+                create_time_ns: self.scene.stamp_ns(0),
                 data: text.as_bytes().to_vec(),
             })?;
         }
@@ -206,13 +238,13 @@ impl<'a> Writer<'a> {
     }
 
     fn header(&self, frame: u32, frame_id: &'static str) -> Header<'static> {
-        let stamp = Time::from_ns(self.scenario.stamp_ns(frame));
+        let stamp = Time::from_ns(self.scene.stamp_ns(frame));
         Header { stamp, frame_id: frame_id.into() }
     }
 
     /// Sequence numbers count frames from 1, so that dropped ones leave gaps.
     fn write<M: Message>(&mut self, topic: TopicId, frame: u32, message: &M) -> Result<()> {
-        let time_ns = self.scenario.stamp_ns(frame);
+        let time_ns = self.scene.stamp_ns(frame);
         let times = Times { log_ns: time_ns, publish_ns: time_ns, sequence: frame + 1 };
         cdr::encode(message, &mut self.bytes)?;
         Ok(self.recorder.write(topic, times, &self.bytes)?)
@@ -228,7 +260,7 @@ mod tests {
     use super::*;
     use crate::{
         bag::{BagReader, Filter, RawMessage, ReadOptions},
-        simulate::scenario::tests::SMALL,
+        simulate::scenario::{Scenario, tests::SMALL},
     };
 
     /// The recording of the small scenario in `directory`, and its messages on `topic`.

@@ -70,6 +70,21 @@ fn invalid_stays_invalid_until_filling_is_asked_for() {
 }
 
 #[test]
+fn a_whole_turn_is_closed() {
+    // A disk of 100 radial profiles; the next one after the last is the first.
+    let profile = |number: u32| -> Vec<Point3<f64>> {
+        let (sin, cos) = (f64::from(number) * std::f64::consts::TAU / 100.0).sin_cos();
+        (1..20).map(|i| f64::from(i) * 1e-4).map(|r| Point3::new(r * cos, r * sin, 1e-3)).collect()
+    };
+    let region = Region { from_m: [-1e-3; 2], to_m: [0.99e-3; 2] };
+    let mut resampler = Resampler::new(GridLayout::covering(&region, 1e-4).unwrap(), PITCH_M);
+    (0..100).for_each(|number| resampler.push(&profile(number)));
+    let map = resampler.finish();
+    let seam: Vec<_> = (12..20).map(|column| map.z_m[9 * 20 + column]).collect();
+    assert!(seam.iter().all(|z| z.is_finite()), "{seam:?}");
+}
+
+#[test]
 fn points_far_apart_are_not_joined() {
     let mut apart = surface(|_, _| 0.0, 0.0, 1, 0);
     for point in apart.points.iter_mut().filter(|point| point.x > 0.0) {

@@ -10,11 +10,13 @@ use std::{
 use super::{feed, observer::Observer};
 use crate::{
     bag::Topic,
+    msg::qos::Durability,
     node::{
         camera_info::ImageHeader,
         clock::RosClock,
         command::{Answer, Command, Mailbox, Reply, Settings},
         live_recording::RecordingControl,
+        positions::inbox::Inbox,
         queue::{Queue, WhenFull},
         recording::Description,
         run::{self, INPUT_BOUND, RunError},
@@ -34,6 +36,8 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Distortion models have a handful of coefficients.
 const INFO_LIMIT_BYTES: usize = 64 << 10;
+/// Robots have some hundred joints and frames.
+const POSITION_LIMIT_BYTES: usize = 1 << 20;
 
 /// Where a camera's images come from.
 pub(super) struct Images {
@@ -47,27 +51,49 @@ pub(super) struct Images {
     pub(super) info: TopicEndpoint,
     /// Looks at what comes on both.
     pub(super) observer: Observer,
-    /// To the images and to the descriptions, while the node is active.
-    subscriptions: Mutex<Option<[Box<dyn Subscription>; 2]>>,
+    /// The topics that tell where the images were taken.
+    pub(super) positions: Vec<TopicEndpoint>,
+    /// What came on them.
+    pub(super) inbox: Arc<Inbox>,
+    /// While the node is active.
+    subscriptions: Mutex<Option<Subscriptions>>,
+}
+
+/// Where the node listens for a camera. Images end first: what tells of them may still come.
+struct Subscriptions {
+    images: Box<dyn Subscription>,
+    _infos: Box<dyn Subscription>,
+    positions: Vec<Box<dyn Subscription>>,
 }
 
 impl Images {
     pub(super) fn new(
         transport: Arc<dyn Transport>,
-        [endpoint, info]: [TopicEndpoint; 2],
+        ([endpoint, info], positions): ([TopicEndpoint; 2], Vec<TopicEndpoint>),
         limit_bytes: usize,
         observer: Observer,
     ) -> Self {
-        let subscriptions = Mutex::new(None);
-        Self { transport, endpoint, limit_bytes, info, observer, subscriptions }
+        let (inbox, subscriptions) = (Arc::default(), Mutex::new(None));
+        Self { transport, endpoint, limit_bytes, info, observer, positions, inbox, subscriptions }
     }
 
     /// Publishers that reach the camera now; `None`: it does not listen.
     pub(super) fn num_publishers(&self) -> Option<usize> {
-        self.lock().as_ref().map(|[images, _]| images.num_matched())
+        self.lock().as_ref().map(|subscriptions| subscriptions.images.num_matched())
     }
 
-    fn lock(&self) -> MutexGuard<'_, Option<[Box<dyn Subscription>; 2]>> {
+    /// Topics about the axis on which nobody publishes. Poses that stay need no publisher.
+    pub(super) fn unheard_positions(&self) -> Vec<&TopicEndpoint> {
+        let guard = self.lock();
+        let Some(Subscriptions { positions, .. }) = &*guard else { return Vec::new() };
+        let topics = self.positions.iter().zip(positions);
+        let unheard = topics.filter(|(topic, heard)| {
+            topic.qos.durability != Durability::TransientLocal && heard.num_matched() == 0
+        });
+        unheard.map(|(topic, _)| topic).collect()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<Subscriptions>> {
         self.subscriptions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -76,8 +102,8 @@ impl Images {
 pub(super) struct Identity {
     /// Its name among several; empty: the only one.
     pub(super) name: String,
-    /// Frame of its profiles; empty without a calibration.
-    pub(super) frame_id: String,
+    /// Frame of its scans; empty without a calibration.
+    pub(super) part_frame: String,
     /// Its recorder.
     pub(super) recording: RecordingControl,
     /// What explains its recordings.
@@ -89,8 +115,8 @@ pub(super) struct Identity {
 pub(super) struct Camera {
     /// Its name among several; empty: the only one.
     pub(super) name: String,
-    /// Frame of its profiles; empty without a calibration.
-    pub(super) frame_id: String,
+    /// Frame of its scans; empty without a calibration.
+    pub(super) part_frame: String,
     /// Its recorder.
     pub(super) recording: RecordingControl,
     /// What explains its recordings, as it was at the start.
@@ -116,7 +142,7 @@ pub(super) type Measuring = JoinHandle<Result<Summary, RunError>>;
 impl Camera {
     /// Starts the worker; images come only after [`listen`](Self::listen).
     pub(super) fn start(
-        Identity { name, frame_id, recording, description }: Identity,
+        Identity { name, part_frame, recording, description }: Identity,
         images: Arc<Images>,
         worker: Worker,
         (clock, survey): (RosClock, Survey),
@@ -127,22 +153,29 @@ impl Camera {
         let observer = images.observer.clone();
         let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
         let live = Live::new(Arc::clone(&settings), clock, survey, observe);
-        let worker = worker.with_live(live);
+        let worker = worker.with_live(live).with_inbox(Arc::clone(&images.inbox));
         let taken = Arc::clone(&input);
         let thread = thread::Builder::new()
             .name(format!("camera {name}"))
             .spawn(move || measure(worker, &taken, outlets, num_topics))?;
-        Ok((Self { name, frame_id, recording, description, images, input, settings }, thread))
+        Ok((Self { name, part_frame, recording, description, images, input, settings }, thread))
     }
 
-    /// Subscribes to the images.
+    /// Subscribes to the images, and before them to what tells where they were taken.
     pub(super) fn listen(&self) -> Result<(), TransportError> {
         let Images { transport, endpoint, limit_bytes, info, observer, .. } = &*self.images;
+        let positions = self.images.positions.iter().map(|endpoint| {
+            let topic = Topic::new(endpoint.name.as_str(), endpoint.kind, endpoint.qos);
+            let waits = (Arc::clone(&self.images.inbox), Arc::clone(&self.input));
+            let on_position = feed::on_position(waits, Arc::new(topic));
+            transport.subscribe(endpoint, POSITION_LIMIT_BYTES, on_position)
+        });
+        let positions = positions.collect::<Result<_, _>>()?;
         let topic = Topic::new(endpoint.name.as_str(), endpoint.kind, endpoint.qos);
         let on_image = feed::on_image(Arc::clone(&self.input), Arc::new(topic));
         let infos = transport.subscribe(info, INFO_LIMIT_BYTES, observer.on_info())?;
         let images = transport.subscribe(endpoint, *limit_bytes, on_image)?;
-        *self.images.lock() = Some([images, infos]);
+        *self.images.lock() = Some(Subscriptions { images, _infos: infos, positions });
         Ok(())
     }
 

@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::{
     node::{
         ambient_file::AmbientFileError, calibration_file::CalibrationFileError,
-        lifecycle::server::ChangeError, rosout::RosoutError, run::RunError,
+        lifecycle::server::ChangeError, positions::AxisError, rosout::RosoutError, run::RunError,
     },
     ros::{names::NameError, parameters::ParameterError, transport::TransportError},
 };
@@ -27,6 +27,9 @@ pub enum LiveError {
     /// The frame without laser of a camera.
     #[error(transparent)]
     Ambient(#[from] AmbientFileError),
+    /// The axis of a camera's motion.
+    #[error(transparent)]
+    Axis(#[from] AxisError),
     /// The middleware.
     #[error(transparent)]
     Transport(#[from] TransportError),
@@ -48,7 +51,7 @@ impl LiveError {
     /// Whether what was asked for is to blame, rather than a file, the network or the machine.
     pub const fn is_usage(&self) -> bool {
         match self {
-            Self::Name(_) | Self::Parameter(_) => true,
+            Self::Name(_) | Self::Parameter(_) | Self::Axis(_) => true,
             Self::Transport(error) => matches!(error, TransportError::Setting { .. }),
             Self::Calibration(_)
             | Self::Ambient(_)

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::{
     bag::{RawMessage, Topic},
     node::{
+        positions::inbox::Inbox,
         queue::Queue,
         source::{Input, Writer},
     },
@@ -25,6 +26,18 @@ pub(super) fn on_image(queue: Arc<Queue<Input>>, topic: Arc<Topic>) -> OnArrival
         };
         // A closed queue: the camera has ended, and nobody waits for its images.
         drop(queue.push(item, num_bytes));
+    })
+}
+
+/// Hands every arrival to the inbox, from which the worker takes it. What could not be handed on is missed as any lost
+/// message is: by the gap that it leaves.
+pub(super) fn on_position(
+    (inbox, queue): (Arc<Inbox>, Arc<Queue<Input>>),
+    topic: Arc<Topic>,
+) -> OnArrival {
+    Box::new(move |arrival| match arrival {
+        Ok(arrival) => inbox.put(message(arrival, &topic), &queue),
+        Err(fault) => tracing::debug!("{}: {fault}", topic.name),
     })
 }
 

@@ -19,6 +19,7 @@ use crate::{
         live_recording::RecordingControl,
     },
     ros::{
+        camera_params::CameraParams,
         node_params::NodeParams,
         parameters::{ParameterError, Parameters},
     },
@@ -192,6 +193,11 @@ fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), Stri
             ("image_transport", old.live_transport() != new.live_transport()),
             ("calibration_file", old.calibration_file != new.calibration_file),
             ("extraction.background_file", old.background_file != new.background_file),
+            ("motion.source", is_other_source(old, new)),
+            ("motion.joint", old.moved.joint != new.moved.joint),
+            ("motion.axis", old.scanner.motion.axis != new.scanner.motion.axis),
+            ("motion.part_frame", old.moved.part_frame != new.moved.part_frame),
+            ("motion.sensor_frame", old.moved.sensor_frame != new.moved.sensor_frame),
             ("max_frame_bytes", old.max_frame_bytes != new.max_frame_bytes),
         ];
         if let Some((name, _)) = changed.iter().find(|(_, is_changed)| *is_changed) {
@@ -202,6 +208,12 @@ fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), Stri
         }
     }
     Ok(())
+}
+
+/// Whether positions come, or came, in messages of their own.
+fn is_other_source(old: &CameraParams, new: &CameraParams) -> bool {
+    let [old, new] = [old, new].map(|camera| camera.scanner.motion.source);
+    old != new && (old.is_measured() || new.is_measured())
 }
 
 /// The node as its lifecycle sees it.

@@ -36,6 +36,21 @@ pub(super) fn on_publishers(
     notes
 }
 
+/// Topics about the axis on which nobody publishes.
+pub(super) fn on_positions(transport: &dyn Transport, unheard: &[&TopicEndpoint]) -> Vec<Note> {
+    let note = |topic: &&TopicEndpoint| Note {
+        level: DiagnosticStatus::WARN,
+        key: "positions",
+        text: format!(
+            "nobody publishes {} ({}) on {}: frames have no position",
+            topic.name,
+            topic.kind.name,
+            transport.name()
+        ),
+    };
+    unheard.iter().map(note).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -49,7 +49,7 @@ impl Observer {
         clock: RosClock,
     ) -> Self {
         let seen = Seen {
-            infos: CameraInfos::default(),
+            infos: CameraInfos::of(calibration.clone()),
             image: OwnedHeader::default(),
             conflict: None,
             num_malformed: 0,
@@ -84,8 +84,8 @@ impl Observer {
         })
     }
 
-    /// Looks at an image.
-    pub(super) fn on_image(&self, image: &ImageHeader<'_>) {
+    /// Looks at an image; what is known of its camera.
+    pub(super) fn on_image(&self, image: &ImageHeader<'_>) -> Pairing {
         let seen = &mut *lock(&self.seen);
         seen.image.stamp_ns = image.stamp_ns;
         image.frame_id.clone_into(&mut seen.image.frame_id);
@@ -94,6 +94,7 @@ impl Observer {
         if let Some(calibration) = &self.calibration {
             self.place(calibration, seen.direction, image.frame_id);
         }
+        seen.infos.pair_or_last(image)
     }
 
     fn place(&self, calibration: &Calibration, direction: StripeDirection, camera_frame: &str) {
@@ -123,7 +124,7 @@ impl Seen {
         let OwnedHeader { stamp_ns, frame_id, size_px: (width, height) } = &self.image;
         let (stamp_ns, width, height) = (*stamp_ns, *width, *height);
         match self.infos.pair(&ImageHeader { stamp_ns, frame_id, width, height }) {
-            Pairing::Matched { calibration_id, is_new } => {
+            Pairing::Matched { calibration_id, is_new, .. } => {
                 self.conflict = None;
                 if is_new {
                     tracing::info!("camera_info describes calibration {calibration_id:016x}");

@@ -15,18 +15,18 @@ use crate::{
     ros::node_params::{self, Compression},
 };
 
-/// A recorder of a camera's results and, behind them, its images.
+/// A recorder of a camera's results and, behind them, its images and what tells where they were taken.
 pub(super) fn recorder(
     camera: &str,
     params: &node_params::RecordingParams,
     description: Description,
     results: Vec<Topic>,
-    images: Topic,
+    inputs: Vec<Topic>,
 ) -> (Outlet, RecordingControl) {
     let num_results = results.len();
     let topics = RecordedTopics {
         results: results.into_iter().enumerate().collect(),
-        images: vec![(num_results, images)],
+        images: (num_results..).zip(inputs).collect(),
     };
     let (sink, control) = LiveRecorder::new(camera, topics, chosen(params), description);
     let outlet = Outlet {

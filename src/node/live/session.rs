@@ -100,7 +100,7 @@ impl Session {
     pub(super) fn set(&self, params: &NodeParams, values: &Parameters) {
         for (camera, camera_params) in self.cameras.iter().zip(&params.cameras) {
             camera.set(Settings {
-                params: camera_params.scanner_for(&camera.frame_id),
+                params: camera_params.scanner_for(&camera.part_frame),
                 sends_images: sends_images(params),
                 parameters_sha256: values.camera_sha256(&camera_params.name),
             });

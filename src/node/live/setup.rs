@@ -21,6 +21,7 @@ use crate::{
         clock::{RosClock, TimeSource, system_ns},
         input,
         live_recording::RecordingControl,
+        positions,
         queue::WhenFull,
         recording::Description,
         results::Results,
@@ -92,28 +93,35 @@ impl Context {
             calibration: text,
             ..Description::default()
         };
-        let frame_id = calibration.as_ref().map_or("", Calibration::frame_id).to_owned();
+        let part_frame = camera.part_frame(calibration.as_ref());
+        let positions = self.positions(params, camera)?;
         let plane = (calibration.clone(), camera.scanner.stripe_direction);
         let observer = Observer::new(number, plane, Arc::clone(tf), self.clock.clone());
         let ambient = ambient_file::load(camera)?;
-        let worker = self.worker(params, camera, (calibration, ambient), &description);
+        let position_topics = topics::recorded(&positions);
+        let names = position_topics.iter().map(|topic| topic.name.clone()).collect();
+        let worker = self
+            .worker(params, camera, (calibration.as_ref(), ambient), &description)
+            .with_positions(positions::of_camera(camera, calibration.as_ref())?, names);
         let limit_bytes = camera.max_frame_bytes as usize + MESSAGE_MARGIN_BYTES;
         let transport = Arc::clone(&self.transport);
-        let images = Arc::new(Images::new(transport, endpoints, limit_bytes, observer));
-        let image_topic = topics::recorded(std::slice::from_ref(&images.endpoint)).remove(0);
+        let images =
+            Arc::new(Images::new(transport, (endpoints, positions), limit_bytes, observer));
+        let mut inputs = topics::recorded(std::slice::from_ref(&images.endpoint));
+        inputs.extend(position_topics);
         let (recorder, recording) = recording::recorder(
             &camera.name,
             &params.recording,
             description.clone(),
             topics::recorded(&outputs),
-            image_topic,
+            inputs,
         );
         // What has been published has been recorded.
         let outlets = vec![recorder, self.publications(&outputs)?];
         let survey = survey(Arc::clone(&images), recording.clone());
         let clocks = (self.clock.clone(), survey);
         let name = camera.name.clone();
-        let identity = Identity { name, frame_id, recording, description };
+        let identity = Identity { name, part_frame, recording, description };
         Ok(Camera::start(identity, images, worker, clocks, (outlets, outputs.len()))?)
     }
 
@@ -162,6 +170,21 @@ impl Context {
         Ok([endpoint(images, kind), endpoint(info, CameraInfo::TYPE)])
     }
 
+    /// The topics that tell where frames were taken.
+    fn positions(
+        &self,
+        params: &NodeParams,
+        camera: &CameraParams,
+    ) -> Result<Vec<TopicEndpoint>, LiveError> {
+        let source = camera.scanner.motion.source;
+        let mut endpoints = positions::topics::endpoints(source, &self.names, &camera.name)?;
+        for endpoint in &mut endpoints {
+            let side = Side::Subscription;
+            endpoint.qos = params.qos_overrides.apply(&endpoint.name, side, endpoint.qos);
+        }
+        Ok(endpoints)
+    }
+
     /// The publisher of where the laser planes are.
     pub(super) fn static_tf(&self, num_cameras: usize) -> Result<Arc<Mutex<StaticTf>>, LiveError> {
         let tf = StaticTf::start(&*self.transport, &self.names, num_cameras)?;
@@ -172,13 +195,13 @@ impl Context {
         &self,
         params: &NodeParams,
         camera: &CameraParams,
-        (calibration, ambient): (Option<Calibration>, Option<OwnedImage>),
+        (calibration, ambient): (Option<&Calibration>, Option<OwnedImage>),
         description: &Description,
     ) -> Worker {
-        let frame_id = calibration.as_ref().map_or("", Calibration::frame_id);
-        let scanner = camera.scanner_for(frame_id);
+        let part_frame = camera.part_frame(calibration);
+        let scanner = camera.scanner_for(&part_frame);
         let sha256 = &description.parameters_sha256;
-        let results = Results::new(&scanner, calibration.as_ref(), sha256);
+        let results = Results::new(&scanner, calibration, sha256).with_part_frame(part_frame);
         // A live session is told from every other by when it began.
         let begun = format!("{sha256}{}", system_ns());
         let reporter = Reporter {
@@ -193,8 +216,12 @@ impl Context {
             max_frame_bytes: camera.max_frame_bytes,
             sends_images: sends_images(params),
         };
-        let pipeline = Pipeline::new(scanner, calibration).with_ambient(ambient);
+        let mut pipeline = Pipeline::new(scanner, calibration.cloned()).with_ambient(ambient);
+        if camera.tracks_laser(calibration) {
+            pipeline = pipeline.with_laser_tracked();
+        }
         Worker::new(options, pipeline, results, reporter)
+            .with_camera_info(calibration.cloned(), None)
     }
 
     fn publications(&self, outputs: &[TopicEndpoint]) -> Result<Outlet, LiveError> {
@@ -218,6 +245,7 @@ fn survey(images: Arc<Images>, recording: RecordingControl) -> Survey {
             let Images { transport, endpoint, observer, .. } = &*images;
             notes.extend(notes::on_publishers(&**transport, endpoint, num_publishers));
             notes.extend(observer.notes());
+            notes.extend(notes::on_positions(&**transport, &images.unheard_positions()));
         }
         Surroundings {
             notes,

@@ -6,6 +6,7 @@ mod ear;
 mod lifecycle;
 mod network;
 mod parameters;
+mod positions;
 mod recordings;
 mod replayed;
 mod rig;

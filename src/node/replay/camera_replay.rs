@@ -7,9 +7,11 @@ use std::{
 
 use crate::{
     bag::{BagReader, RecordError, Topic, place},
+    msg::{schema::Message, sensor_msgs::CameraInfo},
     node::{
         ambient_file, calibration_file,
         input::{self, ImageTopic, InputError},
+        positions,
         recording::{Description, ResultsBag},
         results::Results,
         run::{Chain, REPLAY_BOUND},
@@ -32,6 +34,10 @@ pub(super) struct CameraReplay {
     calibration: Option<(Calibration, String)>,
     ambient: Option<OwnedImage>,
     pub(super) image_topic: ImageTopic,
+    /// Where the frames were taken is told on these.
+    pub(super) position_topics: Vec<String>,
+    /// What describes the camera, where that matters and is recorded.
+    info_topic: Option<String>,
     /// Its bag of results.
     output: PathBuf,
 }
@@ -47,13 +53,22 @@ impl CameraReplay {
         let calibration =
             camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
         let ambient = ambient_file::load(&camera)?;
+        let axis = calibration.as_ref().map(|(calibration, _)| calibration);
+        // Before anything is written.
+        positions::of_camera(&camera, axis)?;
         let mut image_topic: Option<ImageTopic> = None;
+        let mut position_topics = Vec::new();
         for (path, bag) in replay.request.bags.iter().zip(&replay.bags) {
             let found = choose(path, bag, &replay.names, &camera)?;
             let expected = image_topic.get_or_insert_with(|| found.clone());
             if *expected != found {
                 let (expected, found) = (expected.name.clone(), found.name);
                 return Err(ReplayError::Mixed { bag: path.clone(), found, expected });
+            }
+            for topic in choose_positions(path, bag, &replay.names, &camera)? {
+                if !position_topics.contains(&topic) {
+                    position_topics.push(topic);
+                }
             }
             place::refuse_same(path, &output).map_err(ReplayError::OutputIsInput)?;
         }
@@ -65,7 +80,20 @@ impl CameraReplay {
         // What is recorded as effective is what was done, not the default that gave way.
         let transport = Value::Text(image_topic.transport.name().to_owned());
         values.set(&camera.full_name("image_transport"), transport, "the recording")?;
-        Ok(Self { camera, values, calibration, ambient, image_topic, output })
+        let info_topic = match axis.and_then(Calibration::image_size_px) {
+            Some(_) => info_topic(&replay.bags, &replay.names, &camera, &image_topic)?,
+            None => None,
+        };
+        Ok(Self {
+            camera,
+            values,
+            calibration,
+            ambient,
+            image_topic,
+            position_topics,
+            info_topic,
+            output,
+        })
     }
 
     /// Two cameras with the same images would both want every message.
@@ -95,13 +123,15 @@ impl CameraReplay {
         let mut topics = topics::recorded(&published);
         let num_topics = topics.len();
         if replay.request.with_images {
-            topics.extend(self.input_topic(&replay.bags));
+            let side = self.side_topics();
+            let inputs = std::iter::once(&self.image_topic.name).chain(&side);
+            topics.extend(inputs.filter_map(|name| recorded(name, &replay.bags)));
         }
         let description = self.description(replay);
         let results = ResultsBag::create(&self.output, &replay.options, &topics, description)?;
         Ok(Chain {
             topic: self.image_topic.name.clone(),
-            worker: self.worker(replay),
+            worker: self.worker(replay)?,
             outlets: vec![Outlet::replay(Box::new(results))],
             num_topics,
         })
@@ -111,11 +141,12 @@ impl CameraReplay {
         self.calibration.as_ref().map(|(calibration, _)| calibration)
     }
 
-    fn worker(&self, replay: &Replay) -> Worker {
+    fn worker(&self, replay: &Replay) -> Result<Worker, ReplayError> {
         let sha256 = self.values.camera_sha256(&self.camera.name);
         let calibration = self.calibration();
-        let scanner = self.camera.scanner_for(calibration.map_or("", Calibration::frame_id));
-        let results = Results::new(&scanner, calibration, &sha256);
+        let part_frame = self.camera.part_frame(calibration);
+        let scanner = self.camera.scanner_for(&part_frame);
+        let results = Results::new(&scanner, calibration, &sha256).with_part_frame(part_frame);
         let reporter = Reporter {
             node: replay.names.fully_qualified(),
             camera: self.camera.name.clone(),
@@ -128,9 +159,20 @@ impl CameraReplay {
             max_frame_bytes: self.camera.max_frame_bytes,
             sends_images: replay.request.with_images,
         };
-        let pipeline =
+        let mut pipeline =
             Pipeline::new(scanner, calibration.cloned()).with_ambient(self.ambient.clone());
-        Worker::new(options, pipeline, results, reporter)
+        if self.camera.tracks_laser(calibration) {
+            pipeline = pipeline.with_laser_tracked();
+        }
+        let positions = positions::of_camera(&self.camera, calibration)?;
+        Ok(Worker::new(options, pipeline, results, reporter)
+            .with_positions(positions, self.side_topics())
+            .with_camera_info(calibration.cloned(), self.info_topic.clone()))
+    }
+
+    /// All topics besides the images.
+    pub(super) fn side_topics(&self) -> Vec<String> {
+        self.position_topics.iter().chain(&self.info_topic).cloned().collect()
     }
 
     pub(super) fn description(&self, replay: &Replay) -> Description {
@@ -145,11 +187,63 @@ impl CameraReplay {
             calibration: self.calibration.as_ref().map(|(_, text)| text.clone()),
         }
     }
+}
 
-    fn input_topic(&self, bags: &[BagReader]) -> Option<Topic> {
-        let mut topics = bags.iter().flat_map(BagReader::topics);
-        topics.find(|topic| topic.name == self.image_topic.name).map(|topic| (**topic).clone())
+/// A topic as it stands in the recordings.
+fn recorded(name: &str, bags: &[BagReader]) -> Option<Topic> {
+    let mut topics = bags.iter().flat_map(BagReader::topics);
+    topics.find(|topic| topic.name == name).map(|topic| (**topic).clone())
+}
+
+/// Name and type of every topic of a recording.
+fn named(bag: &BagReader) -> Vec<(String, String)> {
+    let mut topics: Vec<_> =
+        bag.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
+    // One name and type may stand there twice, with different QoS.
+    topics.dedup();
+    topics
+}
+
+/// The topic that describes the camera: the one that a remap of `camera_info` names, else the one beside the images.
+fn info_topic(
+    bags: &[BagReader],
+    names: &NodeNames,
+    camera: &CameraParams,
+    images: &ImageTopic,
+) -> Result<Option<String>, ReplayError> {
+    let remapped = names.remapped(&topics::of_camera(&camera.name, "camera_info"));
+    let name = match remapped.map_err(InputError::Name) {
+        Ok(Some(name)) => name,
+        Ok(None) => {
+            let base = images.name.strip_suffix("/compressed").unwrap_or(&images.name);
+            format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent))
+        }
+        Err(source) => return Err(ReplayError::Input { bag: PathBuf::new(), source }),
+    };
+    let described = recorded(&name, bags);
+    let is_info = |topic: &Topic| topic.type_name == CameraInfo::TYPE.name;
+    match described.filter(is_info) {
+        Some(topic) => {
+            topic.require_cdr()?;
+            Ok(Some(name))
+        }
+        None => Ok(None),
     }
+}
+
+fn choose_positions(
+    path: &Path,
+    bag: &BagReader,
+    names: &NodeNames,
+    camera: &CameraParams,
+) -> Result<Vec<String>, ReplayError> {
+    let source = camera.scanner.motion.source;
+    let chosen = positions::topics::choose(&named(bag), names, &camera.name, source)
+        .map_err(|source| ReplayError::Positions { bag: path.to_owned(), source })?;
+    for topic in bag.topics().iter().filter(|topic| chosen.contains(&topic.name)) {
+        topic.require_cdr()?;
+    }
+    Ok(chosen)
 }
 
 fn choose(
@@ -158,11 +252,7 @@ fn choose(
     names: &NodeNames,
     camera: &CameraParams,
 ) -> Result<ImageTopic, ReplayError> {
-    let mut topics: Vec<_> =
-        bag.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
-    // One name and type may stand there twice, with different QoS.
-    topics.dedup();
-    let chosen = input::choose(&topics, names, &camera.name, camera.image_transport)
+    let chosen = input::choose(&named(bag), names, &camera.name, camera.image_transport)
         .map_err(|source| ReplayError::Input { bag: path.to_owned(), source })?;
     for topic in bag.topics().iter().filter(|topic| topic.name == chosen.name) {
         topic.require_cdr()?;

@@ -65,9 +65,9 @@ fn what_a_full_queue_drops_is_counted_and_not_taken_for_lost() {
     assert_eq!((status.dropped_overload, status.rejected_malformed), (5, 1));
 }
 
-#[test]
-fn every_counter_reaches_its_field_of_the_status() {
-    let counts = Counts {
+/// Every counter with a number of its own.
+fn counted() -> Counts {
+    Counts {
         received: 1,
         processed: 2,
         dropped_overload: 3,
@@ -81,8 +81,16 @@ fn every_counter_reaches_its_field_of_the_status() {
         unpublished: 11,
         unpaired: 12,
         flooded: 13,
+        unlocated: 14,
+        doubtful: 15,
+        positions_refused: 16,
         ..Counts::default()
-    };
+    }
+}
+
+#[test]
+fn every_counter_reaches_its_field_of_the_status() {
+    let counts = counted();
     let reporter = Reporter {
         node: "/cell/top".into(),
         camera: "left".into(),
@@ -131,6 +139,9 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("slices", "8"),
         ("frames without their other exposure", "12"),
         ("frames too bright for the threshold", "13"),
+        ("frames without a position", "14"),
+        ("frames with a doubtful position", "15"),
+        ("positions refused", "16"),
         ("last rejection", "odd"),
         ("disk", "roomy"),
         ("disk", "full"),

@@ -14,7 +14,7 @@ use crate::{
         std_msgs::Header,
     },
     node::{
-        camera_info::ImageHeader,
+        camera_info::{Conflict, ImageHeader},
         order::{Place, StampFault, StampStep},
         publisher::{Halt, Publisher},
         results::Measured,
@@ -41,6 +41,8 @@ enum Rejection {
     #[error("malformed: {0}")]
     Params(#[from] FrameError),
     #[error("malformed: {0}")]
+    CameraInfo(#[from] Conflict),
+    #[error("malformed: {0}")]
     Transport(String),
     #[error("its stamp is that of the frame before")]
     Duplicate,
@@ -66,7 +68,7 @@ impl Worker {
         self.last_time_ns = message.log_time_ns;
         self.counts.received += 1;
         if self.options.sends_images {
-            out.forward(message)?;
+            out.forward(message, 0)?;
         }
         match self.measure(message, picture, out)? {
             Ok(()) => self.counts.processed += 1,
@@ -143,25 +145,34 @@ impl Worker {
                 }));
             }
         }
-        if let Some(live) = &mut self.live {
-            let (width, height) = (image.width(), image.height());
-            live.observe(&ImageHeader { stamp_ns, frame_id: &header.frame_id, width, height });
-        }
+        let (width, height) = (image.width(), image.height());
+        let of_image = ImageHeader { stamp_ns, frame_id: &header.frame_id, width, height };
+        let pairing = match &mut self.live {
+            Some(live) => live.observe(&of_image),
+            None => self.framing.pair(&of_image),
+        };
+        let framed = self.frame_by(pairing, out)?;
         let place = self.place(message.sequence);
+        if let Err(conflict) = framed {
+            return Ok(Err(conflict.into()));
+        }
         let index = FrameIndex {
             frame_number: place.frame_number,
             frames_missing: self.pending.missing,
             frames_rejected: self.pending.rejected,
         };
 
+        let position = self.locate(place.frame_number, (stamp_ns, message.log_time_ns));
         let mut clock = StageClock { last: started, stages: &mut self.stages };
         let frame = image::Frame { stamp_ns, image };
-        let output = match self.pipeline.process(&frame, index, |stage| clock.tick(stage)) {
+        let on_stage = |stage| clock.tick(stage);
+        let output = match self.pipeline.process_at(&frame, index, position, on_stage) {
             Ok(output) => output,
             Err(error) => return Ok(Err(error.into())),
         };
         self.pending = Pending::default();
-        self.last_position_m = output.position_m;
+        self.travelled = output.travelled;
+        let position = output.position;
         self.counts.points += output.centerline.len() as u64;
         self.counts.slices += u64::from(output.slice.is_some());
         self.counts.unpaired += u64::from(is_unpaired(output.pairing));
@@ -169,6 +180,7 @@ impl Worker {
         let time_ns = message.log_time_ns;
         self.results
             .publish_frame(&Measured { header, image, place, index, output, time_ns }, out)?;
+        self.count_position(stamp_ns, position);
         self.stages.encode.record(out.take_encoding_time());
         if let Some(live) = &mut self.live {
             live.note_latency(stamp_ns);

@@ -5,13 +5,14 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Pending, Worker};
+use super::{Now, Pending, Worker};
 use crate::node::{
-    camera_info::ImageHeader,
+    camera_info::{ImageHeader, Pairing},
     clock::{RosClock, system_ns},
     command::{Answer, Command, Mailbox, Reply, ScanRequest, Settings},
     histogram::Histogram,
     publisher::{Halt, Publisher},
+    queue::Queue,
     status::{self, Load, Note},
 };
 
@@ -32,8 +33,8 @@ pub struct Surroundings {
 /// Asks them, once a report.
 pub type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
 
-/// Looks at every image that is measured.
-pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) + Send>;
+/// Looks at every image that is measured, and says what is known of its camera.
+pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> Pairing + Send>;
 
 /// The live side of a worker.
 pub struct Live {
@@ -81,6 +82,11 @@ impl Live {
         self.next_tick
     }
 
+    /// Whether somebody waits for everything to be measured.
+    pub(super) const fn is_resting(&self) -> bool {
+        self.resting.is_some()
+    }
+
     pub(super) fn surroundings(&self) -> Surroundings {
         (self.survey)()
     }
@@ -95,8 +101,8 @@ impl Live {
         std::mem::replace(&mut self.num_breaks, num_breaks) != num_breaks
     }
 
-    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) {
-        (self.observe)(image);
+    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) -> Pairing {
+        (self.observe)(image)
     }
 
     /// From the stamp to the result. A stamp of the future, by a clock that runs ahead, tells nothing.
@@ -126,9 +132,14 @@ impl Live {
 
 impl Worker {
     /// Between two frames: takes new settings, and notices when time does not go on.
-    pub(super) fn look_up(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        self.apply_settings(out)?;
+    pub(super) fn look_up(
+        &mut self,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
+        self.apply_settings(spare, out)?;
         if self.live.as_mut().is_some_and(Live::has_time_broken) {
+            self.release(Now::End, spare, out)?;
             tracing::warn!("{}: time did not go on: a new session begins", self.reporter.topic);
             self.begin_session(out)?;
         }
@@ -136,10 +147,15 @@ impl Worker {
     }
 
     /// Measures by new parameters from the next frame on. A scan that cannot go on under them ends first.
-    fn apply_settings(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+    fn apply_settings(
+        &mut self,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
         let Some(settings) = self.live.as_ref().and_then(|live| live.settings.take()) else {
             return Ok(());
         };
+        self.move_by(&settings.params, spare, out)?;
         if self.pipeline.must_end_for(&settings.params) {
             self.end_scan(out)?;
         }
@@ -226,7 +242,7 @@ impl Worker {
     pub(super) fn end_at_length(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
         let length_m = self.live.as_ref().map_or(0.0, |live| live.length_m);
         let is_open = self.pipeline.scan_id().is_some();
-        if length_m > 0.0 && is_open && self.last_position_m.abs() >= length_m {
+        if length_m > 0.0 && is_open && self.travelled >= length_m {
             tracing::info!("the scan has its length of {length_m} m: it ends");
             return self.stop_scan(out);
         }

@@ -1,14 +1,26 @@
 //! The one thread of a camera: it owns the pipeline, judges every frame and publishes what the pipeline says.
 
+mod axis;
 mod frame;
+mod framing;
 pub mod live;
 
-use crate::{ros::node_params::ImageTransport, scanner::pipeline::Pipeline};
+use std::sync::Arc;
+
+use crate::{
+    ros::node_params::ImageTransport,
+    scanner::{calibration::Calibration, pipeline::Pipeline},
+};
 
 use super::{
     clock::system_ns,
     fan_out::CloseOnDrop,
     order::{Sequence, StampOrder},
+    positions::{
+        Positions,
+        inbox::Inbox,
+        waiting::{Held, Now, Waiter, Waiting},
+    },
     publisher::{Halt, Publisher},
     queue::{Popped, Queue},
     results::Results,
@@ -19,6 +31,7 @@ use super::{
     topics::Output,
     unpack::{Picture, Unpacked},
 };
+use framing::Framing;
 use live::Live;
 
 /// How the worker treats its input.
@@ -57,11 +70,21 @@ pub struct Worker {
     /// Pixels of a decoded compressed image.
     pixels: Vec<u8>,
     last_time_ns: i64,
-    /// Position of the last measured frame along the scan, metres.
-    last_position_m: f64,
+    /// How far the last measured frame came since the first of its scan, metres (radians).
+    travelled: f64,
+    /// Where frames were taken, when that is measured.
+    positions: Option<Positions>,
+    /// Where messages about that wait, live.
+    inbox: Option<Arc<Inbox>>,
+    /// Topics that they come on.
+    position_topics: Vec<String>,
+    /// Frames that wait for their positions.
+    waiting: Waiting,
     last_writer: Writer,
     /// Why the last frame was refused, until it is reported.
     last_rejection: Option<String>,
+    /// What is known of the camera.
+    framing: Framing,
     /// What only a live camera has.
     live: Option<Live>,
 }
@@ -87,9 +110,14 @@ impl Worker {
             stages: StageTimes::default(),
             pixels: Vec::new(),
             last_time_ns: 0,
-            last_position_m: 0.0,
+            travelled: 0.0,
+            positions: None,
+            inbox: None,
+            position_topics: Vec::new(),
+            waiting: Waiting::default(),
             last_writer: Writer::default(),
             last_rejection: None,
+            framing: Framing::default(),
             live: None,
         }
     }
@@ -98,6 +126,30 @@ impl Worker {
     #[must_use]
     pub fn with_live(self, live: Live) -> Self {
         Self { live: Some(live), ..self }
+    }
+
+    /// Makes it ask where frames were taken; messages about that come on `topics`.
+    #[must_use]
+    pub fn with_positions(self, positions: Option<Positions>, topics: Vec<String>) -> Self {
+        Self { positions, position_topics: topics, ..self }
+    }
+
+    /// Makes it look there for messages about the axis.
+    #[must_use]
+    pub fn with_inbox(self, inbox: Arc<Inbox>) -> Self {
+        Self { inbox: Some(inbox), ..self }
+    }
+
+    /// The topics of messages about the axis.
+    pub fn position_topics(&self) -> &[String] {
+        &self.position_topics
+    }
+
+    /// Makes it refuse images of another camera than the calibrated one, and measure those of a part of its sensor as such;
+    /// recorded descriptions of the camera come on `topic`, one of those of the positions.
+    #[must_use]
+    pub fn with_camera_info(self, calibration: Option<Calibration>, topic: Option<String>) -> Self {
+        Self { framing: Framing::new(calibration, topic), ..self }
     }
 
     /// The largest picture that it takes, bytes, where its images are compressed.
@@ -120,15 +172,16 @@ impl Worker {
         loop {
             match input.pop_counted(self.live.as_ref().map(Live::next_tick)) {
                 Popped::Item(item, num_dropped) => {
-                    self.look_up(out)?;
-                    self.take_dropped(num_dropped);
-                    self.take_input(item, spare, out)?;
+                    self.look_up(spare, out)?;
+                    self.take_input(item, num_dropped, spare, out)?;
                 }
-                Popped::TimedOut => self.look_up(out)?,
+                Popped::TimedOut => self.look_up(spare, out)?,
                 Popped::Closed => break,
             }
-            self.tick(input.len(), out)?;
+            self.let_go(spare, out)?;
+            self.tick(input.len() + self.waiting.len(), out)?;
         }
+        self.release(Now::End, spare, out)?;
         self.end_scan(out)?;
         let now_ns = self.report_time_ns();
         let interval = self.schedule.close(now_ns, &self.counts);
@@ -139,38 +192,62 @@ impl Worker {
     fn take_input(
         &mut self,
         item: Input,
+        num_dropped: u32,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
+        let waiter = match item {
+            Input::Message(message, writer) => {
+                Waiter::Frame(Unpacked { message, writer, picture: None })
+            }
+            Input::Ahead(ahead) => match ahead.wait() {
+                Some(unpacked) => Waiter::Frame(unpacked),
+                None => Waiter::Fault("the thread that unpacks images is gone".to_owned()),
+            },
+            Input::Fault(what) => Waiter::Fault(what),
+            other => return self.take_other(other, spare, out),
+        };
+        if self.positions.is_some() {
+            return self.hold(waiter, num_dropped, spare, out);
+        }
+        self.take_dropped(num_dropped);
+        self.take_waiter(waiter, spare, out)
+    }
+
+    /// What is no frame.
+    fn take_other(
+        &mut self,
+        item: Input,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
     ) -> Result<(), Halt> {
         match item {
-            Input::Message(message, writer) => {
-                self.take_message(Unpacked { message, writer, picture: None }, spare, out)
+            Input::Position(message) => self.take_position(&message, spare, out),
+            Input::Positions => self.open_inbox(spare, out),
+            Input::NewRecording => {
+                self.release(Now::End, spare, out)?;
+                self.begin_anew(out)
             }
-            Input::Ahead(ahead) => {
-                if let Some(unpacked) = ahead.wait() {
-                    return self.take_message(unpacked, spare, out);
-                }
-                self.take_fault("the thread that unpacks images is gone");
-                Ok(())
-            }
-            Input::Fault(what) => {
-                self.take_fault(&what);
-                Ok(())
-            }
-            Input::NewRecording => self.begin_anew(out),
-            // Counted and told where it was read.
-            Input::Damage(_) => Ok(()),
+            // Counted and told where it was read; and frames are not taken here.
+            Input::Damage(_) | Input::Message(..) | Input::Ahead(_) | Input::Fault(_) => Ok(()),
             Input::Command(command) => self.obey(command, out),
         }
     }
 
-    fn take_message(
+    /// Takes what has come, or need not wait any longer.
+    fn take_waiter(
         &mut self,
-        unpacked: Unpacked,
+        waiter: Waiter,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
     ) -> Result<(), Halt> {
-        let Unpacked { message, writer, picture } = unpacked;
+        let Unpacked { message, writer, picture } = match waiter {
+            Waiter::Frame(unpacked) => unpacked,
+            Waiter::Fault(what) => {
+                self.take_fault(&what);
+                return Ok(());
+            }
+        };
         if writer != self.last_writer {
             self.last_writer = writer;
             self.sequence.restart();
@@ -185,6 +262,7 @@ impl Worker {
     /// What comes next does not go on from what came before.
     fn begin_anew(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
         self.end_scan(out)?;
+        self.positions.iter_mut().for_each(Positions::restart);
         self.stamps = StampOrder::default();
         self.sequence.restart();
         self.schedule.restart();

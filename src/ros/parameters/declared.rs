@@ -111,6 +111,14 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// A text.
+    pub(in crate::ros) fn text(self, name: &str) -> Result<&'a str, ParameterError> {
+        match &self.entry(name)?.value {
+            Value::Text(text) => Ok(text),
+            _ => Err(mistyped(name, "a text")),
+        }
+    }
+
     /// A path as it was given.
     pub(in crate::ros) fn path(self, name: &str) -> Result<PathBuf, ParameterError> {
         match &self.entry(name)?.value {

@@ -5,8 +5,8 @@ use crate::{
     scanner::{
         image::MAX_SIDE_PX,
         params::{
-            Background, Channel, Exposure, Method, MotionSource, NoiseSource, PeakSelection,
-            StripeDirection, Threshold, Window,
+            AxisChoice, Background, Channel, Exposure, Method, MotionSource, NoiseSource,
+            PeakSelection, ScanDirection, StripeDirection, Threshold, Window,
         },
     },
 };
@@ -121,11 +121,48 @@ pub const CAMERA: &[Parameter] = &[
          starts from the parameter file that sets it, or from the working directory when set by -p."),
     choice("motion.source", "none", MotionSource::NAMES,
         "Where a profile's position along the scan comes from. none: every profile at 0. constant: motion.step or \
-         motion.velocity."),
+         motion.velocity. joint_state: a joint on joint_states. encoder: EncoderStamped on encoder. tf: the pose of \
+         motion.sensor_frame in motion.part_frame, on /tf and /tf_static. The last three are looked up at the middle of the \
+         exposure; a frame whose position nobody knows is published, but left out of the scan."),
     float("motion.step", "m/frame", (0.0, -1.0, 1.0),
         "Distance between two frames, lost ones included; for triggered cameras. Negative moves against the scan axis."),
     float("motion.velocity", "m/s", (0.0, -100.0, 100.0),
         "Speed of the part; times the difference of stamps. For free-running cameras with good stamps."),
+    text("motion.joint", "",
+        "For joint_state: name of the joint. Empty: the only one that the messages hold."),
+    choice("motion.axis", "auto", AxisChoice::NAMES,
+        "What the axis does. auto: what the calibration says of it; shift the part, where it says nothing. prismatic: \
+         positions are metres; revolute: radians, and a turn that begins again at 0 goes on. Another axis than the \
+         calibration's is refused."),
+    float("motion.scale", "m or rad a unit", (0.0, -1e6, 1e6),
+        "What one unit of a joint or one count of an encoder means; negative turns the axis round. 0: as the messages say, \
+         1 for joints. The scale of the calibration's axis counts as well."),
+    integer("motion.encoder_bits", "bits", (0, 0, 63),
+        "Width of the encoder's counter, where its counts begin again at 0 after it; the axis must not move half the range \
+         between two samples. 0: counts are unwrapped already, as EncoderStamped wants them."),
+    choice("motion.direction", "auto", ScanDirection::NAMES,
+        "Which way positions should go; what goes the other way is flagged REVERSED. auto: the way that a scan goes first; \
+         forward: up; backward: down; both: to and fro, nothing is flagged. Set it where an axis may run the wrong way."),
+    float("motion.backlash", "m or rad", (1e-5, 0.0, 1.0),
+        "How far the axis may move back and yet stand still: some counts of the encoder."),
+    float("motion.max_step", "m or rad", (0.0, 0.0, 1e6),
+        "Frames between two samples that lie further apart are flagged GAP: a counter that was reset, an axis that slipped. \
+         0: any distance is believed."),
+    float("motion.max_gap", "s", (0.0, 0.0, 3600.0),
+        "Longest time between two samples: frames between those further apart are flagged STALE, and a motion is thought to \
+         go on (EXTRAPOLATED) no longer than this. 0: four times the usual time between samples."),
+    integer("motion.max_wait", "frames", (32, 0, 1000),
+        "Frames that wait at most for a sample taken after them, 256 MiB of them and at least a second. Raise it where \
+         positions come much later than images."),
+    float("motion.exposure_offset", "s", (0.0, -10.0, 10.0),
+        "From the stamp of a frame to the middle of its exposure: half the exposure time, where cameras stamp its beginning. \
+         An axis that stands still while exposing may be looked up where its position was taken."),
+    text("motion.part_frame", "",
+        "Frame of the point clouds and height maps. For tf: the frame that is scanned in, as in base_link; it must be set. \
+         Otherwise its name; empty: part where the calibration has an axis, else the laser plane's own frame."),
+    text("motion.sensor_frame", "",
+        "For tf: the frame whose pose is looked up. Empty: the frame of the images, the camera's optical frame. The laser \
+         plane's frame may stand here, where somebody publishes it."),
     integer("slice.profiles", "profiles", (100, 1, 10_000),
         "Profiles in one published slice of the point cloud. Fewer: less delay and smaller messages; 100 is a slice \
          of some megabytes. A slice also ends before it has 2^26 points, 1 GiB."),

@@ -2,6 +2,7 @@
 
 mod cuts;
 mod frame;
+mod uncertainty;
 
 use super::{AxisQuality, CalibrationError, CameraQuality, PlaneQuality, file::Id};
 use crate::scanner::{axis::Axis, camera::Camera, laser_plane::LaserPlane};

@@ -1,7 +1,9 @@
 //! The image of the laser plane as a homography: what known heights alone can tell of a camera without distortion.
 
+use nalgebra::{Matrix3, Point2};
+
 use super::{CalibrationError, PlacedPoint, StepsQuality, file::Id};
-use crate::scanner::params::StripeDirection;
+use crate::scanner::{camera::View, params::StripeDirection};
 
 /// A plane seen by a pinhole camera: with `(x, z, w) = H (column, row, 1)`, the point is at x/w and z/w.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +45,20 @@ impl Projective {
         Some(PlacedPoint { x_m, z_m, x_m_per_px: slope(0, x_m), z_m_per_px: slope(1, z_m) })
     }
 
+    /// The same map for images of a part of the sensor.
+    pub(super) fn seen_through(&self, view: &View) -> Self {
+        let shift = view.on_sensor(Point2::origin());
+        let [bx, by] = view.binning.map(f64::from);
+        let mut homography = self.homography;
+        for row in homography.chunks_exact_mut(3) {
+            row[2] += row[0] * shift.x + row[1] * shift.y;
+            row[0] *= bx;
+            row[1] *= by;
+        }
+        let [width_px, height_px] = view.size_px;
+        Self { width_px, height_px, homography, ..self.clone() }
+    }
+
     pub(super) fn id(&self) -> String {
         Id::new("projective")
             .text(&self.frame_id)
@@ -52,7 +68,7 @@ impl Projective {
     }
 
     pub(super) fn check(&self) -> Result<(), CalibrationError> {
-        let h = nalgebra::Matrix3::from_row_slice(&self.homography);
+        let h = Matrix3::from_row_slice(&self.homography);
         let scale = h.amax();
         let determinant = (h / scale).determinant();
         if !(self.homography.iter().all(|value| value.is_finite())
@@ -116,6 +132,18 @@ mod tests {
             assert!((one.x_m_per_px - other.x_m_per_px).abs() < 1e-15, "{one:?} {other:?}");
             assert!((one.z_m_per_px - other.z_m_per_px).abs() < 1e-15, "{one:?} {other:?}");
         }
+        // Two pixels in one, from (100, 200) on.
+        let view = View { offset_px: [100, 200], size_px: [1000, 800], binning: [2, 2] };
+        let part = projective.seen_through(&view);
+        let on_sensor = view.on_sensor(Point2::new(30.0, 40.0));
+        let one = part.place(StripeDirection::Horizontal, 30.0, 40.0).unwrap();
+        let other =
+            projective.place(StripeDirection::Horizontal, on_sensor.x, on_sensor.y).unwrap();
+        assert!((one.x_m - other.x_m).abs() < 1e-12 && (one.z_m - other.z_m).abs() < 1e-12);
+        assert!(
+            (one.z_m_per_px - 2.0 * other.z_m_per_px).abs() < 1e-12,
+            "a pixel is twice as large"
+        );
         // The image of the plane's horizon, and beyond.
         let parallel_px = row + a * beta.tan() / pitch;
         let beyond = projective.place(StripeDirection::Horizontal, 0.0, parallel_px + 1.0);

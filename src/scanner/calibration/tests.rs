@@ -177,6 +177,8 @@ fn wrong_values_are_refused_by_name() {
         ("distortion_model: plumb_bob", "distortion_model: equidistant", "equidistant"),
         ("distortion_model: plumb_bob", "distortion_model: rational_polynomial", "eight"),
         ("data: [0.1277,", "data: [.nan,", "distortion_coefficients"),
+        ("\"fx\"", "\"focus\"", "focus"),
+        ("\"covariance\":[1.0,", "\"covariance\":[", "camera_quality.covariance"),
         ("tilt_rad: [0.01,", "tilt_rad: [1.5,", "tilt_rad"),
         ("laser_plane: {normal: [0.9", "laser_plane: {normal: [9.9", "laser_plane.normal"),
         (", 0.387", ", -0.387", "laser_plane.normal"),

@@ -74,6 +74,24 @@ impl Distortion {
         }
     }
 
+    /// A coefficient by its name in the formula; `None` where the model has none of that name.
+    pub(in crate::scanner) fn coefficient_mut(&mut self, name: &str) -> Option<&mut f64> {
+        if *self == Self::None {
+            *self = Self::PlumbBob { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
+        }
+        match (self, name) {
+            (Self::PlumbBob { k1, .. } | Self::RationalPolynomial { k1, .. }, "k1") => Some(k1),
+            (Self::PlumbBob { k2, .. } | Self::RationalPolynomial { k2, .. }, "k2") => Some(k2),
+            (Self::PlumbBob { p1, .. } | Self::RationalPolynomial { p1, .. }, "p1") => Some(p1),
+            (Self::PlumbBob { p2, .. } | Self::RationalPolynomial { p2, .. }, "p2") => Some(p2),
+            (Self::PlumbBob { k3, .. } | Self::RationalPolynomial { k3, .. }, "k3") => Some(k3),
+            (Self::RationalPolynomial { k4, .. }, "k4") => Some(k4),
+            (Self::RationalPolynomial { k5, .. }, "k5") => Some(k5),
+            (Self::RationalPolynomial { k6, .. }, "k6") => Some(k6),
+            _ => None,
+        }
+    }
+
     /// Where on the plane z = 1 a point of that plane appears. `None` where the model folds back.
     pub fn distort(&self, straight: Point2<f64>) -> Option<Point2<f64>> {
         if *self == Self::None {
@@ -151,6 +169,9 @@ impl Distortion {
     fn radial(&self, s: f64) -> (f64, f64) {
         let Terms { above, below, .. } = self.terms();
         let (n, dn) = series(above, s);
+        if below.iter().all(|coefficient| *coefficient == 0.0) {
+            return (n, dn);
+        }
         let (d, dd) = series(below, s);
         (n / d, (dn * d - n * dd) / (d * d))
     }

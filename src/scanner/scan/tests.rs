@@ -19,11 +19,14 @@ fn scan(slice_profiles: u32, scan_profiles: u32) -> Scan {
 
 fn placed(profile: &Profile, frame_number: u64, frames_missing: u32) -> Placed<'_> {
     let index = FrameIndex { frame_number, frames_missing, frames_rejected: 0 };
+    let position = frame_number as f64 * 0.001;
     Placed {
         profile,
         image_px: (64, 32),
         stamp_ns: frame_number as i64,
-        position_m: frame_number as f64 * 0.001,
+        position,
+        is_doubtful: false,
+        part_from_laser: Isometry3::translation(0.0, position, 0.0),
         index,
     }
 }
@@ -108,6 +111,36 @@ fn missing_points_are_nan_in_every_field() {
     let slice = scan.finish(0, 0).slice.unwrap();
     assert!(slice.points.iter().flatten().all(|value| value.is_nan()));
     assert_eq!((slice.account.profiles_empty, slice.account.points), (1, 0));
+}
+
+#[test]
+fn a_slice_with_one_doubtful_position_is_degraded_and_the_next_is_not() {
+    let mut scan = scan(2, 100);
+    let one = profile(3, 0.25);
+    let mut states = Vec::new();
+    for number in 0..6 {
+        let is_doubtful = number == 1;
+        let placed = Placed { is_doubtful, ..placed(&one, number, u32::from(number == 3)) };
+        states.extend(scan.push(&placed).slice.map(|slice| slice.account.state));
+    }
+    states.extend(scan.finish(0, 0).slice.map(|slice| slice.account.state));
+    assert_eq!(states, [SliceState::Degraded, SliceState::Gaps, SliceState::Complete]);
+}
+
+#[test]
+fn points_and_heights_are_the_parts() {
+    let quarter =
+        nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+    let part_from_laser = Isometry3::from_parts(Vector3::new(1.0, 2.0, 3.0).into(), quarter);
+    let mut scan = scan(10, 10);
+    let mut one = profile(2, 0.25);
+    (one.x_m[1], one.z_m[1], one.valid_count) = (f32::NAN, f32::NAN, 1);
+    scan.push(&Placed { part_from_laser, ..placed(&one, 0, 0) });
+    let done = scan.finish(0, 0);
+    let [x_m, y_m, z_m, _] = done.slice.unwrap().points[0];
+    assert!((x_m - 1.5).abs() < 1e-6 && (y_m - 1.75).abs() < 1e-6 && (z_m - 3.0).abs() < 1e-6);
+    let heights = &done.height_map.unwrap().z_m;
+    assert!(heights[0] == z_m && heights[1].is_nan());
 }
 
 #[test]

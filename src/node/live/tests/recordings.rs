@@ -42,7 +42,8 @@ pub(super) fn bags(place: &Path) -> Vec<PathBuf> {
 fn shoot(rig: &Rig, camera: &mut TestCamera, numbers: impl IntoIterator<Item = usize>) {
     for number in numbers {
         camera.shoot();
-        rig.results("centerline", number);
+        // The last that a frame gives: then all of it is out.
+        rig.results("profile", number);
     }
 }
 

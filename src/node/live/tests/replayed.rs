@@ -1,16 +1,19 @@
 //! Live equals replay: what was published for a stream is what a replay makes of its recording.
 
-use std::fs;
+use std::{collections::BTreeMap, fs, path::Path};
 
 use super::{
     driver::{MS, Picture, START_NS},
+    ear::Ear,
     recordings::{bags, messages, open},
     rig::Setup,
     stream::counts,
 };
 use crate::{
+    bag::RawMessage,
     node::{
         replay::{Replay, ReplayRequest},
+        statistics::Summary,
         stop::Stop,
     },
     ros::{arguments::RosArguments, transport::Fault, value::Value},
@@ -49,9 +52,20 @@ fn what_was_published_is_what_a_replay_of_the_recording_gives() {
     let live = counts(summaries);
     assert_eq!((live.processed, live.rejected(), live.dropped_overload), (40, 2, 0));
 
-    let [results, images] = <[_; 2]>::try_from(bags(place.path())).unwrap();
-    let replayed = place.path().join("replayed");
-    let from = place.path().join("from_the_bag");
+    let (summary, recorded, replayed) = replayed(place.path());
+    assert_eq!((summary.counts.processed, summary.counts.lost()), (40, live.lost()));
+    same(&recorded, &replayed, &ear);
+}
+
+/// Messages of a bag by topic.
+type Messages = BTreeMap<String, Vec<RawMessage>>;
+
+/// What was recorded there, and what a replay of the recorded images makes of the parameters and the calibration that lie
+/// in the bag of results.
+pub(super) fn replayed(place: &Path) -> (Summary, Messages, Messages) {
+    let [results, images] = <[_; 2]>::try_from(bags(place)).unwrap();
+    let replayed = place.join("replayed");
+    let from = place.join("from_the_bag");
     fs::create_dir(&from).unwrap();
     let bag = open(&results);
     let attached = bag.attachments().next().unwrap().unwrap();
@@ -64,15 +78,17 @@ fn what_was_published_is_what_a_replay_of_the_recording_gives() {
     let output = replayed.clone();
     let request = ReplayRequest { bags: vec![images], output, ros, ..ReplayRequest::default() };
     let summary = Replay::prepare(request).unwrap().run(&Stop::default(), &mut |_| {}).unwrap();
-    assert_eq!((summary.counts.processed, summary.counts.lost()), (40, live.lost()));
+    (summary, messages(&results), messages(&replayed))
+}
 
-    let (recorded, replayed) = (messages(&results), messages(&replayed));
+/// Every result is in both bags with the same bytes and times, and was heard so.
+pub(super) fn same(recorded: &Messages, replayed: &Messages, ear: &Ear) {
     for name in TOPICS {
         let topic = format!("/laser_profiler/{name}");
-        let of = |bag: &std::collections::BTreeMap<_, Vec<crate::bag::RawMessage>>| -> Vec<_> {
+        let of = |bag: &Messages| -> Vec<_> {
             bag[&topic].iter().map(|m| (m.log_time_ns, m.sequence, m.data.clone())).collect()
         };
-        let (live, again) = (of(&recorded), of(&replayed));
+        let (live, again) = (of(recorded), of(replayed));
         assert!(live.len() >= 2 && live == again, "{name}: {} and {}", live.len(), again.len());
         let heard = ear.heard(&topic);
         assert!(heard.iter().map(|m| &m.data).eq(again.iter().map(|(_, _, data)| data)), "{name}");

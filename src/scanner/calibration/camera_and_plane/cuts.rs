@@ -18,6 +18,8 @@ const MAX_STEPS: u32 = 5;
 pub(in crate::scanner::calibration) struct Cuts<'a> {
     camera: &'a Camera,
     direction: StripeDirection,
+    /// Of a column and a row, on the plane z = 1.
+    per_px: [f64; 2],
     /// From the inclined sensor to the plane z = 1.
     untilt: Option<Matrix3<f64>>,
     /// Squared radius, on the plane z = 1, beyond which the lens is not measured.
@@ -53,6 +55,7 @@ impl CameraAndPlane {
         Cuts {
             camera,
             direction,
+            per_px: [1.0 / camera.fx_px, 1.0 / camera.fy_px],
             untilt: camera.untilt(),
             limit: camera.distortion.largest_radius().powi(2),
             last_step: LAST_STEP_PX / camera.fx_px.max(camera.fy_px),
@@ -72,12 +75,13 @@ impl Cuts<'_> {
         along_px: f64,
         across_px: f64,
     ) -> Option<PlacedPoint> {
-        let Camera { fx_px, fy_px, cx_px, cy_px, .. } = *self.camera;
+        let [per_column, per_row] = self.per_px;
         let (column, row, across) = match self.direction {
-            StripeDirection::Horizontal => (along_px, across_px, Vector2::new(0.0, 1.0 / fy_px)),
-            StripeDirection::Vertical => (across_px, along_px, Vector2::new(1.0 / fx_px, 0.0)),
+            StripeDirection::Horizontal => (along_px, across_px, Vector2::new(0.0, per_row)),
+            StripeDirection::Vertical => (across_px, along_px, Vector2::new(per_column, 0.0)),
         };
-        let on_sensor = Point2::new((column - cx_px) / fx_px, (row - cy_px) / fy_px);
+        let Camera { cx_px, cy_px, .. } = *self.camera;
+        let on_sensor = Point2::new((column - cx_px) * per_column, (row - cy_px) * per_row);
         let (bent, bent_per_px) = self.untilted(on_sensor, across)?;
         let ray = self.ray(bent)?;
         let straight_per_px = ray.straight_per_bent * bent_per_px;

@@ -148,7 +148,7 @@ impl CameraFile {
             let value = format!("{:?}", self.tilt_rad);
             return Err(CalibrationError::value("tilt_rad", value, "two angles within ±π/4"));
         }
-        Ok(Camera {
+        let camera = Camera {
             width_px: self.image_width,
             height_px: self.image_height,
             fx_px,
@@ -157,7 +157,34 @@ impl CameraFile {
             cy_px,
             distortion: self.distortion()?,
             tilt_rad: self.tilt_rad,
-        })
+        };
+        self.check_quality(camera)?;
+        Ok(camera)
+    }
+
+    /// A covariance is of values that the camera has.
+    fn check_quality(&self, camera: Camera) -> Result<(), CalibrationError> {
+        let Some(quality) = &self.camera_quality else { return Ok(()) };
+        let mut camera = camera;
+        for name in &quality.parameters {
+            if camera.value_mut(name).is_none() {
+                return Err(CalibrationError::value(
+                    "camera_quality.parameters",
+                    name.clone(),
+                    "fx, fy, cx, cy, tau_x, tau_y and the coefficients of the distortion model",
+                ));
+            }
+        }
+        let count = quality.parameters.len();
+        let is_square = [0, count * count].contains(&quality.covariance.len());
+        if !is_square || !quality.covariance.iter().all(|value| value.is_finite()) {
+            return Err(CalibrationError::value(
+                "camera_quality.covariance",
+                format!("{:?}", quality.covariance),
+                "as many finite numbers as parameters times parameters, or none",
+            ));
+        }
+        Ok(())
     }
 
     fn distortion(&self) -> Result<Distortion, CalibrationError> {

@@ -1,0 +1,216 @@
+//! Whether a `camera_info` describes the camera of a calibration, and which part of its sensor.
+
+use nalgebra::{Point2, Point3};
+use thiserror::Error;
+
+use crate::{
+    msg::sensor_msgs::CameraInfo,
+    scanner::{
+        calibration::Calibration,
+        camera::{Camera, Distortion, View},
+    },
+};
+
+/// Two descriptions of one camera differ by less anywhere in the image, pixels.
+const LARGEST_DIFFERENCE_PX: f64 = 0.1;
+/// Places along each side of the image that are compared.
+const GRID: u32 = 8;
+
+/// Why a `camera_info` is not of the calibrated camera.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Misfit {
+    /// Another resolution.
+    #[error(
+        "camera_info is of a camera of {} x {} pixels, the calibration of one of {} x {}: it is another camera, or was \
+         calibrated in another mode", .info.0, .info.1, .calibrated.0, .calibrated.1
+    )]
+    Size {
+        /// Columns and rows according to the message.
+        info: (u32, u32),
+        /// Columns and rows of the calibration.
+        calibrated: (u32, u32),
+    },
+    /// A part that the sensor does not have.
+    #[error(
+        "the roi of camera_info, {} x {} from ({}, {}), does not lie in its {} x {} pixels", .size_px[0], .size_px[1],
+        .offset_px[0], .offset_px[1], .sensor_px[0], .sensor_px[1]
+    )]
+    Roi {
+        /// First column and row.
+        offset_px: [u32; 2],
+        /// Columns and rows.
+        size_px: [u32; 2],
+        /// Columns and rows of the sensor.
+        sensor_px: [u32; 2],
+    },
+    /// A lens that nobody can compare.
+    #[error(
+        "camera_info has distortion model {model:?} with {count} coefficients: allowed are plumb_bob (5) and \
+         rational_polynomial (8)"
+    )]
+    Model {
+        /// Its name.
+        model: String,
+        /// Number of coefficients.
+        count: usize,
+    },
+    /// Another camera.
+    #[error(
+        "K and D of camera_info see points up to {difference_px:.1} px from where the calibration does: it is another \
+         camera or an older calibration, or its images are rectified (image_rect), which are not measured"
+    )]
+    Camera {
+        /// Largest distance in the image, pixels, to a tenth.
+        difference_px: f64,
+    },
+}
+
+/// The part of the sensor that images of a `camera_info` show.
+///
+/// # Errors
+/// The message is of another camera than the calibration.
+pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<View, Misfit> {
+    let view = view(info)?;
+    let Some(calibrated) = calibration.image_size_px() else { return Ok(view) };
+    if (info.width, info.height) != calibrated {
+        return Err(Misfit::Size { info: (info.width, info.height), calibrated });
+    }
+    // All zeros: the driver says that it is not calibrated.
+    if let (Calibration::CameraAndPlane(geometry), true) = (calibration, info.k[0] != 0.0) {
+        compare(&geometry.camera, info)?;
+    }
+    Ok(view)
+}
+
+/// The part of the sensor that a message states.
+///
+/// # Errors
+/// The sensor does not have that part.
+pub fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
+    let roi = &info.roi;
+    let sensor_px = [info.width, info.height];
+    let offset_px = [roi.x_offset, roi.y_offset];
+    // Width 0 and height 0: all of the sensor.
+    let size_px = [0, 1].map(|axis| match [roi.width, roi.height][axis] {
+        0 => sensor_px[axis].saturating_sub(offset_px[axis]),
+        size => size,
+    });
+    let fits = |axis: usize| {
+        size_px[axis] > 0
+            && u64::from(offset_px[axis]) + u64::from(size_px[axis]) <= u64::from(sensor_px[axis])
+    };
+    if !(fits(0) && fits(1)) {
+        return Err(Misfit::Roi { offset_px, size_px, sensor_px });
+    }
+    let binning = [info.binning_x.max(1), info.binning_y.max(1)];
+    let size_px = [size_px[0] / binning[0], size_px[1] / binning[1]];
+    Ok(View { offset_px, size_px, binning })
+}
+
+fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<(), Misfit> {
+    let model = if info.distortion_model.is_empty() { "plumb_bob" } else { &info.distortion_model };
+    let distortion = Distortion::from_coefficients(model, &info.d)
+        .map_err(|_allowed| Misfit::Model { model: model.to_owned(), count: info.d.len() })?;
+    let described = Camera {
+        fx_px: info.k[0],
+        fy_px: info.k[4],
+        cx_px: info.k[2],
+        cy_px: info.k[5],
+        distortion,
+        // The message has no place for a tilt.
+        ..*calibrated
+    };
+    let (mut difference_px, mut compared) = (0.0_f64, 0);
+    for place in 0..(GRID + 1) * (GRID + 1) {
+        let along = |step: u32, size: u32| {
+            f64::from(step) / f64::from(GRID) * f64::from(size.saturating_sub(1))
+        };
+        let pixel = Point2::new(
+            along(place % (GRID + 1), calibrated.width_px),
+            along(place / (GRID + 1), calibrated.height_px),
+        );
+        let Some(ray) = calibrated.ray(pixel) else { continue };
+        let seen = described.project(Point3::from(ray));
+        difference_px = difference_px.max(seen.map_or(f64::INFINITY, |seen| (seen - pixel).norm()));
+        compared += 1;
+    }
+    if compared == 0 || difference_px.is_nan() || difference_px > LARGEST_DIFFERENCE_PX {
+        let difference_px = (10.0 * difference_px).ceil() / 10.0;
+        return Err(Misfit::Camera { difference_px });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::msg::sensor_msgs::RegionOfInterest;
+
+    const CALIBRATION: &str = "
+type: camera_and_plane
+frame_id: laser
+image_width: 640
+image_height: 480
+camera_matrix: {rows: 3, cols: 3, data: [625.0, 0, 317.5, 0, 623.5, 242.25, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0.12, -0.2, 0, -0.003, 0]}
+laser_plane: {normal: [0.0, -0.866, 0.5], distance_m: 0.15}
+";
+
+    fn calibration() -> Calibration {
+        Calibration::from_yaml(CALIBRATION).unwrap()
+    }
+
+    fn info() -> CameraInfo<'static> {
+        CameraInfo {
+            width: 640,
+            height: 480,
+            distortion_model: "plumb_bob".into(),
+            d: vec![0.12, -0.2, 0.0, -0.003, 0.0],
+            k: [625.0, 0.0, 317.5, 0.0, 623.5, 242.25, 0.0, 0.0, 1.0],
+            ..CameraInfo::default()
+        }
+    }
+
+    #[test]
+    fn the_calibrated_camera_fits_with_roi_and_binning() {
+        let whole = fit(&calibration(), &info()).unwrap();
+        assert_eq!(whole, View::whole([640, 480]));
+        let roi = RegionOfInterest {
+            x_offset: 100,
+            y_offset: 40,
+            width: 200,
+            height: 100,
+            do_rectify: false,
+        };
+        let part = CameraInfo { roi, binning_x: 2, binning_y: 4, ..info() };
+        let expected = View { offset_px: [100, 40], size_px: [100, 25], binning: [2, 4] };
+        assert_eq!(fit(&calibration(), &part), Ok(expected));
+        // A driver without a calibration of its own.
+        let unknown = CameraInfo { k: [0.0; 9], d: vec![], ..info() };
+        assert_eq!(fit(&calibration(), &unknown), Ok(whole));
+        // As a file prints numbers.
+        let mut rounded = info();
+        rounded.k[0] = 625.001;
+        assert!(fit(&calibration(), &rounded).is_ok());
+    }
+
+    #[test]
+    fn another_camera_is_told_by_what_differs() {
+        let roi = |x_offset, width| RegionOfInterest { x_offset, width, ..Default::default() };
+        let mut longer = info();
+        longer.k[0] = 640.0;
+        for (info, word) in [
+            (CameraInfo { width: 1280, ..info() }, "1280 x 480"),
+            (CameraInfo { roi: roi(600, 41), ..info() }, "roi"),
+            (CameraInfo { roi: roi(u32::MAX, u32::MAX), ..info() }, "roi"),
+            (CameraInfo { distortion_model: "equidistant".into(), ..info() }, "equidistant"),
+            (CameraInfo { d: vec![0.1], ..info() }, "1 coefficients"),
+            (CameraInfo { d: vec![0.0; 5], ..info() }, "px from where"),
+            (longer, "px from where"),
+        ] {
+            let misfit = fit(&calibration(), &info).unwrap_err().to_string();
+            assert!(misfit.contains(word), "{word}: {misfit}");
+        }
+    }
+}

@@ -1,0 +1,385 @@
+//! Where the axis was when a frame was exposed: from messages about it to positions of frames.
+//!
+//! A replay and a live node find the same: what was known of a frame is decided by stamps and by when samples were
+//! received, never by when somebody had time to look.
+
+mod decode;
+mod constant_lag;
+pub mod inbox;
+pub mod topics;
+pub(super) mod waiting;
+
+use thiserror::Error;
+
+use crate::{
+    bag::RawMessage,
+    ros::camera_params::{CameraParams, Moved},
+    scanner::{
+        axis::AxisKind,
+        calibration::Calibration,
+        motion::{
+            Position,
+            counter::Counter,
+            frames::{FrameTree, NotFound},
+            reading::Reading,
+            track::{Limits, MAX_SAMPLES, Track},
+        },
+        params::{AxisChoice, MotionParams, MotionSource},
+    },
+};
+use constant_lag::ConstantLag;
+
+/// A frame waits at least so long for a sample behind it: networks are no clockworks.
+const MIN_PATIENCE_NS: i64 = 1_000_000_000;
+/// Names that a message tells.
+const MAX_NAMED: usize = 20;
+
+/// An axis that the calibration does not have.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum AxisError {
+    /// Parameter and calibration disagree.
+    #[error(
+        "motion.axis is {chosen}, but the calibration's axis is {calibrated}: set auto, or calibrate that axis"
+    )]
+    Kind {
+        /// The parameter.
+        chosen: &'static str,
+        /// The calibration.
+        calibrated: &'static str,
+    },
+    /// Angles cannot become places.
+    #[error(
+        "motion.axis is revolute, but the calibration has no axis: find it with laser_profiler calibrate axis, or set \
+         motion.source to none for profiles without a scan"
+    )]
+    NoAxis,
+    /// A camera whose place nobody knows.
+    #[error(
+        "motion.source is tf, but the calibration knows no camera whose frame could be looked up: set motion.sensor_frame to its \
+         frame_id, {0}, and publish where that is"
+    )]
+    NoCamera(String),
+}
+
+/// What is known of the axis, by stamp.
+enum Known {
+    /// A joint or an encoder.
+    Axis(Track<Reading>),
+    /// Poses of frames.
+    Frames(FrameTree),
+}
+
+/// The positions of one camera's frames.
+pub struct Positions {
+    params: MotionParams,
+    moved: Moved,
+    kind: AxisKind,
+    known: Known,
+    counter: Counter,
+    /// Scale of the first encoder sample, metres a count.
+    scale: Option<f64>,
+    /// Frame of the images.
+    camera_frame: String,
+    /// Joints that were heard of.
+    joints: Vec<String>,
+    lag: ConstantLag,
+    /// The last frame that was given up for want of a sample: middle of its exposure, and when it was received.
+    given_up: Option<(i64, i64)>,
+    num_refused: u64,
+    has_told_missing: bool,
+    has_told_late: bool,
+}
+
+/// What the positions of that camera are of.
+///
+/// # Errors
+/// Parameter and calibration disagree, or angles could not be placed.
+pub fn axis_kind(
+    params: &MotionParams,
+    calibration: Option<&Calibration>,
+) -> Result<AxisKind, AxisError> {
+    let name = |kind| match kind {
+        AxisKind::Prismatic => "prismatic",
+        AxisKind::Revolute => "revolute",
+    };
+    let calibrated = calibration.and_then(Calibration::axis).map(|axis| axis.kind);
+    let chosen = match params.axis {
+        AxisChoice::Auto => return Ok(calibrated.unwrap_or(AxisKind::Prismatic)),
+        AxisChoice::Prismatic => AxisKind::Prismatic,
+        AxisChoice::Revolute => AxisKind::Revolute,
+    };
+    match calibrated {
+        Some(kind) if kind != chosen => {
+            Err(AxisError::Kind { chosen: name(chosen), calibrated: name(kind) })
+        }
+        None if chosen == AxisKind::Revolute && calibration.is_some() => Err(AxisError::NoAxis),
+        _ => Ok(chosen),
+    }
+}
+
+/// The positions of a camera's frames, where they are measured.
+///
+/// # Errors
+/// As [`axis_kind`], and poses of a camera whose place nobody knows.
+pub fn of_camera(
+    camera: &CameraParams,
+    calibration: Option<&Calibration>,
+) -> Result<Option<Positions>, AxisError> {
+    let params = &camera.scanner.motion;
+    let kind = axis_kind(params, calibration)?;
+    let direction = camera.scanner.stripe_direction;
+    if let Some(calibration) = calibration
+        && params.source == MotionSource::Tf
+        && calibration.camera_from_laser(direction).is_none()
+        && !camera.tracks_laser(Some(calibration))
+    {
+        return Err(AxisError::NoCamera(calibration.frame_id().to_owned()));
+    }
+    Ok(Positions::new(params, &camera.moved, kind))
+}
+
+impl Positions {
+    /// What is known before the first message; `None` where positions are not measured.
+    pub fn new(params: &MotionParams, moved: &Moved, kind: AxisKind) -> Option<Self> {
+        let known = match params.source {
+            MotionSource::None | MotionSource::Constant => return None,
+            MotionSource::JointState | MotionSource::Encoder => {
+                Known::Axis(Track::new(limits(params), MAX_SAMPLES))
+            }
+            MotionSource::Tf => Known::Frames(FrameTree::new(limits(params))),
+        };
+        Some(Self {
+            params: *params,
+            moved: moved.clone(),
+            kind,
+            known,
+            counter: Counter::new(params.encoder_bits),
+            scale: None,
+            camera_frame: String::new(),
+            joints: Vec::new(),
+            lag: ConstantLag::default(),
+            given_up: None,
+            num_refused: 0,
+            has_told_missing: false,
+            has_told_late: false,
+        })
+    }
+
+    /// Goes by other parameters. What samples meant before, they may mean no more: they are forgotten.
+    pub fn reconfigure(&mut self, params: &MotionParams) {
+        if self.params == *params {
+            return;
+        }
+        self.params = *params;
+        match &mut self.known {
+            Known::Axis(track) => {
+                *track = Track::new(limits(params), MAX_SAMPLES);
+                self.counter = Counter::new(params.encoder_bits);
+                self.scale = None;
+            }
+            Known::Frames(tree) => tree.set_limits(limits(params)),
+        }
+    }
+
+    /// Another recording begins, with times of its own.
+    pub fn restart(&mut self) {
+        match &mut self.known {
+            Known::Axis(track) => track.clear(),
+            Known::Frames(tree) => tree.forget_moving(),
+        }
+        self.counter.restart();
+        self.scale = None;
+        self.lag = ConstantLag::default();
+        self.given_up = None;
+    }
+
+    /// Frames that may wait at a time.
+    pub const fn max_wait_frames(&self) -> usize {
+        self.params.max_wait_frames as usize
+    }
+
+    /// Messages and samples that could not be used.
+    pub const fn num_refused(&self) -> u64 {
+        self.num_refused
+    }
+
+    /// Learns the frame of the images.
+    pub fn see_frame(&mut self, frame_id: &str) {
+        if self.camera_frame != frame_id {
+            frame_id.clone_into(&mut self.camera_frame);
+        }
+    }
+
+    /// Takes a message about the axis. What cannot be used is counted, and the first is told.
+    pub fn take(&mut self, message: &RawMessage) {
+        let taken = match self.params.source {
+            MotionSource::JointState => self.take_joint(message),
+            MotionSource::Encoder => self.take_encoder(message),
+            _ => self.take_frames(message),
+        };
+        if let Err(refusal) = taken {
+            self.refuse(&message.topic.name, &refusal);
+        }
+    }
+
+    /// Counts messages that never came this far.
+    pub fn lose(&mut self, num_lost: u64, why: &str) {
+        if num_lost > 0 {
+            if self.num_refused == 0 {
+                tracing::warn!("positions lost: {why}; further ones are only counted");
+            }
+            self.num_refused += num_lost;
+        }
+    }
+
+    fn refuse(&mut self, topic: &str, refusal: &str) {
+        self.num_refused += 1;
+        // One is enough to act on; diagnostics count the rest.
+        if self.num_refused == 1 {
+            tracing::warn!("{topic}: position refused: {refusal}; further ones are only counted");
+        } else {
+            tracing::debug!("{topic}: position refused: {refusal}");
+        }
+    }
+
+    /// Whether nothing that comes can change where a frame of that stamp was taken.
+    pub fn has_reached(&self, stamp_ns: i64) -> bool {
+        let time_ns = self.exposed_ns(stamp_ns);
+        match &self.known {
+            Known::Axis(track) => track.has_reached(time_ns),
+            Known::Frames(tree) => tree.has_reached(self.frames(), time_ns),
+        }
+    }
+
+    /// How long after it was received a frame is given up, nanoseconds; `None`: not before others press.
+    pub fn patience_ns(&self) -> Option<i64> {
+        let gap_ns = match &self.known {
+            Known::Axis(track) => track.gap_ns(),
+            Known::Frames(tree) => tree.gap_ns(self.frames()),
+        };
+        gap_ns.map(|gap_ns| gap_ns.max(MIN_PATIENCE_NS))
+    }
+
+    /// Where a frame of that stamp was taken, that was received at `received_ns`. `None`: nobody knows.
+    pub fn at(&mut self, stamp_ns: i64, received_ns: i64) -> Option<Position> {
+        let time_ns = self.exposed_ns(stamp_ns);
+        let patience_ns = self.patience_ns().unwrap_or(i64::MAX);
+        let until_ns = received_ns.saturating_add(patience_ns);
+        if !self.has_reached(stamp_ns) {
+            self.given_up = Some((time_ns, received_ns));
+        }
+        let found = match &self.known {
+            Known::Axis(track) => {
+                let found = track.at(time_ns, until_ns);
+                if found.is_some_and(|found| !found.is_exact)
+                    && let Some(advice) = self.lag.note(time_ns, track)
+                {
+                    tracing::warn!("{advice}");
+                }
+                found.map(|found| Position {
+                    value: found.value.position,
+                    counts: found.value.counts,
+                    doubts: found.doubts,
+                    is_exact: found.is_exact,
+                    part_from_sensor: None,
+                })
+            }
+            Known::Frames(tree) => match tree.at(self.frames(), time_ns, until_ns) {
+                Ok(found) => Some(Position {
+                    doubts: found.doubts,
+                    is_exact: found.is_exact,
+                    part_from_sensor: Some(found.value),
+                    ..Position::at(0.0)
+                }),
+                Err(reason) => {
+                    self.tell_missing(Some(reason));
+                    return None;
+                }
+            },
+        };
+        if found.is_none() {
+            self.tell_missing(None);
+        }
+        found
+    }
+
+    /// A sample has come: perhaps too late for a frame that waited for it.
+    fn note_arrival(&mut self, stamp_ns: i64, received_ns: i64) {
+        let Some((time_ns, frame_ns)) = self.given_up.filter(|(time_ns, _)| *time_ns <= stamp_ns)
+        else {
+            return;
+        };
+        self.given_up = None;
+        if !std::mem::replace(&mut self.has_told_late, true) {
+            let lag_s = received_ns.saturating_sub(frame_ns) as f64 * 1e-9;
+            tracing::warn!(
+                "positions lag the images: the one for {time_ns} ns came {lag_s:.3} s after its frame, which did not wait so \
+                 long; raise motion.max_wait or motion.max_gap, or publish positions more often; not told again"
+            );
+        }
+    }
+
+    fn exposed_ns(&self, stamp_ns: i64) -> i64 {
+        stamp_ns.saturating_add((self.params.exposure_offset_s * 1e9).round() as i64)
+    }
+
+    /// Target and source.
+    fn frames(&self) -> (&str, &str) {
+        let Moved { part_frame, sensor_frame, .. } = &self.moved;
+        let sensor = if sensor_frame.is_empty() { &self.camera_frame } else { sensor_frame };
+        (part_frame, sensor)
+    }
+
+    /// Says once why a frame has no position, and what is there instead.
+    fn tell_missing(&mut self, reason: Option<NotFound>) {
+        if std::mem::replace(&mut self.has_told_missing, true) {
+            return;
+        }
+        let (part, sensor) = self.frames();
+        let why = match (&self.known, reason) {
+            (Known::Frames(tree), Some(reason)) => {
+                let seen = tree.names();
+                match reason {
+                    NotFound::NoTarget => {
+                        format!("motion.part_frame {part:?} is not in tf; seen were {seen}")
+                    }
+                    NotFound::NoSource => {
+                        format!("frame {sensor:?} is not in tf; seen were {seen}")
+                    }
+                    NotFound::Apart => {
+                        format!("tf does not connect {sensor:?} with {part:?}; seen were {seen}")
+                    }
+                    NotFound::Loop => format!(
+                        "tf runs in a loop above {sensor:?} or {part:?}: a frame has a parent that is its child"
+                    ),
+                    NotFound::NoPose => {
+                        format!("the pose of {sensor:?} in {part:?} is not known at its stamp")
+                    }
+                }
+            }
+            (Known::Axis(track), _) if track.last().is_none() => self.why_nothing_came(),
+            _ => "its stamp lies before the first sample, or long after the last".to_owned(),
+        };
+        tracing::warn!(
+            "a frame has no position: {why}; its profile is published, but is not in the scan; further ones are only counted"
+        );
+    }
+
+    fn why_nothing_came(&self) -> String {
+        match (self.params.source, self.joints.is_empty()) {
+            (MotionSource::JointState, false) => format!(
+                "motion.joint is {:?}, but the joints that were heard of are {}",
+                self.moved.joint,
+                self.joints.join(", ")
+            ),
+            _ => "no sample has come that could be used".to_owned(),
+        }
+    }
+}
+
+fn limits(params: &MotionParams) -> Limits {
+    Limits { max_gap_ns: (params.max_gap_s * 1e9).round() as i64, max_step: params.max_step }
+}
+
+#[cfg(test)]
+mod tests;

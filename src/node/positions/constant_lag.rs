@@ -1,0 +1,71 @@
+//! Finds positions that are taken once a frame, always the same time before it: of an axis that stands still while the
+//! camera exposes, that time is no motion.
+
+use crate::scanner::motion::track::{Measured, Track};
+
+/// So many frames in a row make a rule.
+const NUM_ALIKE: u32 = 10;
+
+/// What the last frames had in common.
+#[derive(Debug, Default)]
+pub(super) struct ConstantLag {
+    /// Time of the last frame and of the sample before it.
+    last: Option<(i64, i64)>,
+    num_alike: u32,
+    has_told: bool,
+}
+
+impl ConstantLag {
+    /// Takes the time of the next frame; the advice is given once.
+    pub(super) fn note<T: Measured>(&mut self, time_ns: i64, track: &Track<T>) -> Option<String> {
+        let age_ns = track.age_ns(time_ns)?;
+        let sample_ns = time_ns.saturating_sub(age_ns);
+        let (last_time_ns, last_sample_ns) = self.last.replace((time_ns, sample_ns))?;
+        let period_ns = time_ns.saturating_sub(last_time_ns);
+        let step_ns = sample_ns.saturating_sub(last_sample_ns);
+        // A thousandth of the period: stamps have their jitter.
+        let is_steady = period_ns.abs_diff(step_ns) <= period_ns.unsigned_abs() / 1000;
+        let is_only_one = track.age_ns(sample_ns) == Some(step_ns);
+        let is_alike = step_ns > 0 && is_steady && is_only_one;
+        self.num_alike = if is_alike { self.num_alike + 1 } else { 0 };
+        if self.num_alike < NUM_ALIKE || std::mem::replace(&mut self.has_told, true) {
+            return None;
+        }
+        let age_s = age_ns as f64 * 1e-9;
+        Some(format!(
+            "every frame has a position of its own, stamped {age_s:.4} s before it: if the axis stands still while the camera \
+             exposes, set motion.exposure_offset to {:.4}, or frames are placed that much too far on",
+            -age_s
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scanner::motion::{reading::Reading, track::Limits};
+
+    const MS: i64 = 1_000_000;
+
+    /// Advice on frames each 100 ms, with positions each `period_ms` that begin `lag_ms` before the first.
+    fn advice(period_ms: i64, lag_ms: i64) -> Vec<String> {
+        let mut track = Track::new(Limits { max_gap_ns: 0, max_step: 0.0 }, 1000);
+        for number in 0..3000 / period_ms {
+            let stamp_ns = (1000 - lag_ms + number * period_ms) * MS;
+            track.push(stamp_ns, stamp_ns, Reading { position: 0.0, counts: 0 }).unwrap();
+        }
+        let mut lag = ConstantLag::default();
+        (0..20).filter_map(|frame| lag.note((1000 + frame * 100) * MS, &track)).collect()
+    }
+
+    #[test]
+    fn it_is_found_once_where_each_frame_has_its_position() {
+        let found = advice(100, 20);
+        assert!(
+            found.len() == 1 && found[0].contains("motion.exposure_offset to -0.0200"),
+            "{found:?}"
+        );
+        assert!(advice(10, 5).is_empty(), "a fast encoder in step with the camera");
+        assert!(advice(70, 20).is_empty(), "a clock of its own");
+    }
+}

@@ -1,0 +1,96 @@
+//! What arrives about an axis waits here for the worker: fast encoders must not push images out of their queue.
+
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    time::Instant,
+};
+
+use crate::{
+    bag::RawMessage,
+    node::{
+        queue::{Bound, Popped, Queue, WhenFull},
+        source::Input,
+    },
+};
+
+/// Seconds of a fast encoder.
+const BOUND: Bound = Bound { items: 4096, bytes: 16 << 20 };
+
+/// Messages about an axis, the oldest dropped when there are too many.
+pub struct Inbox {
+    messages: Queue<RawMessage>,
+    /// Whether the worker knows that something is here.
+    is_told: AtomicBool,
+}
+
+impl Default for Inbox {
+    fn default() -> Self {
+        Self { messages: Queue::new(BOUND, WhenFull::DropOldest), is_told: AtomicBool::new(false) }
+    }
+}
+
+impl Inbox {
+    /// Keeps a message, and wakes the worker behind `input` where nobody has.
+    pub fn put(&self, message: RawMessage, input: &Queue<Input>) {
+        let num_bytes = message.data.len();
+        // Nobody closes it.
+        drop(self.messages.push(message, num_bytes));
+        let is_new = !self.is_told.swap(true, Ordering::AcqRel);
+        // Too many orders wait already: the next message tries again.
+        if is_new && input.push_urgent(Input::Positions).is_err() {
+            self.is_told.store(false, Ordering::Release);
+        }
+    }
+
+    /// The worker comes for what is here.
+    pub fn open(&self) {
+        self.is_told.store(false, Ordering::Release);
+    }
+
+    /// The next message, and how many were dropped before it.
+    pub fn next(&self) -> Option<(RawMessage, u32)> {
+        match self.messages.pop_counted(Some(Instant::now())) {
+            Popped::Item(message, num_dropped) => Some((message, num_dropped)),
+            Popped::TimedOut | Popped::Closed => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::{
+        bag::Topic,
+        msg::{qos::QosProfile, schema::Message, sensor_msgs::JointState},
+    };
+
+    #[test]
+    fn the_worker_is_woken_once_for_many() {
+        let topic = Topic::new("/joint_states", JointState::TYPE, QosProfile::best_effort(5));
+        let topic = Arc::new(topic);
+        let message = |sequence| RawMessage {
+            topic: Arc::clone(&topic),
+            log_time_ns: 0,
+            publish_time_ns: 0,
+            sequence,
+            data: vec![0; 10],
+        };
+        let input = Queue::new(Bound { items: 1, bytes: 100 }, WhenFull::DropOldest);
+        input.push(Input::Fault("an image".into()), 100).unwrap();
+        let inbox = Inbox::default();
+        for number in 0..BOUND.items as u32 + 3 {
+            inbox.put(message(number), &input);
+        }
+        assert!(matches!(input.pop(), Some(Input::Positions)));
+        assert!(matches!(input.pop(), Some(Input::Fault(_))), "the image is still there");
+        inbox.open();
+        let first = inbox.next().map(|(message, num_dropped)| (message.sequence, num_dropped));
+        assert_eq!(first, Some((3, 3)));
+        assert_eq!(std::iter::from_fn(|| inbox.next()).count(), BOUND.items - 1);
+        inbox.put(message(9), &input);
+        input.close();
+        assert!(matches!(input.pop(), Some(Input::Positions)) && input.pop().is_none());
+    }
+}

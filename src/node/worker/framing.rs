@@ -1,0 +1,83 @@
+//! The worker's part in honouring `camera_info`: images of another camera are refused, those of a part of the sensor
+//! measured as such, and where the description changes a new scan begins.
+
+use super::{Publisher, Worker};
+use crate::{
+    bag::RawMessage,
+    msg::{cdr, sensor_msgs::CameraInfo},
+    node::{
+        camera_info::{CameraInfos, Conflict, ImageHeader, Pairing},
+        publisher::Halt,
+    },
+    scanner::{calibration::Calibration, camera::View},
+};
+
+/// What is known of the camera of a stream.
+#[derive(Debug, Default)]
+pub(super) struct Framing {
+    /// Of the whole sensor; `None`: nothing becomes metric, and any description will do.
+    calibration: Option<Calibration>,
+    /// In a replay, the descriptions that were recorded; live, others keep them.
+    infos: CameraInfos,
+    /// Their topic.
+    pub(super) topic: Option<String>,
+    /// What the last image was measured with.
+    current: Option<(u64, View)>,
+}
+
+impl Framing {
+    pub(super) fn new(calibration: Option<Calibration>, topic: Option<String>) -> Self {
+        // Formula 6 does not say of which images it is.
+        let calibration = calibration.filter(|calibration| calibration.image_size_px().is_some());
+        let infos = CameraInfos::of(calibration.clone());
+        Self { calibration, infos, topic, current: None }
+    }
+
+    /// Keeps a recorded description for its image.
+    pub(super) fn take(&mut self, message: &RawMessage) {
+        match cdr::decode::<CameraInfo<'_>>(&message.data) {
+            Ok(info) => self.infos.insert(&info),
+            Err(error) => tracing::warn!("camera_info at {} ns: {error}", message.log_time_ns),
+        }
+    }
+
+    /// What is known of a recorded image.
+    pub(super) fn pair(&mut self, image: &ImageHeader<'_>) -> Pairing {
+        self.infos.pair_or_last(image)
+    }
+}
+
+impl Worker {
+    /// Goes by what is known of an image's camera, before it is measured. Inner result: whether it can be measured.
+    pub(super) fn frame_by(
+        &mut self,
+        pairing: Pairing,
+        out: &mut Publisher<'_>,
+    ) -> Result<Result<(), Conflict>, Halt> {
+        let Some(calibration) = &self.framing.calibration else { return Ok(Ok(())) };
+        let (calibration_id, view) = match pairing {
+            Pairing::Matched { calibration_id, view, .. } => (calibration_id, view),
+            Pairing::Conflict(conflict) if conflict.is_of_geometry() => return Ok(Err(conflict)),
+            Pairing::Conflict(_) | Pairing::NoneYet => return Ok(Ok(())),
+        };
+        let before = self.framing.current.replace((calibration_id, view));
+        if before == Some((calibration_id, view)) {
+            return Ok(Ok(()));
+        }
+        let calibration = calibration.seen_through(&view);
+        if before.is_some() {
+            tracing::warn!(
+                "camera_info changes within the stream: now {} x {} pixels from ({}, {}), binned {} x {}; a new scan begins",
+                view.size_px[0],
+                view.size_px[1],
+                view.offset_px[0],
+                view.offset_px[1],
+                view.binning[0],
+                view.binning[1],
+            );
+            self.end_scan(out)?;
+        }
+        self.pipeline.recalibrate(calibration);
+        Ok(Ok(()))
+    }
+}

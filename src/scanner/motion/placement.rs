@@ -1,0 +1,203 @@
+//! From the laser plane's frame to the part's: what a position means for the points of a profile.
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::Position;
+use crate::scanner::axis::{Axis, AxisKind};
+
+/// Places profiles in the part's frame.
+///
+/// Without an axis the part moves along the laser plane's normal: the part's frame is the laser plane's at position 0, and
+/// y is the position. Of a prismatic axis it is the laser plane's at position 0, and moves with the part. Of a revolute
+/// axis it turns with the part: z along the axis, towards the camera; its origin is the point of the axis nearest to the
+/// origin of the laser plane's frame, and x points there from the axis at position 0. Poses that were measured bring
+/// their own frame.
+#[derive(Clone, Debug)]
+pub struct Placement {
+    axis: Option<Axis>,
+    /// The laser plane's frame in the camera's.
+    camera_from_laser: Isometry3<f64>,
+    /// The camera's frame in the part's, at position 0.
+    part_from_camera: Isometry3<f64>,
+    /// Whether poses that were measured are the laser plane's own, not the camera's.
+    is_laser_tracked: bool,
+    /// Where the laser plane's frame was in the part's in the scan's first frame, metres.
+    start_m: Option<Point3<f64>>,
+}
+
+impl Placement {
+    /// For a laser plane there, a part on that axis.
+    pub fn new(camera_from_laser: Isometry3<f64>, axis: Option<Axis>) -> Self {
+        let part_from_camera = match &axis {
+            Some(axis) if axis.kind == AxisKind::Revolute => {
+                turning_frame(axis, &camera_from_laser).inverse()
+            }
+            _ => camera_from_laser.inverse(),
+        };
+        Self { axis, camera_from_laser, part_from_camera, is_laser_tracked: false, start_m: None }
+    }
+
+    /// The same, where poses that are measured are the laser plane's, not the camera's.
+    #[must_use]
+    pub const fn with_laser_tracked(self) -> Self {
+        Self { is_laser_tracked: true, ..self }
+    }
+
+    /// The laser plane is found elsewhere in the camera's frame.
+    #[must_use]
+    pub fn with_camera_from_laser(self, camera_from_laser: Isometry3<f64>) -> Self {
+        Self { is_laser_tracked: self.is_laser_tracked, ..Self::new(camera_from_laser, self.axis) }
+    }
+
+    /// Another scan begins.
+    pub const fn restart(&mut self) {
+        self.start_m = None;
+    }
+
+    /// The laser plane's frame in the part's, metres. Where a pose was measured, its position becomes the distance that
+    /// the laser plane's origin has come since the scan's first frame.
+    pub fn place(&mut self, position: &mut Position) -> Isometry3<f64> {
+        if let Some(part_from_sensor) = position.part_from_sensor {
+            let part_from_laser = if self.is_laser_tracked {
+                part_from_sensor
+            } else {
+                part_from_sensor * self.camera_from_laser
+            };
+            let origin_m = part_from_laser * Point3::origin();
+            position.value = (origin_m - *self.start_m.get_or_insert(origin_m)).norm();
+            return part_from_laser;
+        }
+        match &self.axis {
+            None => Translation3::new(0.0, position.value, 0.0).into(),
+            Some(axis) => {
+                let at_0_from_now = axis.pose(position.value).inverse();
+                self.part_from_camera * at_0_from_now * self.camera_from_laser
+            }
+        }
+    }
+}
+
+/// The part's frame in the camera's at position 0, for a revolute axis.
+fn turning_frame(axis: &Axis, camera_from_laser: &Isometry3<f64>) -> Isometry3<f64> {
+    let towards_camera = (Point3::origin() - axis.point_m).dot(&axis.direction) >= 0.0;
+    let z = if towards_camera { axis.direction } else { -axis.direction };
+    let laser_m = camera_from_laser * Point3::origin();
+    let origin_m = axis.point_m + z.into_inner() * z.dot(&(laser_m - axis.point_m));
+    let across = |direction: Vector3<f64>| direction - z.into_inner() * z.dot(&direction);
+    // A laser plane's origin on the axis itself shows no direction: then the stripe's, or the plane's normal.
+    let x =
+        [laser_m - origin_m, camera_from_laser * Vector3::x(), camera_from_laser * Vector3::y()]
+            .into_iter()
+            .find_map(|direction| across(direction).try_normalize(1e-9))
+            .unwrap_or_else(Vector3::x);
+    let axes = Matrix3::from_columns(&[x, z.cross(&x), z.into_inner()]);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    Isometry3::from_parts(origin_m.coords.into(), rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use nalgebra::{Unit, UnitVector3};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn pose() -> impl Strategy<Value = Isometry3<f64>> {
+        (prop::array::uniform3(-1.0..1.0_f64), prop::array::uniform3(-3.0..3.0_f64))
+            .prop_map(|(origin_m, turn)| Isometry3::new(origin_m.into(), turn.into()))
+    }
+
+    fn axis(kind: AxisKind) -> impl Strategy<Value = Axis> {
+        let direction = prop::array::uniform3(0.1..1.0_f64)
+            .prop_map(|direction| Unit::new_normalize(Vector3::from(direction)));
+        (prop::array::uniform3(-1.0..1.0_f64), direction).prop_map(move |(point_m, direction)| {
+            Axis { kind, point_m: point_m.into(), direction, scale: 1.0 }
+        })
+    }
+
+    /// A point of the part is seen at different positions, and found at the same place of the part.
+    fn stays(
+        camera_from_laser: &Isometry3<f64>,
+        axis: Axis,
+        at_0_m: Point3<f64>,
+        positions: [f64; 2],
+    ) -> f64 {
+        let mut placement = Placement::new(*camera_from_laser, Some(axis));
+        let [a, b] = positions.map(|position| {
+            let seen_m = camera_from_laser.inverse() * (axis.pose(position) * at_0_m);
+            placement.place(&mut Position::at(position)) * seen_m
+        });
+        (a - b).norm()
+    }
+
+    proptest! {
+        #[test]
+        fn a_point_of_the_part_stays_where_it_is(
+            laser in pose(), prismatic in axis(AxisKind::Prismatic), revolute in axis(AxisKind::Revolute),
+            point in prop::array::uniform3(-1.0..1.0_f64), positions in prop::array::uniform2(-7.0..7.0_f64),
+        ) {
+            prop_assert!(stays(&laser, prismatic, point.into(), positions) < 1e-12);
+            prop_assert!(stays(&laser, revolute, point.into(), positions) < 1e-12);
+        }
+
+        #[test]
+        fn the_frame_of_a_table_is_that_of_its_axis(laser in pose(), axis in axis(AxisKind::Revolute)) {
+            let part_from_camera = turning_frame(&axis, &laser).inverse();
+            let on_axis = part_from_camera * (axis.point_m + axis.direction.into_inner() * 0.3);
+            prop_assert!(on_axis.x.abs() < 1e-12 && on_axis.y.abs() < 1e-12);
+            let direction = part_from_camera * axis.direction.into_inner();
+            prop_assert!((direction.z.abs() - 1.0).abs() < 1e-12);
+            let camera = part_from_camera * (Point3::origin() - axis.point_m);
+            prop_assert!(camera.z >= -1e-12, "z points towards the camera");
+            let laser_m = part_from_camera * (laser * Point3::origin());
+            prop_assert!(laser_m.x >= 0.0 && laser_m.y.abs() < 1e-12 && laser_m.z.abs() < 1e-12);
+            let rotation = part_from_camera.rotation.to_rotation_matrix();
+            prop_assert!((rotation.matrix().determinant() - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn without_an_axis_the_position_is_y() {
+        let mut placement = Placement::new(Isometry3::translation(1.0, 2.0, 3.0), None);
+        let placed = placement.place(&mut Position::at(0.25)) * Point3::new(0.1, 0.0, 0.3);
+        assert_eq!(placed, Point3::new(0.1, 0.25, 0.3), "to the last bit");
+    }
+
+    #[test]
+    fn a_quarter_of_a_turn_of_the_table() {
+        // The camera looks down on a table 1 m below it, which turns about its own z; the laser hits it 0.2 m beside.
+        let down = UnitVector3::new_unchecked(-Vector3::z());
+        let axis = Axis {
+            kind: AxisKind::Revolute,
+            point_m: Point3::new(0.0, 0.0, 1.0),
+            direction: down,
+            scale: 1.0,
+        };
+        let mut placement = Placement::new(Isometry3::translation(0.2, 0.0, 1.0), Some(axis));
+        let at_0 = placement.place(&mut Position::at(0.0)) * Point3::origin();
+        assert!((at_0 - Point3::new(0.2, 0.0, 0.0)).norm() < 1e-12, "{at_0}");
+        let later = placement.place(&mut Position::at(FRAC_PI_2)) * Point3::origin();
+        assert!(
+            (later - Point3::new(0.0, -0.2, 0.0)).norm() < 1e-12,
+            "the part turned, the laser stayed: {later}"
+        );
+    }
+
+    #[test]
+    fn a_pose_that_was_measured_is_taken_as_it_is() {
+        let mounted = Isometry3::translation(0.0, 0.0, 0.5);
+        let tracked = |x_m: f64| Position {
+            part_from_sensor: Some(Isometry3::translation(x_m, 0.0, 0.0)),
+            ..Position::at(0.0)
+        };
+        let mut camera = Placement::new(mounted, None);
+        let mut laser = camera.clone().with_laser_tracked();
+        assert_eq!(camera.place(&mut tracked(1.0)) * Point3::origin(), Point3::new(1.0, 0.0, 0.5));
+        assert_eq!(laser.place(&mut tracked(1.0)) * Point3::origin(), Point3::new(1.0, 0.0, 0.0));
+        let mut later = tracked(1.25);
+        camera.place(&mut later);
+        assert!((later.value - 0.25).abs() < 1e-15, "so far since the first frame");
+    }
+}

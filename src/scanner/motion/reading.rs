@@ -1,0 +1,75 @@
+//! What an axis says of itself: a position, and the counts that it was made of.
+
+use std::f64::consts::TAU;
+
+use super::track::Measured;
+
+/// A measured position of an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Metres, or radians of a rotary axis.
+    pub position: f64,
+    /// Encoder, counts; 0 where there is none.
+    pub counts: i64,
+}
+
+impl Measured for Reading {
+    fn between(&self, later: &Self, share: f64) -> Self {
+        let moved = (later.position - self.position) * share;
+        // As integers: counts of a long way lose their last digits in a float.
+        let counted = (i128::from(later.counts) - i128::from(self.counts)) as f64 * share;
+        let counts = i128::from(self.counts).saturating_add(counted.round() as i128);
+        let counts = i64::try_from(counts).unwrap_or(if counts < 0 { i64::MIN } else { i64::MAX });
+        Self { position: self.position + moved, counts }
+    }
+
+    fn distance(&self, other: &Self) -> f64 {
+        (self.position - other.position).abs()
+    }
+}
+
+/// The angle nearest to `last_rad` that is whole turns away from `angle_rad`: a table that turns on begins again at 0 in
+/// its own words, but not along its scan.
+pub fn unrolled(angle_rad: f64, last_rad: Option<f64>) -> f64 {
+    let turns = last_rad.map_or(0.0, |last_rad| ((last_rad - angle_rad) / TAU).round());
+    if turns == 0.0 { angle_rad } else { angle_rad + turns * TAU }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_table_turns_on() {
+        let mut last_rad = None;
+        let mut angles = Vec::new();
+        for step in 0..12 {
+            let angle_rad = unrolled(f64::from(step) % TAU, last_rad);
+            last_rad = Some(angle_rad);
+            angles.push(angle_rad);
+        }
+        assert!(
+            angles.iter().zip(0..).all(|(angle, step)| (angle - f64::from(step)).abs() < 1e-12)
+        );
+        assert!((unrolled(6.2, Some(0.1)) - (6.2 - TAU)).abs() < 1e-12, "and back");
+    }
+
+    proptest! {
+        #[test]
+        fn counts_lie_between_their_neighbours(from in any::<i64>(), to in any::<i64>(), share in 0.0..1.0_f64) {
+            let reading = |counts: i64| Reading { position: 0.0, counts };
+            let counts = reading(from).between(&reading(to), share).counts;
+            prop_assert!((from.min(to)..=from.max(to)).contains(&counts));
+        }
+
+        #[test]
+        fn counts_far_from_zero_are_exact(from in any::<i64>(), step in -1000..1000_i64) {
+            let to = from.saturating_add(2 * step);
+            let reading = |counts: i64| Reading { position: 0.0, counts };
+            let expected = (i128::from(from) + i128::midpoint(0, i128::from(to) - i128::from(from))) as i64;
+            prop_assert!((reading(from).between(&reading(to), 0.5).counts - expected).abs() <= 1);
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Where a lens shows a point, written down after OpenCV's formulas and used for nothing but rendering.
+
+use serde::Deserialize;
+
+use crate::simulate::scenario::{ScenarioError, check_range};
+
+/// Pinhole, distortion and an inclined sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lens {
+    /// fx and fy, pixels.
+    pub focal_px: [f64; 2],
+    /// cx and cy: column and row of the principal point, pixels.
+    pub center_px: [f64; 2],
+    /// k1, k2, p1, p2, k3, k4, k5, k6.
+    #[serde(default)]
+    pub distortion: [f64; 8],
+    /// τx and τy of the sensor, radians.
+    #[serde(default)]
+    pub tilt_rad: [f64; 2],
+}
+
+impl Lens {
+    /// (column, row) of a point in the camera's frame; `None` behind the lens.
+    pub fn project(&self, [x_m, y_m, z_m]: [f64; 3]) -> Option<[f64; 2]> {
+        if z_m.is_nan() || z_m <= 0.0 {
+            return None;
+        }
+        let [k1, k2, p1, p2, k3, k4, k5, k6] = self.distortion;
+        let (x, y) = (x_m / z_m, y_m / z_m);
+        let r2 = x * x + y * y;
+        let (r4, r6) = (r2 * r2, r2 * r2 * r2);
+        let radial = (1.0 + k1 * r2 + k2 * r4 + k3 * r6) / (1.0 + k4 * r2 + k5 * r4 + k6 * r6);
+        let bent = [
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ];
+        let [u, v] = self.tilted(bent);
+        let [fx, fy] = self.focal_px;
+        let [cx, cy] = self.center_px;
+        Some([fx * u + cx, fy * v + cy])
+    }
+
+    /// On the inclined sensor: the ray is turned into the sensor's frame and scaled to its distance.
+    fn tilted(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [tx, ty] = self.tilt_rad;
+        let (sx, cx) = (libm::sin(tx), libm::cos(tx));
+        let (sy, cy) = (libm::sin(ty), libm::cos(ty));
+        let turned = [cy * x + sy * sx * y - sy * cx, cx * y + sx, sy * x - cy * sx * y + cy * cx];
+        let [r13, r23, r33] = [-sy * cx, sx, cy * cx];
+        [
+            (r33 * turned[0] - r13 * turned[2]) / turned[2],
+            (r33 * turned[1] - r23 * turned[2]) / turned[2],
+        ]
+    }
+
+    pub(super) fn check(&self) -> Result<(), ScenarioError> {
+        for (key, values, min, max) in [
+            ("focal_px", &self.focal_px[..], 1.0, 1e6),
+            ("center_px", &self.center_px, -16_384.0, 16_384.0),
+            ("distortion", &self.distortion, -100.0, 100.0),
+            ("tilt_rad", &self.tilt_rad, -0.7, 0.7),
+        ] {
+            for (index, value) in values.iter().enumerate() {
+                check_range(&format!("rig.lens.{key}[{index}]"), *value, min, max)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,71 @@
+//! The camera model against points that OpenCV projected: `tests/data/opencv`.
+
+use laser_profiler::{
+    scanner::camera::{Camera, Distortion},
+    simulate::rig::Lens,
+};
+use nalgebra::{Point2, Point3};
+
+/// A line of the table: the camera, a point, and where OpenCV sees it.
+fn projections() -> Vec<(Camera, Point3<f64>, Point2<f64>)> {
+    let table = include_str!("../data/opencv/projections.csv");
+    let lines = table.lines().filter(|line| !line.starts_with(['#', 'c']));
+    lines
+        .map(|line| {
+            let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
+            let &[_, fx_px, fy_px, cx_px, cy_px, k1, k2, p1, p2, k3, k4, k5, k6, tau_x, tau_y, ..] =
+                values.as_slice()
+            else {
+                panic!("{line}");
+            };
+            let distortion = if [k4, k5, k6].iter().all(|coefficient| *coefficient == 0.0) {
+                Distortion::PlumbBob { k1, k2, p1, p2, k3 }
+            } else {
+                Distortion::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 }
+            };
+            let tilt_rad = [tau_x, tau_y];
+            let (width_px, height_px) = (2592, 2048);
+            let camera =
+                Camera { width_px, height_px, fx_px, fy_px, cx_px, cy_px, distortion, tilt_rad };
+            let point = Point3::new(values[15], values[16], values[17]);
+            (camera, point, Point2::new(values[18], values[19]))
+        })
+        .collect()
+}
+
+#[test]
+fn points_are_seen_where_opencv_sees_them() {
+    let projections = projections();
+    assert_eq!(projections.len(), 240);
+    for (camera, point, expected) in projections {
+        let seen = camera.project(point).unwrap();
+        assert!((seen - expected).norm() < 1e-8, "{camera:?}: {seen}, OpenCV says {expected}");
+    }
+}
+
+#[test]
+fn a_pixel_looks_at_the_point_that_opencv_projected_there() {
+    for (camera, point, pixel) in projections() {
+        let ray = camera.ray(pixel).unwrap();
+        let error = (ray - point.coords / point.z).xy().norm() * camera.fx_px;
+        assert!(error < 1e-6, "{camera:?}: {ray} for {point}: {error} px");
+    }
+}
+
+/// What renders is a second writing of the same formulas.
+#[test]
+fn the_simulated_lens_is_that_of_opencv() {
+    for (camera, point, expected) in projections() {
+        let mut distortion = [0.0; 8];
+        let coefficients = camera.distortion.coefficients();
+        distortion[..coefficients.len()].copy_from_slice(&coefficients);
+        let lens = Lens {
+            focal_px: [camera.fx_px, camera.fy_px],
+            center_px: [camera.cx_px, camera.cy_px],
+            distortion,
+            tilt_rad: camera.tilt_rad,
+        };
+        let seen = Point2::from(lens.project(point.into()).unwrap());
+        assert!((seen - expected).norm() < 1e-8, "{lens:?}: {seen}, OpenCV says {expected}");
+    }
+}
