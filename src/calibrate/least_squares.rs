@@ -36,7 +36,7 @@ pub fn minimise(
     let mut unknowns = start;
     let mut now = residuals(&unknowns)?;
     let mut damping = 1e-4;
-    let mut slopes = derivatives(&unknowns, now.len(), &residuals)?;
+    let mut slopes = derivatives(&unknowns, &now, &residuals)?;
     for _ in 0..MAX_STEPS {
         let normal = slopes.tr_mul(&slopes);
         let gradient = slopes.tr_mul(&now);
@@ -61,7 +61,7 @@ pub fn minimise(
         let is_still = gain <= STILL * now.norm_squared();
         (unknowns, now) = (next, found);
         damping = (damping * 0.1_f64).max(1e-12);
-        slopes = derivatives(&unknowns, now.len(), &residuals)?;
+        slopes = derivatives(&unknowns, &now, &residuals)?;
         if is_still {
             break;
         }
@@ -72,15 +72,21 @@ pub fn minimise(
 
 fn derivatives(
     unknowns: &DVector<f64>,
-    rows: usize,
+    now: &DVector<f64>,
     residuals: &impl Fn(&DVector<f64>) -> Option<DVector<f64>>,
 ) -> Option<DMatrix<f64>> {
-    let mut slopes = DMatrix::zeros(rows, unknowns.len());
+    let mut slopes = DMatrix::zeros(now.len(), unknowns.len());
     for i in 0..unknowns.len() {
         let (mut ahead, mut behind) = (unknowns.clone(), unknowns.clone());
         ahead[i] += STEP;
         behind[i] -= STEP;
-        let slope = (residuals(&ahead)? - residuals(&behind)?) / (2.0 * STEP);
+        let slope = match (residuals(&ahead), residuals(&behind)) {
+            (Some(ahead), Some(behind)) => (ahead - behind) / (2.0 * STEP),
+            // At the edge of what means something.
+            (Some(ahead), None) => (ahead - now) / STEP,
+            (None, Some(behind)) => (now - behind) / STEP,
+            (None, None) => return None,
+        };
         slopes.set_column(i, &slope);
     }
     Some(slopes)

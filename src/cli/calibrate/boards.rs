@@ -79,7 +79,10 @@ pub(super) fn detect(
 }
 
 fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Boards<T>> {
-    let size_px = views.iter().find_map(|view| view.result.as_ref().ok()).map(|seen| seen.size_px);
+    let sizes = || views.iter().filter_map(|view| Some(view.result.as_ref().ok()?.size_px));
+    // That of most pictures; of the first of these, where several are as many.
+    let count = |size: [u32; 2]| sizes().filter(|other| *other == size).count();
+    let size_px = sizes().rev().max_by_key(|&size| count(size));
     let Some(size_px) = size_px else {
         let unread: Vec<_> = views.into_iter().filter_map(unread).collect();
         bail!("no picture can be read\n{}", rejected::text(&unread));
@@ -100,7 +103,7 @@ fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Bo
                 reason
             }
             Ok(seen) if seen.size_px != size_px => format!(
-                "{} x {} pixels, the first picture has {} x {}",
+                "{} x {} pixels, most pictures have {} x {}",
                 seen.size_px[0], seen.size_px[1], size_px[0], size_px[1]
             ),
             Ok(Seen { found: Ok((board, beside)), .. }) => {

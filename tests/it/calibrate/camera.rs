@@ -55,11 +55,12 @@ fn a_rendered_camera_is_found_again_beside_bad_pictures() {
     imageops::replace(&mut bent, &right, 240, 3);
     bent.save(at("x_bent.png")).unwrap();
 
-    let (output, report) = (at("camera.yaml"), at("report.svg.png"));
+    let results = tempfile::tempdir().unwrap();
+    let (output, report) = (results.path().join("camera.yaml"), results.path().join("report.png"));
     let report_flag = ["--report", report.to_str().unwrap()];
     let found = calibrate(&[&CAMERA[..], &report_flag].concat(), pictures.path(), &output);
     assert_eq!(found["views_used"], 12, "{found}");
-    assert!(number(&found, "rms_px") < 0.05, "{found}");
+    assert!(number(&found, "rms_px") < 0.08, "{found}");
     let truth = render::camera();
     for (name, wanted) in
         [("fx", truth.fx_px), ("fy", truth.fy_px), ("cx", truth.cx_px), ("cy", truth.cy_px)]

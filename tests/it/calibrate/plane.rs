@@ -103,9 +103,10 @@ fn a_rendered_plane_is_found_again_beside_bad_pictures() {
     let truth = render::laser();
     let off_deg = vector(&found, "normal").angle(&truth.normal).to_degrees();
     assert!(off_deg < 0.05, "{off_deg} degrees: {found}");
-    assert!((number(&found, "distance_m") - truth.distance_m).abs() < 0.1e-3, "{found}");
-    assert!(number(&found, "plane_rms_m") < 0.1e-3, "{found}");
-    assert!(number(&found["uncertainties"], "distance_m") < 0.1e-3, "{found}");
+    let off_m = (number(&found, "distance_m") - truth.distance_m).abs();
+    let sigma_m = number(&found["uncertainties"], "distance_m");
+    assert!(off_m < 3.0 * sigma_m && sigma_m < 0.25e-3, "{off_m} m: {found}");
+    assert!(number(&found, "plane_rms_m") < 0.15e-3, "{found}");
     assert!(reason(&found, "x_dark").contains("no laser line"), "{found}");
     assert!(reason(&found, "x_moved").contains("from the other boards' plane"), "{found}");
 
