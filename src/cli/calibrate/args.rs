@@ -59,9 +59,9 @@ pub(super) struct PlaneArgs {
     /// The camera: a file of `calibrate camera`, or of one of ROS's calibrators.
     #[arg(long = "camera", value_name = "FILE.yaml")]
     pub(super) camera_file: PathBuf,
-    /// How far the board is flat beyond its inner corners, squares: 1 for the outermost squares, more for a plate about
-    /// them. The line is looked for that far.
-    #[arg(long, default_value_t = 1.2, value_name = "SQUARES", value_parser = border)]
+    /// How far the board is flat beyond its inner corners, squares: 1 for the outermost squares, 1.5 with the usual rim,
+    /// more for a plate about them. The line is looked for that far.
+    #[arg(long, default_value_t = 1.5, value_name = "SQUARES", value_parser = border)]
     pub(super) border: f64,
     /// Name of the profiles' frame, the laser plane.
     #[arg(long, default_value = "laser_plane")]

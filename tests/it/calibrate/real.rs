@@ -18,11 +18,10 @@ fn camera(bag: &Path, directory: &TempDir) -> (Json, PathBuf) {
     (calibrate(&[&["camera"][..], &TARGET].concat(), bag, &file), file)
 }
 
-/// Its laser plane. The board is printed on a larger plate.
+/// Its laser plane.
 fn plane(bag: &Path, camera: &Path, directory: &TempDir) -> (Json, PathBuf) {
     let file = directory.path().join("rig.yaml");
-    let arguments =
-        [&["plane", "--camera", camera.to_str().unwrap(), "--border", "2"], &TARGET[..], &VERTICAL];
+    let arguments = [&["plane", "--camera", camera.to_str().unwrap()], &TARGET[..], &VERTICAL];
     (calibrate(&arguments.concat(), bag, &file), file)
 }
 
