@@ -11,7 +11,7 @@ use crate::{
     msg::sensor_msgs::CameraInfo,
     scanner::{calibration::Calibration, camera::View},
 };
-use fit::{Misfit, fit};
+use fit::{Fit, Misfit, fit};
 
 /// Messages that wait for their image; more than any camera sends ahead.
 const CAPACITY: usize = 32;
@@ -63,6 +63,8 @@ pub enum Pairing {
         is_new: bool,
         /// The part of the sensor that the image shows.
         view: View,
+        /// How far the described camera is from the calibrated one, at most, pixels.
+        difference_px: f64,
     },
     /// There is no message of this stamp: not yet, or never.
     NoneYet,
@@ -95,7 +97,7 @@ pub struct CameraInfos {
 struct Described {
     stamp_ns: i64,
     frame_id: String,
-    view: Result<View, Misfit>,
+    fit: Result<Fit, Misfit>,
     calibration_id: u64,
 }
 
@@ -115,9 +117,9 @@ impl CameraInfos {
         self.waiting.push_back(Described {
             stamp_ns,
             frame_id: info.header.frame_id.as_ref().to_owned(),
-            view: match &self.calibration {
+            fit: match &self.calibration {
                 Some(calibration) => fit(calibration, info),
-                None => fit::view(info),
+                None => fit::view(info).map(|view| Fit { view, difference_px: 0.0 }),
             },
             calibration_id: calibration_id(info),
         });
@@ -145,8 +147,8 @@ impl CameraInfos {
             let (info, image) = (info.frame_id.clone(), image.frame_id.to_owned());
             return Pairing::Conflict(Conflict::Frame { info, image });
         }
-        let view = match &info.view {
-            Ok(view) => *view,
+        let Fit { view, difference_px } = match &info.fit {
+            Ok(fit) => *fit,
             Err(misfit) => return Pairing::Conflict(Conflict::Misfit(misfit.clone())),
         };
         let (size, described) = ((image.width, image.height), view.size_px.into());
@@ -155,7 +157,7 @@ impl CameraInfos {
         }
         let calibration_id = info.calibration_id;
         let is_new = self.calibration_id.replace(calibration_id) != Some(calibration_id);
-        Pairing::Matched { calibration_id, is_new, view }
+        Pairing::Matched { calibration_id, is_new, view, difference_px }
     }
 }
 

@@ -173,7 +173,7 @@ fn another_camera_is_refused_with_its_reason() {
     type Edit = fn(&mut CameraInfo<'_>);
     let bags = Bags::new();
     let cases: [(&str, Edit, &str); 4] = [
-        ("focal", |info| info.k[0] *= 1.02, "px from where the calibration does"),
+        ("focal", |info| info.k[0] *= 1.05, "px from where the calibration does"),
         ("distortion", |info| info.d = vec![0.0; 5], "rectified"),
         ("size", |info| info.width = 640, "640 x 200"),
         ("model", |info| info.distortion_model = "equidistant".into(), "equidistant"),
@@ -191,6 +191,33 @@ fn another_camera_is_refused_with_its_reason() {
         assert_eq!((rejected, profiles.len()), (FRAMES, 0), "{name}: {stderr}");
         assert!(stderr.contains(reason), "{name}, expected {reason:?}: {stderr}");
     }
+}
+
+#[test]
+fn another_calibration_of_the_same_camera_is_told_and_not_used() {
+    let bags = Bags::new();
+    let (_, _, whole) = bags.measured(&bags.path("whole"));
+    let bag = bags.edited(
+        "older",
+        |_, image| bytes(image),
+        |_, mut info| {
+            info.k[0] *= 1.003;
+            Some(bytes(&info))
+        },
+    );
+    let (rejected, stderr, profiles) = bags.measured(&bag);
+    assert_eq!(rejected, 0, "{stderr}");
+    assert!(
+        stderr.contains("px from where the calibration does: the calibration is used"),
+        "{stderr}"
+    );
+    let same = |a: &Vec<[f32; 2]>, b: &Vec<[f32; 2]>| {
+        a.iter()
+            .flatten()
+            .map(|value| value.to_bits())
+            .eq(b.iter().flatten().map(|value| value.to_bits()))
+    };
+    assert!(whole.iter().zip(&profiles).all(|(a, b)| same(a, b)) && whole.len() == profiles.len());
 }
 
 #[test]

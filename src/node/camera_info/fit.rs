@@ -11,8 +11,8 @@ use crate::{
     },
 };
 
-/// Two descriptions of one camera differ by less anywhere in the image, pixels.
-const LARGEST_DIFFERENCE_PX: f64 = 0.1;
+/// Two calibrations of one camera differ by less anywhere in the image, as a share of its longer side.
+const LARGEST_DIFFERENCE: f64 = 0.01;
 /// Places along each side of the image that are compared.
 const GRID: u32 = 8;
 
@@ -56,8 +56,8 @@ pub enum Misfit {
     },
     /// Another camera.
     #[error(
-        "K and D of camera_info see points up to {difference_px:.1} px from where the calibration does: it is another \
-         camera or an older calibration, or its images are rectified (image_rect), which are not measured"
+        "K and D of camera_info see points up to {difference_px:.1} px from where the calibration does, more than 1 % \
+         of its side: it is another camera, or its images are rectified (image_rect), which are not measured"
     )]
     Camera {
         /// Largest distance in the image, pixels, to a tenth.
@@ -65,21 +65,31 @@ pub enum Misfit {
     },
 }
 
-/// The part of the sensor that images of a `camera_info` show.
+/// What a `camera_info` says of the calibrated camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// The part of the sensor that its images show.
+    pub view: View,
+    /// How far from each other both see the same point, at most, pixels: two calibrations of one camera are never equal.
+    pub difference_px: f64,
+}
+
+/// The part of the sensor that images of a `camera_info` show, and how far its camera is from the calibrated one.
 ///
 /// # Errors
 /// The message is of another camera than the calibration.
-pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<View, Misfit> {
+pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<Fit, Misfit> {
     let view = view(info)?;
-    let Some(calibrated) = calibration.image_size_px() else { return Ok(view) };
+    let mut fit = Fit { view, difference_px: 0.0 };
+    let Some(calibrated) = calibration.image_size_px() else { return Ok(fit) };
     if (info.width, info.height) != calibrated {
         return Err(Misfit::Size { info: (info.width, info.height), calibrated });
     }
     // All zeros: the driver says that it is not calibrated.
     if let (Calibration::CameraAndPlane(geometry), true) = (calibration, info.k[0] != 0.0) {
-        compare(&geometry.camera, info)?;
+        fit.difference_px = compare(&geometry.camera, info)?;
     }
-    Ok(view)
+    Ok(fit)
 }
 
 /// The part of the sensor that a message states.
@@ -107,7 +117,8 @@ pub fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
     Ok(View { offset_px, size_px, binning })
 }
 
-fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<(), Misfit> {
+/// How far apart both see a point, at most, pixels.
+fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<f64, Misfit> {
     let model = if info.distortion_model.is_empty() { "plumb_bob" } else { &info.distortion_model };
     let distortion = Distortion::from_coefficients(model, &info.d)
         .map_err(|_allowed| Misfit::Model { model: model.to_owned(), count: info.d.len() })?;
@@ -134,11 +145,12 @@ fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<(), Misfit> {
         difference_px = difference_px.max(seen.map_or(f64::INFINITY, |seen| (seen - pixel).norm()));
         compared += 1;
     }
-    if compared == 0 || difference_px.is_nan() || difference_px > LARGEST_DIFFERENCE_PX {
+    let longer_px = f64::from(calibrated.width_px.max(calibrated.height_px));
+    if compared == 0 || difference_px.is_nan() || difference_px > LARGEST_DIFFERENCE * longer_px {
         let difference_px = (10.0 * difference_px).ceil() / 10.0;
         return Err(Misfit::Camera { difference_px });
     }
-    Ok(())
+    Ok(difference_px)
 }
 
 #[cfg(test)]
@@ -174,8 +186,11 @@ laser_plane: {normal: [0.0, -0.866, 0.5], distance_m: 0.15}
 
     #[test]
     fn the_calibrated_camera_fits_with_roi_and_binning() {
-        let whole = fit(&calibration(), &info()).unwrap();
-        assert_eq!(whole, View::whole([640, 480]));
+        let whole = Fit { view: View::whole([640, 480]), difference_px: 0.0 };
+        let near = |fit: Fit, other: Fit| {
+            fit.view == other.view && (fit.difference_px - other.difference_px).abs() < 1e-6
+        };
+        assert!(near(fit(&calibration(), &info()).unwrap(), whole));
         let roi = RegionOfInterest {
             x_offset: 100,
             y_offset: 40,
@@ -185,14 +200,15 @@ laser_plane: {normal: [0.0, -0.866, 0.5], distance_m: 0.15}
         };
         let part = CameraInfo { roi, binning_x: 2, binning_y: 4, ..info() };
         let expected = View { offset_px: [100, 40], size_px: [100, 25], binning: [2, 4] };
-        assert_eq!(fit(&calibration(), &part), Ok(expected));
+        assert_eq!(fit(&calibration(), &part).unwrap().view, expected);
         // A driver without a calibration of its own.
         let unknown = CameraInfo { k: [0.0; 9], d: vec![], ..info() };
-        assert_eq!(fit(&calibration(), &unknown), Ok(whole));
-        // As a file prints numbers.
-        let mut rounded = info();
-        rounded.k[0] = 625.001;
-        assert!(fit(&calibration(), &rounded).is_ok());
+        assert!(near(fit(&calibration(), &unknown).unwrap(), whole));
+        // An older calibration of the same camera.
+        let mut older = info();
+        older.k[0] = 627.0;
+        let difference_px = fit(&calibration(), &older).unwrap().difference_px;
+        assert!((0.9..1.3).contains(&difference_px), "{difference_px}");
     }
 
     #[test]

@@ -12,6 +12,9 @@ use crate::{
     scanner::{calibration::Calibration, camera::View},
 };
 
+/// Below, two calibrations of a camera are as good as equal, pixels.
+const WORTH_TELLING_PX: f64 = 0.1;
+
 /// What is known of the camera of a stream.
 #[derive(Debug, Default)]
 pub(super) struct Framing {
@@ -55,8 +58,10 @@ impl Worker {
         out: &mut Publisher<'_>,
     ) -> Result<Result<(), Conflict>, Halt> {
         let Some(calibration) = &self.framing.calibration else { return Ok(Ok(())) };
-        let (calibration_id, view) = match pairing {
-            Pairing::Matched { calibration_id, view, .. } => (calibration_id, view),
+        let (calibration_id, view, difference_px) = match pairing {
+            Pairing::Matched { calibration_id, view, difference_px, .. } => {
+                (calibration_id, view, difference_px)
+            }
             Pairing::Conflict(conflict) if conflict.is_of_geometry() => return Ok(Err(conflict)),
             Pairing::Conflict(_) | Pairing::NoneYet => return Ok(Ok(())),
         };
@@ -65,6 +70,12 @@ impl Worker {
             return Ok(Ok(()));
         }
         let calibration = calibration.seen_through(&view);
+        if difference_px > WORTH_TELLING_PX {
+            tracing::warn!(
+                "K and D of camera_info see points up to {difference_px:.1} px from where the calibration does: the \
+                 calibration is used; the driver has another one of this camera"
+            );
+        }
         if before.is_some() {
             tracing::warn!(
                 "camera_info changes within the stream: now {} x {} pixels from ({}, {}), binned {} x {}; a new scan begins",
