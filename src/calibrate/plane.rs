@@ -50,7 +50,7 @@ pub struct PlaneFit {
     pub used: Vec<BoardResidual>,
     /// Boards that contradict them, and how far.
     pub outliers: Vec<BoardResidual>,
-    /// Covariance of two tilts of the normal, along [`LaserPlane::tangents`] [rad], and the distance [m]: from leaving
+    /// Covariance of two tilts of the normal, along [`LaserPlane::tangents`], radians, and the distance, metres: from leaving
     /// one board out at a time, because what one board has wrong all its points share.
     pub covariance: Matrix3<f64>,
 }

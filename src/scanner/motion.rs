@@ -1,7 +1,7 @@
 //! Where along the scan a profile was taken.
 //!
 //! Known of itself (nowhere, or a constant motion) here; measured by samples of an axis or of a pose in
-//! [`track`](self::track) and [`frames`](self::frames).
+//! [`track`] and [`frames`].
 
 pub mod track;
 pub mod reading;

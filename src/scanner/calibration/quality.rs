@@ -29,7 +29,7 @@ pub struct PlaneQuality {
     /// Views of the board with the line on it that took part.
     pub boards_used: u32,
     /// Of two tilts of the normal, along
-    /// [`LaserPlane::tangents`](crate::scanner::laser_plane::LaserPlane::tangents) [rad], and the distance [m]; 3 x 3.
+    /// [`LaserPlane::tangents`](crate::scanner::laser_plane::LaserPlane::tangents), radians, and the distance, metres; 3 x 3.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<[f64; 9]>,
 }
