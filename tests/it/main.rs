@@ -20,6 +20,7 @@ mod estimators;
 mod steps;
 mod measure;
 mod metrology;
+mod calibration_share;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;

@@ -311,6 +311,7 @@ proptest! {
             base_row_px: 1024.0,
             center_column_px: 1295.5,
             height_sign,
+            quality: None,
         };
         let rays = formula.camera_and_plane(direction, (2592, 2592));
         let pose = Calibration::VerticalIncidence(formula.clone()).camera_from_laser(direction).unwrap();

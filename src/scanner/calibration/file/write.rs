@@ -90,6 +90,7 @@ fn vertical(geometry: &VerticalIncidence) -> Yaml {
         .number("base_row_px", geometry.base_row_px)
         .number("center_column_px", geometry.center_column_px)
         .entry("height_sign", geometry.height_sign)
+        .structure("steps_quality", geometry.quality.as_ref())
 }
 
 fn projective(geometry: &Projective) -> Yaml {
