@@ -33,14 +33,15 @@ enum Map {
 }
 
 /// Whether a scan's points tell what the calibration adds only together with the positions of its profiles: its axis turns
-/// the part, or leans.
+/// the part, or leans, or the part's frame was laid on a flat.
 #[must_use]
 pub fn needs_positions(calibration: &Calibration) -> bool {
     let Calibration::CameraAndPlane(geometry) = calibration else { return false };
-    geometry.axis.is_some_and(|axis| {
+    let leans = geometry.axis.is_some_and(|axis| {
         let lean = axis.direction.cross(&geometry.plane.normal).norm();
         axis.kind == AxisKind::Revolute || lean > LARGEST_LEAN
-    })
+    });
+    leans || geometry.part.is_some()
 }
 
 /// All independent directions in which the calibration may be off, each by one standard deviation: the principal axes of

@@ -125,6 +125,7 @@ impl Rig {
             },
             plane_quality: None,
             alignment: None,
+            part: None,
             axis: Some(Axis {
                 kind: AxisKind::Prismatic,
                 point_m: Point3::origin(),

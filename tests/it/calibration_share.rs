@@ -213,6 +213,7 @@ fn off(random: &mut impl Rng, camera: &[f64], plane: &LaserPlane, axis: &Axis) -
             covariance: of_plane.as_slice().try_into().ok(),
         }),
         alignment: None,
+        part: None,
         axis: Some(Axis {
             direction: Unit::new_normalize(axis.direction.into_inner() + turn),
             point_m: axis.point_m + shift,

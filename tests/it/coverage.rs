@@ -217,6 +217,7 @@ fn trial(number: u64) -> (f64, f64, f64) {
         plane,
         plane_quality: Some(plane_quality),
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: None,

@@ -19,7 +19,11 @@ pub(super) struct Rig {
 impl Rig {
     pub(super) fn new(geometry: &CameraAndPlane, direction: StripeDirection) -> Self {
         let camera_from_laser = geometry.camera_from_laser(direction);
-        let placement = Placement::new(camera_from_laser, geometry.axis);
+        let plain = Placement::new(camera_from_laser, geometry.axis);
+        let placement = match &geometry.part {
+            Some(part) => plain.with_part(&part.pose()),
+            None => plain,
+        };
         Self { geometry: geometry.clone(), camera_from_laser, placement }
     }
 

@@ -3,6 +3,7 @@ use crate::{
     metrology::noise::surface,
     scanner::{
         calibration::{PlaneQuality, Projective, StepsQuality},
+        camera::{Camera, Distortion},
         laser_plane::LaserPlane,
     },
 };
@@ -28,6 +29,7 @@ fn geometry(covariance: Option<[f64; 9]>) -> CameraAndPlane {
         },
         plane_quality: Some(PlaneQuality { rms_m: 0.0, boards_used: 20, covariance }),
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: None,

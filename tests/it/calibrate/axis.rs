@@ -103,6 +103,7 @@ fn with_rig() -> TempDir {
         plane: laser(),
         plane_quality: None,
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: None,

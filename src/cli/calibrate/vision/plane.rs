@@ -185,6 +185,7 @@ fn geometry(args: &PlaneArgs, camera: CameraCalibration, fit: &PlaneFit) -> Came
             covariance: Some(covariance),
         }),
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: Some(file::now()),

@@ -117,6 +117,8 @@ pub(super) fn run(
     };
     let found = found.with_context(|| frames.told())?;
     geometry.axis = Some(found.axis);
+    // It lay in the frame of the axis before.
+    geometry.part = None;
     geometry.axis_quality = Some(found.quality.clone());
     geometry.calibrated_at = Some(file::now());
     file::write(&args.output, &Calibration::CameraAndPlane(Box::new(geometry)).to_yaml())?;
