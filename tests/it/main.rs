@@ -21,6 +21,7 @@ mod steps;
 mod measure;
 mod metrology;
 mod calibration_share;
+mod level;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;

@@ -138,7 +138,7 @@ fn frames(
     let source = joint::source(args, views)?;
     let look = look(target)?;
     let stripes = Stripes::new(settings, &views.params);
-    let mut joint = Joint::new(args.joint.clone());
+    let mut joint = Joint::new(args.joint.clone(), &views.params.scanner.motion);
     let topic = match &source {
         Source::Topic(topic) => Some(topic.as_str()),
         Source::Step(_) => None,
