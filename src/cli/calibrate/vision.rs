@@ -19,4 +19,4 @@ pub(super) use axis::run as axis;
 pub(super) use camera::run as camera;
 pub(super) use plane::run as plane;
 
-use super::{args, line};
+use super::args;

@@ -90,7 +90,7 @@ enum Target {
 /// # Errors
 /// [`Usage`](crate::cli::Usage) for a request that cannot be followed; pictures that say too little; files that cannot be
 /// read or written.
-pub(super) fn run(
+pub(in crate::cli::calibrate) fn run(
     args: &AxisArgs,
     ros: RosArguments,
     out: &mut dyn Write,

@@ -25,7 +25,7 @@ const MIN_CORNERS: usize = 20;
 /// # Errors
 /// [`Usage`](crate::cli::Usage) for a request that cannot be followed; views that say too little; files that cannot be
 /// read or written.
-pub(super) fn run(
+pub(in crate::cli::calibrate) fn run(
     args: &CameraArgs,
     ros: RosArguments,
     out: &mut dyn Write,

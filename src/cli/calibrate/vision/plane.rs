@@ -55,7 +55,7 @@ pub(super) struct Lines {
 /// # Errors
 /// [`Usage`](crate::cli::Usage) for a request that cannot be followed; boards that say too little; files that cannot be
 /// read or written.
-pub(super) fn run(
+pub(in crate::cli::calibrate) fn run(
     args: &PlaneArgs,
     ros: RosArguments,
     out: &mut dyn Write,
