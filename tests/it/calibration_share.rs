@@ -19,11 +19,13 @@ use laser_profiler::{
         profile::Profile,
         stripe::Centerline,
     },
-    simulate::{noise::frame_rng, rig::Lens},
+    simulate::noise::frame_rng,
 };
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Rotation3, Unit, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
+
+use crate::coverage::lens;
 
 const TRIALS: u64 = 500;
 const DIRECTION: StripeDirection = StripeDirection::Horizontal;
@@ -154,12 +156,6 @@ fn moved_part(number: u64, kind: AxisKind) -> [f64; 2] {
         part_from_laser * Point3::new(x_m, 0.0, z_m)
     });
     judged(&calibration, points, &positions, true_m)
-}
-
-fn lens(values: &[f64]) -> Lens {
-    let &[fx, fy, cx, cy, k1, k2] = values else { panic!("{values:?}") };
-    let distortion = [k1, k2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    Lens { focal_px: [fx, fy], center_px: [cx, cy], distortion, tilt_rad: [0.0; 2] }
 }
 
 /// A rig that is off as it says that it may be.
