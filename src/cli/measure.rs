@@ -18,6 +18,7 @@ use crate::metrology::surface::Region;
 const HELP: &str = "\
 Examples:
   laser_profiler measure plane results --region 0,0,20mm,30mm      how flat, how inclined
+  laser_profiler measure plane results --region=-50mm,-50mm,50mm,50mm --heights=-1mm,1mm     without what stands on it
   laser_profiler measure step results --region 0,0,20mm,5mm        a ridge or groove across the profiles, ISO 5436-1 type A1
   laser_profiler measure step results --edges 8mm,12mm --direction y --json
   laser_profiler measure sphere results --region 5mm,5mm,15mm,15mm
@@ -34,7 +35,9 @@ independent points as the correlation of the residuals leaves (`effective`).
 --json prints one object:
   tool, topic, profiles, points, rejected (clouds), calibration (text of the file in the recording; null without),
   calibration_unknown (why it has no share in the uncertainties)
-  plane:   tilt_rad, normal, center_m, height_m, scatter_m, flatness_d95_m, peak_to_valley_m, outliers, effective
+  plane:   tilt_rad, normal, center_m, height_m, scatter_m, flatness_d95_m, peak_to_valley_m, outliers, effective;
+           profiles_sigma_m (scatter of the profiles' mean heights over the plane, which says how well a height repeats),
+           profiles_compared (those with half as many points as usual, or more; without two of them both are missing)
   step:    height_m, edges_m, profile_sigma_m, profiles_used, profiles_rejected, effective
   sphere:  center_x_m, center_y_m, center_z_m, radius_m, scatter_m, form_d95_m, peak_to_valley_m, outliers, effective
   spheres: distance_m, spheres: [sphere, sphere]
@@ -67,6 +70,9 @@ enum Tool {
 struct Common {
     #[command(flatten)]
     results: ResultsArgs,
+    /// Only heights from LOW to HIGH.
+    #[arg(long, value_name = "LOW,HIGH", value_parser = edges, allow_hyphen_values = true)]
+    heights: Option<[f64; 2]>,
     /// One JSON object on standard output; see `measure --help`.
     #[arg(long)]
     json: bool,

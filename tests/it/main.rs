@@ -20,6 +20,8 @@ mod estimators;
 mod steps;
 mod measure;
 mod metrology;
+mod calibration_share;
+mod level;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;
