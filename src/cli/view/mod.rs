@@ -28,8 +28,8 @@ pub struct ViewArgs {
         default_missing_value = DEFAULT_ADDRESS
     )]
     pub view: Option<String>,
-    /// Images in the view: `preview` is small and at most 15 a second, on ~/preview, with ~/preview_annotations over it;
-    /// `full` is every image on its own topic, with ~/annotations over it; `none`.
+    /// Images in the view: `preview` is small and at most 15 a second, on `~/preview`, with `~/preview_annotations` over
+    /// it; `full` is every image on its own topic, with `~/annotations` over it; `none`.
     #[arg(long, value_name = "SIZE", default_value = "preview", value_parser = IMAGES, requires = "view")]
     pub view_image: String,
 }

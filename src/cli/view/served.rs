@@ -64,9 +64,8 @@ pub(in crate::cli) fn live(
     let shown = LiveView::start(request, self::request(view)?).map_err(told)?;
     announce(shown.address());
     let variable = |name: &str| std::env::var(name).ok();
-    let node = LiveNode::start_through(request, rosout, &variable, &|transport| {
-        shown.through(transport)
-    });
+    let node =
+        LiveNode::start_through(request, rosout, &variable, &|transport| shown.through(transport));
     let node = node.map_err(told_apart)?;
     shown.set_parameters_of(node.parameters());
     let summaries = node.run(stop);

@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn no_picture_is_wider_than_the_widest() {
-        for width in [1, 640, 641, 2592, 65_535] {
+        for width in [1_u32, 640, 641, 2592, 65_535] {
             assert!(width.div_ceil(factor(width)) <= MAX_WIDTH_PX, "{width}");
         }
         assert_eq!([factor(0), factor(640), factor(641), factor(2592)], [1, 1, 2, 5]);

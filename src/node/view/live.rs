@@ -16,10 +16,7 @@ use crate::{
     live::{ConnectionGraph, Server, Settings, ViewError},
     msg::{schema::Message, sensor_msgs::CompressedImage},
     node::{
-        input,
-        live::LiveRequest,
-        parameter_server::ParameterHandle,
-        replay::NODE_NAME,
+        input, live::LiveRequest, parameter_server::ParameterHandle, replay::NODE_NAME,
         topics::of_camera,
     },
     ros::{

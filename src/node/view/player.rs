@@ -199,7 +199,7 @@ impl Player {
     fn play(&mut self, act: &mut Act<'_>) -> Next {
         self.set_pace(act);
         while !self.stop.is_raised() {
-            let wait = self.wait(act);
+            let wait = Self::wait(act);
             match self.next_order(wait.unwrap_or_default().min(IDLE)) {
                 Ok(order) => {
                     if let Some(from_ns) = self.obey(order, act) {
@@ -238,7 +238,7 @@ impl Player {
     }
 
     /// How long until the next message is due; `None`: it is. Paused, for ever.
-    fn wait(&self, act: &mut Act<'_>) -> Option<Duration> {
+    fn wait(act: &mut Act<'_>) -> Option<Duration> {
         let (Some(pacer), Some(next)) = (&mut act.pacer, act.reader.peek()) else {
             return Some(IDLE);
         };

@@ -9,7 +9,7 @@ use std::{
 use thiserror::Error;
 
 use crate::{
-    bag::Topic,
+    bag::{BagReader, Topic},
     live::{PlaybackStatus, Server, Settings, ViewError},
     node::{
         input::InputError,
@@ -212,7 +212,7 @@ fn cameras(
 }
 
 fn recorded<'a>(replay: &'a Replay, name: &str) -> Option<&'a Topic> {
-    let mut topics = replay.bags().iter().flat_map(|bag| bag.topics());
+    let mut topics = replay.bags().iter().flat_map(BagReader::topics);
     topics.find(|topic| topic.name == name).map(|topic| &**topic)
 }
 

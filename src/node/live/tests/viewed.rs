@@ -80,7 +80,12 @@ fn viewers_who_read_nothing_cost_the_node_no_frame() {
     let (rig, view) = viewed(Images::Full);
     let mut viewers: Vec<_> = (0..5).map(|_| Viewer::connect(view.address())).collect();
     for viewer in &mut viewers {
-        viewer.subscribe(&["/image_raw", LINE, "/laser_profiler/points", "/laser_profiler/annotations"]);
+        viewer.subscribe(&[
+            "/image_raw",
+            LINE,
+            "/laser_profiler/points",
+            "/laser_profiler/annotations",
+        ]);
         settle(viewer);
     }
     let mut camera = rig.camera();
@@ -114,14 +119,13 @@ fn parameters_and_services_are_those_of_the_node() {
     let method = "extraction.method";
     viewer.send(&json!({"op": "subscribeParameterUpdates", "parameterNames": [method]}));
     settle(&mut viewer);
-    let set = |name: &str, value: Json| {
-        json!({"op": "setParameters", "parameters": [{"name": name, "value": value}], "id": "set"})
-    };
+    let set = |name: &str, value: Json| json!({"op": "setParameters", "parameters": [{"name": name, "value": value}], "id": "set"});
     viewer.send(&set(method, json!("gray_gravity")));
     let in_force = |viewer: &mut Viewer| {
         viewer.wait(|_, seen| match seen {
             Seen::Text(text) if text["op"] == "parameterValues" => {
-                let found = text["parameters"].as_array()?.iter().find(|it| it["name"] == method)?;
+                let found =
+                    text["parameters"].as_array()?.iter().find(|it| it["name"] == method)?;
                 Some(found["value"].as_str()?.to_owned())
             }
             _ => None,

@@ -66,10 +66,9 @@ impl Viewer {
     }
 
     fn note(&mut self, text: &Json) {
-        for (list, name, known) in [
-            ("channels", "topic", &mut self.channels),
-            ("services", "name", &mut self.services),
-        ] {
+        for (list, name, known) in
+            [("channels", "topic", &mut self.channels), ("services", "name", &mut self.services)]
+        {
             for item in text[list].as_array().into_iter().flatten() {
                 let name = item[name].as_str().unwrap().to_owned();
                 known.insert(name, item["id"].as_u64().unwrap());
@@ -85,14 +84,6 @@ impl Viewer {
                 return found;
             }
         }
-    }
-
-    /// The bytes of the next message of a topic.
-    pub(super) fn message(&mut self, topic: &str) -> Vec<u8> {
-        self.wait(|_, seen| match seen {
-            Seen::Message(of, data) if of == topic => Some(data),
-            _ => None,
-        })
     }
 
     pub(super) fn send(&mut self, text: &Json) {
