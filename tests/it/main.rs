@@ -40,6 +40,8 @@ mod bad_output;
 mod interop;
 mod interfaces;
 mod tidy;
+#[cfg(feature = "foxglove")]
+mod view;
 mod launch_configs;
 mod launch_files;
 mod packaging;
