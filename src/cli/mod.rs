@@ -20,6 +20,7 @@ pub mod calibrate;
 pub mod measure;
 pub mod export;
 pub mod report;
+pub mod compare;
 pub mod ambient;
 pub mod demo;
 
@@ -77,6 +78,7 @@ enum Verb {
     Measure(measure::MeasureArgs),
     Export(export::ExportArgs),
     Report(report::ReportArgs),
+    Compare(compare::CompareArgs),
     Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
@@ -107,6 +109,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Measure(args) => measure::run(&args, out),
         Verb::Export(args) => export::run(&args, out),
         Verb::Report(args) => report::run(&args, out),
+        Verb::Compare(args) => compare::run(&args, out),
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),

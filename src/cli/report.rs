@@ -1,12 +1,12 @@
 //! `laser_profiler report`: a scan as one page for people.
 
-mod source;
+pub(super) mod source;
 mod gathered;
 mod status;
-mod map;
+pub(super) mod map;
 mod frames;
 mod images;
-mod described;
+pub(super) mod described;
 mod plots;
 
 use std::{
@@ -82,7 +82,6 @@ impl Notes {
     pub(super) fn tell(&mut self, note: impl Into<String>) {
         let note = note.into();
         if !self.told.contains(&note) && self.told.len() < Self::MOST {
-            tracing::warn!("{note}");
             self.told.push(note);
         }
     }
@@ -94,6 +93,11 @@ impl Notes {
             self.lost += 1;
             self.tell(note);
         }
+    }
+
+    /// Says in the log what was told.
+    pub(super) fn log(&self) {
+        self.told.iter().for_each(|note| tracing::warn!("{note}"));
     }
 
     pub(super) fn told(&self) -> &[String] {
@@ -118,8 +122,8 @@ pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         let told = format!("--frames: at most {MAX_FRAMES} frames fit on a page");
         return Err(super::Usage(told).into());
     }
-    if let Some(path) = &args.output {
-        refuse_existing(path, args.force)?;
+    if let (Some(path), false) = (&args.output, args.force) {
+        refuse_existing(path)?;
     }
     let mut notes = Notes::default();
     let source = Source::open(&args.results, &mut notes)?;
@@ -129,6 +133,7 @@ pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let mut charts = gathered.quality.charts();
     charts.extend(gathered.charts());
     charts.retain(|chart| chart.curves.iter().any(crate::report::chart::Curve::is_something));
+    notes.log();
     let mut plots = Vec::new();
     if let Some(directory) = &args.plots {
         plots = plots::write(directory, &charts, &overlays, measured.as_ref())?;
@@ -176,9 +181,9 @@ pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     Ok(notes.outcome())
 }
 
-/// Whatever is there stays, unless somebody said otherwise.
-pub(super) fn refuse_existing(path: &Path, is_forced: bool) -> anyhow::Result<()> {
-    if path.exists() && !is_forced {
+/// Whatever is there stays.
+pub(super) fn refuse_existing(path: &Path) -> anyhow::Result<()> {
+    if path.exists() {
         bail!("{} is there already: --force replaces it", path.display());
     }
     Ok(())

@@ -105,6 +105,15 @@ pub struct About {
     colors: [f64; 2],
 }
 
+impl About {
+    /// The same with zero in the middle of the scale of colours.
+    #[must_use]
+    pub fn about_zero(self) -> Self {
+        let largest = self.colors[0].abs().max(self.colors[1].abs());
+        Self { colors: [-largest, largest], ..self }
+    }
+}
+
 impl Grid {
     /// A grid for the rows that were seen.
     #[must_use]
@@ -201,10 +210,14 @@ mod tests {
         let nan = [f32::NAN; 3];
         let rows = [vec![[0.0, 0.0, -2.0], nan, [2.0, 0.0, 5.0]], vec![[0.0, 1.0, 0.125]]];
         let mut extent = Extent::default();
-        rows.iter().for_each(|row| extent.add(row));
+        for row in &rows {
+            extent.add(row);
+        }
         assert_eq!((extent.rows, extent.columns, extent.num_measured), (2, 3, 3));
         let mut grid = Grid::new(&extent);
-        rows.iter().for_each(|row| grid.push(row));
+        for row in &rows {
+            grid.push(row);
+        }
         let z = &grid.codes[2];
         assert_eq!((z[0], z[1], z[2]), (-32_767, MISSING, 32_767));
         let step = 7.0 / 65_534.0;
@@ -230,7 +243,9 @@ mod tests {
         assert_eq!(short.codes[0], [0, 0]);
         assert_eq!(short.finish().0.rows, 3);
         let mut long = grid(1, 2);
-        (0..3).for_each(|_| long.push(&[[0.5; 3]; 2]));
+        for _ in 0..3 {
+            long.push(&[[0.5; 3]; 2]);
+        }
         assert_eq!(long.codes[0], [0, 0]);
     }
 

@@ -20,4 +20,6 @@ pub mod series;
 pub mod quality;
 pub mod chart;
 pub mod overlay;
+pub mod spread;
+pub mod difference;
 pub mod page;

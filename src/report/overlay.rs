@@ -1,7 +1,5 @@
 //! A centreline over its image, as the lines of an SVG in the image's own pixels.
 
-use std::fmt::Write as _;
-
 use askama::Template;
 
 use crate::msg::laser_profiler_msgs::Centerline;
@@ -61,15 +59,12 @@ fn lines(line: &Centerline<'_>) -> Vec<String> {
     let starts = line.stripe_start.iter().map(|start| (*start as usize).min(num));
     let ends = starts.clone().skip(1).chain([num]);
     let strip = |(start, end): (usize, usize)| {
-        let mut text = String::new();
-        for at in start..end.max(start) {
-            // Writing to a string cannot fail.
-            let _ = write!(text, "{},{:.3} ", line.u[at], line.v[at]);
-        }
+        let place = |at: usize| format!("{},{:.3}", line.u[at], line.v[at]);
+        let mut places: Vec<String> = (start..end.max(start)).map(place).collect();
         if end == start + 1 {
-            let _ = write!(text, "{:.1},{:.3}", line.u[start] + 0.1, line.v[start]);
+            places.push(format!("{:.1},{:.3}", line.u[start] + 0.1, line.v[start]));
         }
-        text.trim_end().to_owned()
+        places.join(" ")
     };
     starts.zip(ends).map(strip).filter(|text| !text.is_empty()).collect()
 }

@@ -5,6 +5,22 @@ use serde::Serialize;
 
 use super::{chart::Chart, grid::About, overlay::Overlay};
 
+/// How a page looks.
+const STYLE: &str =
+    concat!(include_str!("uplot/uPlot.min.css"), "\n", include_str!("pages/page.css"));
+/// What draws in it.
+const SCRIPT: &str = concat!(
+    include_str!("uplot/uPlot.iife.min.js"),
+    "\n",
+    include_str!("pages/map.js"),
+    "\n",
+    include_str!("pages/charts.js"),
+    "\n",
+    include_str!("pages/page.js")
+);
+/// The licence of the drawing library, which must stand beside it.
+const LICENCE: &str = include_str!("uplot/LICENSE");
+
 /// A name and what it is, in a list of facts or a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fact {
@@ -125,33 +141,6 @@ impl Page {
         let data = serde_json::json!({"map": map, "charts": self.charts});
         data.to_string().replace('<', "\\u003c")
     }
-
-    const fn style(&self) -> &'static str {
-        concat!(include_str!("uplot/uPlot.min.css"), "\n", include_str!("pages/page.css"))
-    }
-
-    const fn script(&self) -> &'static str {
-        concat!(
-            include_str!("uplot/uPlot.iife.min.js"),
-            "\n",
-            include_str!("pages/map.js"),
-            "\n",
-            include_str!("pages/charts.js"),
-            "\n",
-            include_str!("pages/page.js")
-        )
-    }
-
-    /// The licence of the drawing library, which must stand beside it.
-    const fn licence(&self) -> &'static str {
-        include_str!("uplot/LICENSE")
-    }
-}
-
-/// A time in seconds since another, for people.
-#[must_use]
-pub fn seconds(stamp_ns: i64, since_ns: i64) -> String {
-    format!("{:.3} s", stamp_ns.saturating_sub(since_ns) as f64 / 1e9)
 }
 
 #[cfg(test)]
@@ -192,7 +181,7 @@ mod tests {
         // `npm pack uplot@1.6.32`, dist/uPlot.iife.min.js.
         let published = "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f";
         let digest = Sha256::digest(include_bytes!("uplot/uPlot.iife.min.js"));
-        let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        let digest = digest.iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}"));
         assert_eq!(digest, published);
     }
 }

@@ -14,7 +14,7 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 13] = [
+const VERBS: [&str; 14] = [
     "run",
     "replay",
     "parameters",
@@ -26,6 +26,7 @@ const VERBS: [&str; 13] = [
     "measure",
     "export",
     "report",
+    "compare",
     "ambient",
     "demo",
 ];

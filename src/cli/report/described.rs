@@ -90,7 +90,7 @@ pub(super) fn tables(source: &Source, gathered: &Gathered) -> Vec<Table> {
 }
 
 /// Calibration and parameters as they were recorded.
-pub(super) fn documents(source: &Source) -> Vec<Document> {
+pub(in crate::cli) fn documents(source: &Source) -> Vec<Document> {
     let mut documents = Vec::new();
     let mut add = |title: &str, text: Option<&String>| {
         if let Some(text) = text.filter(|text| !text.is_empty()) {

@@ -130,7 +130,7 @@ fn centerlines(source: &Source, notes: &mut Notes) -> Option<Measured> {
 }
 
 /// A centreline as places (position along the stripe, frame, position across it), one a pixel along the stripe.
-pub(in crate::cli) fn lay(line: &Centerline<'_>, frame: f32, row: &mut Vec<Place>) {
+fn lay(line: &Centerline<'_>, frame: f32, row: &mut Vec<Place>) {
     let (along, across, length) = if is_vertical(line) {
         (&line.v, &line.u, line.image_height)
     } else {
@@ -204,7 +204,7 @@ fn finished(title: &'static str, caption: String, axes: [Axis; 3], grid: Grid) -
 }
 
 /// The scale of colours of the program's pictures.
-fn colors() -> Vec<String> {
+pub(in crate::cli) fn colors() -> Vec<String> {
     let color = |at: u16| viridis(f32::from(at), [0.0, 255.0]);
     (0..256)
         .map(color)
