@@ -166,7 +166,7 @@ pub(super) fn bytes(length: u64) -> String {
 }
 
 /// The time in UTC, as in `2018-07-18 08:00:00`.
-fn date(time_ns: i64) -> String {
+pub(super) fn date(time_ns: i64) -> String {
     let seconds = time_ns.div_euclid(NS);
     let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
     // Days since 0000-03-01 in eras of 400 years: H. Hinnant, "chrono-compatible low-level date algorithms".
