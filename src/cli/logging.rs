@@ -16,7 +16,7 @@ use tracing_subscriber::{
     util::SubscriberInitExt,
 };
 
-use super::Usage;
+use super::{Usage, terminal::LogLines};
 use crate::{
     node::{
         replay::NODE_NAME,
@@ -130,7 +130,7 @@ pub(super) fn start(levels: &Levels) -> RosoutSlot {
         .with_target(false)
         .without_time()
         .with_ansi(io::stderr().is_terminal())
-        .with_writer(io::stderr)
+        .with_writer(|| LogLines)
         // It would print its own failure to standard error, and panic where that is what fails.
         .log_internal_errors(false);
     // Also takes what dependencies tell the `log` crate. Fails only when a subscriber is there already, as in tests.

@@ -1,11 +1,13 @@
 //! The commands, one verb a file.
 
 mod interrupt;
+mod terminal;
 mod logging;
 mod summary;
 mod chart;
 mod length;
 mod progress;
+mod status_line;
 mod settings;
 mod recording;
 mod results;

@@ -1,17 +1,37 @@
 //! How far a command is.
 
-use std::io::{self, IsTerminal};
-
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar on a terminal, nothing elsewhere.
+use super::terminal;
+
+/// A bar on a terminal, nothing elsewhere: how many, how fast, how long still. Without a length, what is known of that.
 pub(super) fn progress_bar(length: Option<u64>, what: &str) -> ProgressBar {
-    if !io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let template = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{eta}} left");
-    match (length, ProgressStyle::with_template(&template)) {
-        (Some(length), Ok(style)) => ProgressBar::new(length).with_style(style),
-        _ => ProgressBar::new_spinner(),
+    let (bar, template) = match length {
+        Some(length) => (
+            ProgressBar::new(length),
+            format!("{{bar:40}} {{human_pos}}/{{human_len}} {what}, {{per_sec}}, {{eta}} left"),
+        ),
+        None => (
+            ProgressBar::new_spinner(),
+            format!("{{spinner}} {{human_pos}} {what}, {{per_sec}}, {{elapsed}}"),
+        ),
+    };
+    let styled = match ProgressStyle::with_template(&template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    };
+    terminal::show(styled)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elsewhere_than_on_a_terminal_nothing_is_drawn() {
+        let bar = progress_bar(Some(10), "frames");
+        bar.set_position(3);
+        assert_eq!((bar.position(), bar.length()), (3, Some(10)));
+        assert!(bar.is_hidden() || std::io::IsTerminal::is_terminal(&std::io::stderr()));
     }
 }

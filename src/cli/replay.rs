@@ -1,15 +1,12 @@
 //! `laser_profiler replay`: recordings through the node, offline and deterministic.
 
-use std::{
-    io::{self, IsTerminal, Write},
-    path::PathBuf,
-};
+use std::{io::Write, path::PathBuf};
 
 use anyhow::{Context, anyhow};
-use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{
     Outcome, Usage, interrupt,
+    progress::progress_bar,
     summary::{self, Told},
     view::{self, ReplayViewArgs},
 };
@@ -145,7 +142,7 @@ pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
         tracing::info!("taking positions from {topic}");
     }
     let topics: Vec<_> = replay.image_topics().map(|topic| topic.name.clone()).collect();
-    let bar = progress_bar(replay.num_messages());
+    let bar = progress_bar(replay.num_messages(), "frames");
     let summary = replay.run(stop, &mut |num_messages| bar.set_position(num_messages));
     bar.finish_and_clear();
     let summary = summary.map_err(told)?;
@@ -165,17 +162,6 @@ fn request(args: ReplayArgs, mut ros: RosArguments) -> ReplayRequest {
         with_images: args.with_images,
         camera: args.camera,
         ros,
-    }
-}
-
-fn progress_bar(num_messages: Option<u64>) -> ProgressBar {
-    if !io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
-    match (num_messages, ProgressStyle::with_template(template)) {
-        (Some(len), Ok(style)) => ProgressBar::new(len).with_style(style),
-        _ => ProgressBar::new_spinner(),
     }
 }
 

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::{
     Outcome, Usage, interrupt,
+    status_line::StatusShow,
     summary::{self, Told},
     view::{self, ViewArgs},
 };
@@ -104,7 +105,9 @@ fn live(
     stop: &Stop,
 ) -> Result<Vec<CameraSummary>, LiveError> {
     let variable = |name: &str| std::env::var(name).ok();
-    Ok(LiveNode::start(request, rosout, &variable)?.run(stop))
+    let node = LiveNode::start(request, rosout, &variable)?;
+    let _status = StatusShow::start(node.watcher())?;
+    Ok(node.run(stop))
 }
 
 fn request(args: RunArgs, mut ros: RosArguments) -> anyhow::Result<LiveRequest> {

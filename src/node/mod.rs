@@ -22,6 +22,7 @@ pub mod input;
 pub mod positions;
 pub mod camera;
 pub mod status;
+pub mod board;
 pub mod parameter_server;
 pub mod publisher;
 pub mod results;

@@ -12,6 +12,7 @@ use crate::{
     bag::Topic,
     msg::qos::Durability,
     node::{
+        board::Board,
         camera_info::ImageHeader,
         clock::RosClock,
         command::{Answer, Command, Mailbox, Reply, Settings},
@@ -121,6 +122,8 @@ pub(super) struct Camera {
     pub(super) recording: RecordingControl,
     /// What explains its recordings, as it was at the start.
     pub(super) description: Description,
+    /// Where its worker leaves reports.
+    pub(super) board: Board,
     images: Arc<Images>,
     input: Arc<Queue<Input>>,
     settings: Arc<Mailbox<Settings>>,
@@ -152,13 +155,17 @@ impl Camera {
         let settings = Arc::new(Mailbox::default());
         let observer = images.observer.clone();
         let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
+        let board = Board::default();
         let live = Live::new(Arc::clone(&settings), clock, survey, observe);
+        let live = live.with_board(board.clone());
         let worker = worker.with_live(live).with_inbox(Arc::clone(&images.inbox));
         let taken = Arc::clone(&input);
         let thread = thread::Builder::new()
             .name(format!("camera {name}"))
             .spawn(move || measure(worker, &taken, outlets, num_topics))?;
-        Ok((Self { name, part_frame, recording, description, images, input, settings }, thread))
+        let camera =
+            Self { name, part_frame, recording, description, board, images, input, settings };
+        Ok((camera, thread))
     }
 
     /// Subscribes to the images, and before them to what tells where they were taken.

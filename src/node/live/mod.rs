@@ -4,6 +4,7 @@
 //! the middleware and the recorder as its sinks. `node` is what services, parameters and the lifecycle share.
 
 pub mod error;
+pub mod report;
 mod feed;
 mod publications;
 mod notes;
@@ -45,6 +46,7 @@ use crate::{
 };
 use error::LiveError;
 use node::Shared;
+use report::Watcher;
 use session::CameraSummary;
 use setup::Context;
 
@@ -152,6 +154,11 @@ impl LiveNode {
     /// The parameters, for others in this process.
     pub fn parameters(&self) -> ParameterHandle {
         self.servers.parameters.handle()
+    }
+
+    /// Looks at the cameras while [`run`](Self::run) measures.
+    pub fn watcher(&self) -> Watcher {
+        Watcher(Arc::downgrade(&self.shared))
     }
 
     /// Measures until `stop` is raised, the node is shut down from outside, or a camera fails. Everything is written when

@@ -100,6 +100,11 @@ impl Shared {
         meant.map(|of| of.recording.clone()).collect()
     }
 
+    /// The cameras that are configured.
+    pub(super) fn cameras(&self) -> Vec<Camera> {
+        self.lock().session.iter().flat_map(Session::cameras).cloned().collect()
+    }
+
     /// Ends the scans, and then the recordings, which have all of them.
     pub(super) fn deactivate(&self) {
         {

@@ -20,6 +20,7 @@ mod snapshot;
 pub use control::{LiveRecorder, RecordedTopics, RecordingControl};
 pub use error::RecordingError;
 pub use params::RecordingParams;
+pub use place::free_bytes;
 pub use status::{BagStatus, RecordingStatus};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -1,6 +1,6 @@
 //! Where bags are put: names that were never used, and the space that is left.
 
-use std::{fs, path::Path};
+use std::{fs, io, path::Path};
 
 use jiff::Timestamp;
 
@@ -43,16 +43,22 @@ pub(super) fn create(
     Err(RecordError::Exists(directory.join(format!("{base}{suffix}"))).into())
 }
 
-/// Asks for the space that a user without privileges can still write.
+/// The space that a user without privileges can still write, bytes.
+///
+/// # Errors
+/// A directory that is gone; a disk that does not say.
+pub fn free_bytes(directory: &Path) -> io::Result<u64> {
+    let found = rustix::fs::statvfs(directory)?;
+    Ok(found.f_bavail.saturating_mul(found.f_frsize))
+}
+
+/// Asks for that much space.
 ///
 /// # Errors
 /// Less than `min_free_bytes`; a directory that is gone.
 pub(super) fn require_space(directory: &Path, min_free_bytes: u64) -> Result<(), RecordingError> {
-    let found = rustix::fs::statvfs(directory).map_err(|error| RecordingError::System {
-        directory: directory.into(),
-        source: error.into(),
-    })?;
-    let free_bytes = found.f_bavail.saturating_mul(found.f_frsize);
+    let free_bytes = free_bytes(directory)
+        .map_err(|source| RecordingError::System { directory: directory.into(), source })?;
     if free_bytes < min_free_bytes {
         return Err(RecordingError::LowSpace {
             directory: directory.into(),

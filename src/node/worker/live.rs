@@ -7,6 +7,7 @@ use std::{
 
 use super::{Now, Pending, Worker};
 use crate::node::{
+    board::Board,
     camera_info::{ImageHeader, Pairing},
     clock::{RosClock, system_ns},
     command::{Answer, Command, Mailbox, Reply, ScanRequest, Settings},
@@ -44,6 +45,8 @@ pub struct Live {
     num_breaks: u64,
     survey: Survey,
     observe: Observe,
+    /// Where reports are left.
+    pub(super) board: Board,
     next_tick: Instant,
     latency: Histogram,
     queue_depth: u32,
@@ -69,6 +72,7 @@ impl Live {
             clock,
             survey,
             observe,
+            board: Board::default(),
             next_tick: Instant::now() + TICK,
             latency: Histogram::default(),
             queue_depth: 0,
@@ -76,6 +80,12 @@ impl Live {
             num_asked: 0,
             resting: None,
         }
+    }
+
+    /// Leaves reports on `board`.
+    #[must_use]
+    pub fn with_board(self, board: Board) -> Self {
+        Self { board, ..self }
     }
 
     pub(super) const fn next_tick(&self) -> Instant {

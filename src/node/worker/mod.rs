@@ -13,6 +13,7 @@ use crate::{
 };
 
 use super::{
+    board::Reported,
     clock::system_ns,
     fan_out::CloseOnDrop,
     order::{Sequence, StampOrder},
@@ -322,6 +323,10 @@ impl Worker {
                 out.num_dropped(Purpose::Record) + surroundings.recorder_dropped;
             self.counts.recorder_bytes = surroundings.recorder_bytes;
             (stamp_ns, load, notes) = (live.now_ns(), live.take_load(), surroundings.notes);
+        }
+        if let Some(live) = &self.live {
+            let rate_hz = interval.rate_hz;
+            live.board.write(Reported { counts: self.counts, rate_hz, load });
         }
         let last_rejection = self.last_rejection.take();
         let state = State { counts: self.counts, interval, load, notes, last_rejection };

@@ -1,0 +1,32 @@
+//! Where a worker leaves what it last reported, for whoever looks at the node from within its process.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::{statistics::Counts, status::Load};
+
+/// The last report of a camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reported {
+    /// Since the node began.
+    pub counts: Counts,
+    /// Frames received a second, over the last interval.
+    pub rate_hz: f32,
+    /// Latency and queue over the last interval.
+    pub load: Load,
+}
+
+/// Keeps the last report. Clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct Board(Arc<Mutex<Reported>>);
+
+impl Board {
+    /// Replaces the report.
+    pub fn write(&self, reported: Reported) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = reported;
+    }
+
+    /// The last report; all zero before the first.
+    pub fn read(&self) -> Reported {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,44 @@
+//! How the cameras are doing, for whoever sits in front of the node.
+
+use std::sync::Weak;
+
+use super::{camera::Camera, node::Shared};
+use crate::node::{board::Reported, live_recording};
+
+/// What a camera last reported, with the recorder as it is now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraReport {
+    /// Its name among several; empty: the only one.
+    pub camera: String,
+    /// Its frames.
+    pub reported: Reported,
+    /// Whether a bag takes messages.
+    pub is_recording: bool,
+    /// Space left where it is written, bytes; `None` where nothing is recorded or the disk does not say.
+    pub free_bytes: Option<u64>,
+}
+
+/// Looks at a node from another thread. It does not keep the node.
+#[derive(Clone)]
+pub struct Watcher(pub(super) Weak<Shared>);
+
+impl Watcher {
+    /// One report a camera; none while the node is unconfigured, or gone. A disk that hangs may make it wait.
+    pub fn reports(&self) -> Vec<CameraReport> {
+        let Some(node) = self.0.upgrade() else { return Vec::new() };
+        node.cameras().iter().map(report).collect()
+    }
+}
+
+fn report(camera: &Camera) -> CameraReport {
+    let status = camera.recording.status();
+    let bags = [&status.results, &status.images];
+    let directory =
+        bags.into_iter().filter(|bag| bag.is_recording).find_map(|bag| bag.directory.as_deref());
+    CameraReport {
+        camera: camera.name.clone(),
+        reported: camera.board.read(),
+        is_recording: status.is_recording(),
+        free_bytes: directory.and_then(|directory| live_recording::free_bytes(directory).ok()),
+    }
+}
