@@ -3,7 +3,7 @@
 mod cloud;
 mod positions;
 
-use std::path::Path;
+use std::{fmt::Write as _, path::Path};
 
 use anyhow::{bail, ensure};
 use nalgebra::Point3;
@@ -230,10 +230,10 @@ fn where_is(region: &Region, [low_m, high_m]: [f64; 2]) -> String {
     let mut told = String::new();
     if *region != Region::ALL {
         let ([x0, y0], [x1, y1]) = (region.from_m, region.to_m);
-        told += &format!(" in the region x {x0} to {x1} m, y {y0} to {y1} m");
+        _ = write!(told, " in the region x {x0} to {x1} m, y {y0} to {y1} m");
     }
     if [low_m, high_m] != ANY_HEIGHT_M {
-        told += &format!(" at heights from {low_m} to {high_m} m");
+        _ = write!(told, " at heights from {low_m} to {high_m} m");
     }
     told
 }

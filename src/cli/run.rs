@@ -105,7 +105,14 @@ fn live(
     stop: &Stop,
 ) -> Result<Vec<CameraSummary>, LiveError> {
     let variable = |name: &str| std::env::var(name).ok();
-    let node = LiveNode::start(request, rosout, &variable)?;
+    measure(LiveNode::start(request, rosout, &variable)?, stop)
+}
+
+/// Lets a node measure until `stop` is raised, and shows how it is doing.
+///
+/// # Errors
+/// The system gives no thread.
+pub(super) fn measure(node: LiveNode, stop: &Stop) -> Result<Vec<CameraSummary>, LiveError> {
     let _status = StatusShow::start(node.watcher())?;
     Ok(node.run(stop))
 }

@@ -210,7 +210,6 @@ mod tests {
             reported: Reported { counts, rate_hz: 21.96, load },
             is_recording: true,
             free_bytes: Some(3 << 30),
-            ..report()
         };
         assert_eq!(
             text(&busy, 117_000_000.0),

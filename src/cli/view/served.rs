@@ -6,7 +6,10 @@ use anyhow::anyhow;
 
 use super::{ReplayViewArgs, ViewArgs};
 use crate::{
-    cli::{Outcome, Usage, run::told_apart},
+    cli::{
+        Outcome, Usage,
+        run::{measure, told_apart},
+    },
     node::{
         live::{LiveNode, LiveRequest, session::CameraSummary},
         replay::ReplayRequest,
@@ -68,7 +71,7 @@ pub(in crate::cli) fn live(
         LiveNode::start_through(request, rosout, &variable, &|transport| shown.through(transport));
     let node = node.map_err(told_apart)?;
     shown.set_parameters_of(node.parameters());
-    let summaries = node.run(stop);
+    let summaries = measure(node, stop).map_err(told_apart)?;
     tell_messages(shown.num_sent());
     Ok(summaries)
 }
