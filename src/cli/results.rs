@@ -21,7 +21,7 @@ use crate::{
 };
 
 /// A message may hold a slice of 2^26 points.
-const RECORD_LIMIT_BYTES: usize = (1 << 30) + (16 << 20);
+pub(super) const RECORD_LIMIT_BYTES: usize = (1 << 30) + (16 << 20);
 /// Most points of a surface in memory: 1.5 GiB.
 const MAX_POINTS: usize = 1 << 26;
 

@@ -19,6 +19,7 @@ mod evaluate;
 mod estimators;
 mod steps;
 mod measure;
+mod report;
 mod metrology;
 mod ambient;
 mod bright_scene;
