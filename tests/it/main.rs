@@ -37,6 +37,8 @@ mod bad_bags;
 mod bad_images;
 mod bad_output;
 mod interop;
+mod browser;
+mod rerun;
 mod interfaces;
 mod tidy;
 #[cfg(feature = "foxglove")]
