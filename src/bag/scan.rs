@@ -112,6 +112,16 @@ impl Scan<'_> {
                         .source
                         .damaged(span, "a message record shorter than its header".into()));
                 };
+                // No checksum guards the kinds of the records behind a chunk: one bit makes an index a message.
+                let is_behind_chunk = self
+                    .layout
+                    .parts
+                    .last()
+                    .is_some_and(|part| matches!(part.kind, PartKind::Chunk));
+                if is_behind_chunk && u32_at(&body, 2) as usize + 6 == body.len() {
+                    let what = "a message index with the opcode of a message";
+                    return Err(self.source.damaged(span, what.into()));
+                }
                 self.suspect = Some(Suspect { offset: span.offset, channel: Some(header.channel) });
                 *self.counts.entry(header.channel).or_default() += 1;
                 match self.layout.parts.last_mut() {

@@ -94,7 +94,10 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
     }
     for (name, entries) in &info.metadata {
         writeln!(out, "Metadata    {name}")?;
-        for (key, text) in entries {
+        // Short texts first: version and origin would be lost behind a hundred parameters.
+        let (long, short): (Vec<_>, Vec<_>) =
+            entries.iter().partition(|(_, text)| text.trim_end().contains('\n'));
+        for (key, text) in short.into_iter().chain(long) {
             let text = text.trim_end().replace('\n', "\n    ");
             let separator = if text.contains('\n') { "\n    " } else { " " };
             writeln!(out, "  {key}:{separator}{text}")?;

@@ -1,5 +1,5 @@
-// Opens a recording in Foxglove 1.48, the last open version, with a layout that this project ships, plays it and prints
-// as JSON what there is to see: topics, and of each panel its text and colours.
+// Opens a recording or a live view in Foxglove 1.48, the last open version, with a layout that this project ships, lets
+// some seconds of it pass and prints as JSON what there is to see: topics, and of each panel its text and colours.
 import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
@@ -7,6 +7,7 @@ import { fileURLToPath } from "node:url";
 
 import { hues, open, options } from "./browser.mjs";
 import { serve } from "./serve.mjs";
+import { renamed } from "./subprotocol.mjs";
 
 /** Longest wait for the page or the recording, milliseconds: software rendering on a busy machine. */
 const PATIENCE_MS = 120_000;
@@ -64,33 +65,37 @@ const chosen = options(["modules", "chromium", "source", "layout", "seconds", "p
 const place = await mkdtemp(join(tmpdir(), "foxglove-"));
 const layout = join(place, "layout.json");
 await writeFile(layout, JSON.stringify(inWordsOf148(JSON.parse(await readFile(chosen.layout, "utf8")))));
-const isSocket = chosen.source.startsWith("ws:");
+const live = chosen.source.startsWith("ws:") ? await renamed(chosen.source) : undefined;
 const here = dirname(fileURLToPath(import.meta.url));
 const server = await serve({
   page: here,
   modules: chosen.modules,
   "layout.json": layout,
-  ...(isSocket ? {} : { "recording.mcap": chosen.source }),
+  ...(live ? {} : { "recording.mcap": chosen.source }),
 });
 const { browser, page, errors } = await open(chosen);
 try {
   page.setDefaultTimeout(PATIENCE_MS);
-  const [kind, url] = isSocket
-    ? ["foxglove-websocket", chosen.source]
-    : ["remote-file", `${server.origin}/recording.mcap`];
+  const [kind, url] = live ? ["foxglove-websocket", live.url] : ["remote-file", `${server.origin}/recording.mcap`];
   await page.goto(`${server.origin}/page/studio.html?${new URLSearchParams({ ds: kind, "ds.url": url })}`);
   const isThere = page.getByText("sensor_msgs/msg/Image").or(page.getByText(/^Problems\s*\d+$/)).first();
   await isThere.waitFor();
   const seen = { topics: await topics(page), problems: await page.getByText(/^Problems\s*\d+$/).count() };
   // The side bar closes: what is left is what the layout is about.
   await page.getByTitle("Data source").click();
-  await play(page, Number(chosen.seconds));
-  await page.waitForTimeout(1500);
+  if (live) {
+    await page.waitForTimeout(1000 * Number(chosen.seconds));
+  } else {
+    await play(page, Number(chosen.seconds));
+    // What was read last is drawn.
+    await page.waitForTimeout(1500);
+  }
   await page.mouse.move(0, 899);
   await page.screenshot({ path: chosen.picture });
   process.stdout.write(`${JSON.stringify({ ...seen, panels: await panels(page), errors })}\n`);
 } finally {
   await browser.close();
   server.close();
+  live?.close();
   await rm(place, { recursive: true });
 }

@@ -150,7 +150,8 @@ fn foxglove_shows_a_results_bag() {
     assert!(pixels(&seen, "ImageViewPanel!overlay", &[120]) > 500, "{seen}");
     assert!(pixels(&seen, "Plot!profile", &[210]) > 500, "{seen}");
     // Film, bubbles and rim of the cell are of different colours; bare, the panel has the few pixels of its axes.
-    for hues in [&[0, 30] as &[_], &[60], &[90], &[120]] {
+    let colors: [&[u32]; 4] = [&[0, 30], &[60], &[90], &[120]];
+    for hues in colors {
         assert!(pixels(&seen, "3D!cloud", hues) > 500, "{hues:?}: {seen}");
         assert!(pixels(&seen, "3D!from_above", hues) > 500, "{hues:?}: {seen}");
     }

@@ -73,8 +73,8 @@ fn rerun_shows_a_results_bag() {
         assert_eq!(view["reports"], Json::Array(Vec::new()), "{name}: {seen}");
     }
     // Centreline green, profile blue; film, bubbles, rim and table each of their colour.
-    for (name, hues) in [
-        ("Stripe and centreline", &[120] as &[_]),
+    let expected: [(&str, &[u32]); 9] = [
+        ("Stripe and centreline", &[120]),
         ("Profile: x right, z up [mm]", &[210]),
         ("Points by height [mm]", &[0, 30]),
         ("Points by height [mm]", &[90]),
@@ -83,7 +83,8 @@ fn rerun_shows_a_results_bag() {
         ("Height map", &[0, 30]),
         ("Height map", &[60, 90]),
         ("Median sigma of z [µm]", &[270]),
-    ] {
+    ];
+    for (name, hues) in expected {
         let count = |hue: &u32| views[name]["hues"][hue.to_string()].as_u64().unwrap_or(0);
         assert!(hues.iter().map(count).sum::<u64>() > 200, "{name} {hues:?}: {seen}");
     }

@@ -14,6 +14,7 @@ use serde_json::Value as Json;
 use crate::{
     interop::{interop, python},
     program::{Ended, content, end, laser_profiler, replay},
+    recordings::record_images,
 };
 
 const FILM: &[&str] =
@@ -205,4 +206,18 @@ fn only_this_machine_may_look() {
     let ended = end(laser_profiler(&["replay", FILM[0], FILM[0]]).arg("--view=0"));
     assert_eq!(ended.code, Some(2), "{ended:?}");
     assert!(ended.stderr.contains("shows one recording"), "{ended:?}");
+}
+
+#[test]
+fn a_recording_without_a_frame_is_a_failure() {
+    let place = tempfile::tempdir().unwrap();
+    let bag = place.path().join("bag");
+    record_images(&bag, &[b"no image".to_vec()]);
+    let ended = end(laser_profiler(&["replay", "--view=0", "--view-exit"]).arg(&bag));
+    assert_eq!(ended.code, Some(0), "what is there is shown: {ended:?}");
+    let empty = place.path().join("empty");
+    record_images(&empty, &[]);
+    let ended = end(laser_profiler(&["replay", "--view=0"]).arg(&empty));
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert!(ended.stderr.contains("holds no messages"), "{ended:?}");
 }

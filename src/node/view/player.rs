@@ -107,7 +107,7 @@ impl Player {
             let (clock, time_told) = (Instant::now(), Instant::now());
             let mut act = Act { lanes, reader, pacer: None, clock, time_told };
             if !self.show_frame(&mut act, from_ns) {
-                return Ok(self.behind_the_last(from_ns));
+                return self.behind_the_last(from_ns);
             }
             Ok(self.play(&mut act))
         })
@@ -172,11 +172,11 @@ impl Player {
     }
 
     /// Behind the last frame the last frame is shown.
-    fn behind_the_last(&self, from_ns: i64) -> Next {
+    fn behind_the_last(&self, from_ns: i64) -> Result<Next, PlayError> {
         let images: Vec<_> = self.replay.image_topics().map(|topic| topic.name.clone()).collect();
         match last_time_ns(self.bag(), &images) {
-            Some(last_ns) if last_ns < from_ns => Next::From(last_ns),
-            _ => Next::Nothing,
+            Some(last_ns) if last_ns < from_ns => Ok(Next::From(last_ns)),
+            _ => Err(PlayError::NoFrames(images.join(", "))),
         }
     }
 
@@ -325,4 +325,7 @@ pub(super) enum PlayError {
     /// The server.
     #[error(transparent)]
     View(#[from] ViewError),
+    /// The topics are there, but nothing is on them, or nothing that can be read.
+    #[error("no frame could be read from {0}")]
+    NoFrames(String),
 }

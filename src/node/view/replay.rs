@@ -49,6 +49,9 @@ pub enum ReplayViewError {
     /// Nothing to show.
     #[error("{0} holds no messages: there is nothing to see")]
     Empty(String),
+    /// The topics of the images are there, but nothing that can be read is on them.
+    #[error("no frame could be read from {0}")]
+    NoFrames(String),
     /// The system refuses a thread.
     #[error("--view: {0}")]
     Thread(#[source] std::io::Error),
@@ -61,7 +64,7 @@ impl ReplayViewError {
             Self::Replay(error) => error.is_usage(),
             Self::View(error) => error.is_usage(),
             Self::Several(_) => true,
-            Self::Empty(_) | Self::Thread(_) => false,
+            Self::Empty(_) | Self::NoFrames(_) | Self::Thread(_) => false,
         }
     }
 }
@@ -165,6 +168,7 @@ impl ReplayView {
         played.map_err(|error| match error {
             PlayError::Replay(error) => ReplayViewError::Replay(error),
             PlayError::View(error) => ReplayViewError::View(error),
+            PlayError::NoFrames(topics) => ReplayViewError::NoFrames(topics),
         })?;
         Ok(self.server.num_sent())
     }

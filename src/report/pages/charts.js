@@ -67,7 +67,7 @@ class Section {
       {
         scales: {
           x: { time: false },
-          // The scale of colours at least, so that sections can be compared while the pointer moves.
+          // The scale of colours at least, so that sections can be compared while the pointer moves; just that when it was chosen.
           y: { range: (_, low, high) => this.range(low, high) },
         },
         axes: [{ ...axis(""), size: 40 }, axis(`${z.label} [${z.unit}]`)],
@@ -81,7 +81,8 @@ class Section {
   }
 
   range(low, high) {
-    const ends = this.colors ? [Math.min(low ?? Infinity, this.colors[0]), Math.max(high ?? -Infinity, this.colors[1])] : [0, 1];
+    const [least, most] = this.colors || [0, 1];
+    const ends = this.isFixed ? [least, most] : [Math.min(low ?? least, least), Math.max(high ?? most, most)];
     const margin = 0.06 * (ends[1] - ends[0]) || 0.5;
     return [ends[0] - margin, ends[1] + margin];
   }

@@ -58,12 +58,13 @@ async function drawMap(map, plots) {
   };
   const heights = new HeightMap(element("height-map"), map, values, select);
   const inputs = [element("color-low"), element("color-high")];
+  const original = heights.colors.slice();
   const apply = () => {
-    sections.forEach((section) => (section.colors = heights.colors));
+    const isFixed = heights.colors.some((end, i) => end !== original[i]);
+    sections.forEach((section) => Object.assign(section, { colors: heights.colors, isFixed }));
     heights.draw();
     sections.forEach(({ plot }) => plot.redraw(true, true));
   };
-  const original = heights.colors.slice();
   const fill = () => inputs.forEach((input, end) => (input.value = heights.colors[end].toFixed(map.axes[2].digits)));
   inputs.forEach((input, end) =>
     input.addEventListener("change", () => {
