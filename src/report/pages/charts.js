@@ -12,7 +12,7 @@ function axis(label) {
     font: "12px system-ui, sans-serif",
     labelFont: "12px system-ui, sans-serif",
     labelSize: 22,
-    size: label.includes("[") || label ? 52 : 40,
+    size: 52,
   };
 }
 
@@ -70,7 +70,7 @@ class Section {
           // The scale of colours at least, so that sections can be compared while the pointer moves; just that when it was chosen.
           y: { range: (_, low, high) => this.range(low, high) },
         },
-        axes: [{ ...axis(""), size: 40 }, axis(`${z.label} [${z.unit}]`)],
+        axes: [{ ...axis(""), size: 40 }, axis(titled(z))],
         series: [{ label: "at" }, curve(z.label, 0, z.digits, " " + z.unit)],
         legend: { live: true },
         hooks: { draw: [(plot) => this.drawMark(plot)] },

@@ -39,6 +39,11 @@ function pitch(values, step) {
   return distances[distances.length >> 1] || 0;
 }
 
+/** An axis in words, with its unit where it has one. */
+function titled({ label, unit }) {
+  return unit ? `${label} [${unit}]` : label;
+}
+
 function range(values) {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) {
@@ -161,8 +166,7 @@ class HeightMap {
       context.fillRect(x, top + height, 1, 5);
       context.fillText(text, x, top + height + 7);
     }
-    const label = (axis) => `${this.map.axes[axis].label} [${this.map.axes[axis].unit}]`;
-    context.fillText(label(a), left + width / 2, top + height + 26);
+    context.fillText(titled(this.map.axes[a]), left + width / 2, top + height + 26);
     context.textAlign = "right";
     context.textBaseline = "middle";
     for (const [value, text] of ticks(this.ranges[b], height / 50)) {
@@ -174,7 +178,7 @@ class HeightMap {
     context.translate(12, top + height / 2);
     context.rotate(-Math.PI / 2);
     context.textAlign = "center";
-    context.fillText(label(b), 0, 0);
+    context.fillText(titled(this.map.axes[b]), 0, 0);
     context.restore();
   }
 
@@ -197,7 +201,7 @@ class HeightMap {
     }
     context.textAlign = "left";
     context.textBaseline = "top";
-    context.fillText(`${this.map.axes[2].label} [${this.map.axes[2].unit}]`, x - 6, top + height + 26);
+    context.fillText(titled(this.map.axes[2]), x - 6, top + height + 26);
   }
 
   cross(context) {

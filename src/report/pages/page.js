@@ -33,12 +33,12 @@ function section(map, values, points, chosen) {
     [last, isGap] = [here, false];
   }
   pairs.sort((a, b) => a[0] - b[0]);
-  const { label, unit } = straight === undefined ? { label: "along the line", unit: map.axes[0].unit } : map.axes[straight];
+  const over = straight === undefined ? { label: "along the line", unit: map.axes[0].unit } : map.axes[straight];
   return {
     at: pairs.map((pair) => pair[0]),
     z: pairs.map((pair) => pair[1]),
     mark: at.get(chosen),
-    label: `${label} [${unit}]`,
+    label: titled(over),
   };
 }
 
@@ -53,7 +53,7 @@ async function drawMap(map, plots) {
     const along = Array.from({ length: rows }, (_, i) => i * columns + column);
     sections[0].show(section(map, values, across, point));
     sections[1].show(section(map, values, along, point));
-    const place = map.axes.map(({ label, unit, digits }, axis) => `${label} ${values[axis][point].toFixed(digits)} ${unit}`);
+    const place = map.axes.map(({ label, unit, digits }, axis) => `${label} ${values[axis][point].toFixed(digits)} ${unit}`.trim());
     element("readout").textContent = `${place.join(" · ")} · profile ${row * row_step}, point ${column * column_step}`;
   };
   const heights = new HeightMap(element("height-map"), map, values, select);
@@ -106,6 +106,11 @@ async function main() {
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   matchMedia("print").addEventListener("change", redraw);
+  // Paper cannot be unfolded.
+  const folded = [...document.querySelectorAll("#documents details")];
+  const wasOpen = folded.map(({ open }) => open);
+  addEventListener("beforeprint", () => folded.forEach((details, i) => ([wasOpen[i], details.open] = [details.open, true])));
+  addEventListener("afterprint", () => folded.forEach((details, i) => (details.open = wasOpen[i])));
   document.documentElement.dataset.drawn = "yes";
 }
 
