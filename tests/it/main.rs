@@ -41,6 +41,8 @@ mod browser;
 mod rerun;
 mod interfaces;
 mod tidy;
+#[cfg(feature = "foxglove")]
+mod view;
 mod launch_configs;
 mod launch_files;
 mod packaging;
