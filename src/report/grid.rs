@@ -7,7 +7,8 @@ use super::pack::pack;
 /// x, y and z of a point; NaN in all where nothing was measured.
 pub type Place = [f32; 3];
 
-/// Most points of a page: as text they take some 8 MB at worst.
+/// Most points of a page. Heights of pure noise take 7.5 MB of text, measured ones half of that; x and y next to nothing
+/// along a straight axis.
 pub const MAX_POINTS: usize = 2_800_000;
 /// The code of a point that was not measured.
 pub const MISSING: i16 = i16::MIN;

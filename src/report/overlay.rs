@@ -11,6 +11,8 @@ pub struct Overlay {
     pub frame: u64,
     /// Its stamp, nanoseconds.
     pub stamp_ns: i64,
+    /// When its image was received, nanoseconds.
+    pub received_ns: i64,
     /// Columns and rows of the image.
     pub size_px: [u32; 2],
     /// Number of points.
@@ -30,6 +32,7 @@ impl Overlay {
         Self {
             frame,
             stamp_ns: line.header.stamp.to_ns(),
+            received_ns: line.trace.receive_stamp.to_ns(),
             size_px: [line.image_width, line.image_height],
             num_points: line.u.len(),
             image: String::new(),

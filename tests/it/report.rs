@@ -6,19 +6,26 @@ use std::path::{Path, PathBuf};
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use laser_profiler::{
-    bag::{BagReader, Filter, RawMessage, ReadOptions},
+    bag::{
+        BagReader, Compression, Filter, RawMessage, ReadOptions, RecordOptions, Recorder, Times,
+    },
     msg::{
         cdr,
+        convert::cloud,
         laser_profiler_msgs::Centerline,
+        schema::Message as _,
         sensor_msgs::{Image, PointCloud2},
     },
+    scanner::scan::{Point, Slice},
 };
+use rand::{RngExt as _, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use scraper::{ElementRef, Html, Selector};
 use serde_json::Value as Json;
 
 use crate::{
     program::{Ended, end, laser_profiler, replay},
-    recordings::{bundled, good_images, record_images},
+    recordings::{bundled, good_images, record_images, topic},
 };
 
 const PARAMETERS: [&str; 2] = ["--params-file", "bags/film_defects.params.yaml"];
@@ -253,4 +260,40 @@ fn figures_are_files_too_and_nothing_is_replaced_unasked() {
     assert!(again.code == Some(1) && again.stderr.contains("--force"), "{again:?}");
     assert_eq!(run("report", &[&results], &["-o", &page, "--force"]).code, Some(0));
     assert_eq!(run("report", &[&results], &[]).code, Some(2), "nothing is asked for");
+}
+
+/// 20 mm of height in steps of 0.3 µm, noise of 10 µm: no profile is like the one before.
+#[test]
+fn a_page_of_a_thousand_wide_profiles_is_small() {
+    let directory = tempfile::tempdir().unwrap();
+    let bag = directory.path().join("wide");
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let options = RecordOptions { compression: Compression::None, force: false };
+    let mut recorder = Recorder::create(&bag, &options).unwrap();
+    let id = recorder.add_topic(&topic("/laser_profiler/points", PointCloud2::TYPE)).unwrap();
+    let mut data = Vec::new();
+    for number in 0..10 {
+        let points = (0..100 * 2592).map(|at: u32| -> Point {
+            let (x, y) = ((at % 2592) as f32, (at / 2592 + 100 * number) as f32);
+            let noise: f32 = random.random_range(-1e-5..1e-5);
+            let z = 0.02 * (0.003 * x).sin().powi(2) + noise;
+            [2e-5 * x * (1.0 + z), 1e-4 * y, z, 0.5]
+        });
+        let slice =
+            Slice { width: 2592, height: 100, points: points.collect(), ..Slice::default() };
+        cdr::encode(&cloud::organised("laser_plane", &slice), &mut data).unwrap();
+        let log_ns = i64::from(number);
+        recorder
+            .write(id, Times { log_ns, publish_ns: log_ns, sequence: number + 1 }, &data)
+            .unwrap();
+    }
+    recorder.finish().unwrap();
+    let page = directory.path().join("page.html");
+    let ended = run("report", &[&bag], &["-o", page.to_str().unwrap(), "--json"]);
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let told: Json = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!((&told["rows"], &told["columns"]), (&Json::from(1000), &Json::from(2592)));
+    let bytes = std::fs::metadata(page).unwrap().len();
+    eprintln!("a page of 1000 profiles of 2592 points: {bytes} bytes");
+    assert!(bytes < 10_000_000, "{bytes}");
 }

@@ -81,7 +81,7 @@ impl Answer<'_> {
         let differences = self.differences;
         for ((_, name), [a, b]) in FLAGS.iter().zip(differences.num_flagged) {
             if a + b > 0 {
-                writeln!(text, "flag: {name:<18}{a} only in A, {b} only in B")?;
+                writeln!(text, "flag: {name:<20}{a} only in A, {b} only in B")?;
             }
         }
         if differences.worst.is_empty() {

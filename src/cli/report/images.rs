@@ -32,6 +32,8 @@ const LONGEST_PX: usize = 1600;
 /// A PNG that is longer is stored as JPEG.
 const PNG_BYTES: usize = 256 << 10;
 const JPEG_QUALITY: u8 = 85;
+/// An image is looked for so long after its centreline says that it was received.
+const NEAR_NS: i64 = 1_000_000_000;
 /// Largest image that is decoded.
 const MAX_FRAME_BYTES: u64 = 1 << 28;
 
@@ -46,26 +48,48 @@ pub(super) fn add(
     notes: &mut Notes,
 ) -> anyhow::Result<()> {
     let topic = choose(recording, input)?;
-    let mut missing = overlays.len();
-    for message in recording.bag.messages(&Filter::topics([topic.as_str()])) {
-        let message = match message {
-            Ok(message) => message,
-            Err(error) => {
-                tell(notes, &error);
-                continue;
+    // Where each should be, by the time of its reception; then everywhere.
+    let near = overlays.iter().map(|overlay| overlay.received_ns);
+    let near: Vec<_> = near.map(|from_ns| [from_ns, from_ns.saturating_add(NEAR_NS)]).collect();
+    for span_ns in near.into_iter().chain([[i64::MIN, i64::MAX]]) {
+        look(recording, &topic, span_ns, overlays, notes);
+    }
+    let missing = overlays.iter().filter(|overlay| overlay.image.is_empty()).count();
+    if missing > 0 {
+        notes.tell(format!("{missing} of the shown frames have no image on {topic}"));
+    }
+    Ok(())
+}
+
+/// Looks for images among those received in a span of time, until the span or the search is over.
+fn look(
+    recording: &Source,
+    topic: &str,
+    [from_ns, to_ns]: [i64; 2],
+    overlays: &mut [Overlay],
+    notes: &mut Notes,
+) {
+    let is_over = |overlays: &[Overlay]| {
+        let here = |overlay: &&Overlay| to_ns == i64::MAX || overlay.received_ns == from_ns;
+        overlays.iter().filter(here).all(|overlay| !overlay.image.is_empty())
+    };
+    if is_over(overlays) {
+        return;
+    }
+    for message in recording.bag.messages(&Filter::topics([topic]).from(from_ns)) {
+        match message {
+            Ok(message) if message.log_time_ns > to_ns => return,
+            Ok(message) => {
+                if let Err(error) = put(&message, overlays) {
+                    notes.lose(format!("{topic}: {error:#}"));
+                }
             }
-        };
-        match put(&message, overlays) {
-            Ok(true) => missing -= 1,
-            Ok(false) => {}
-            Err(error) => notes.lose(format!("{topic}: {error:#}")),
+            Err(error) => tell(notes, &error),
         }
-        if missing == 0 {
-            return Ok(());
+        if is_over(overlays) {
+            return;
         }
     }
-    notes.tell(format!("{missing} of the shown frames have no image on {topic}"));
-    Ok(())
 }
 
 /// The topic of the images: the one that the results name, else the only one.
@@ -85,8 +109,8 @@ fn choose(recording: &Source, input: Option<&str>) -> anyhow::Result<String> {
     }
 }
 
-/// Whether the message is the image of one of the centrelines; then it lies under it.
-fn put(message: &RawMessage, overlays: &mut [Overlay]) -> anyhow::Result<bool> {
+/// Puts the message under the centreline whose image it is, if it is any's.
+fn put(message: &RawMessage, overlays: &mut [Overlay]) -> anyhow::Result<()> {
     message.topic.require_cdr()?;
     let mut pixels = Vec::new();
     let is_compressed = message.topic.type_name == CompressedImage::TYPE.name;
@@ -94,21 +118,21 @@ fn put(message: &RawMessage, overlays: &mut [Overlay]) -> anyhow::Result<bool> {
         let message: CompressedImage<'_> = cdr::decode(&message.data)?;
         let stamp_ns = message.header.stamp.to_ns();
         if !overlays.iter().any(|overlay| overlay.stamp_ns == stamp_ns) {
-            return Ok(false);
+            return Ok(());
         }
         (stamp_ns, compressed::image(&message, MAX_FRAME_BYTES, &mut pixels)?)
     } else {
         let message: Image<'_> = cdr::decode(&message.data)?;
         let stamp_ns = message.header.stamp.to_ns();
         if !overlays.iter().any(|overlay| overlay.stamp_ns == stamp_ns) {
-            return Ok(false);
+            return Ok(());
         }
         (stamp_ns, frame::image(&message, MAX_FRAME_BYTES)?)
     };
     let empty = |overlay: &&mut Overlay| overlay.stamp_ns == stamp_ns && overlay.image.is_empty();
-    let Some(overlay) = overlays.iter_mut().find(empty) else { return Ok(false) };
+    let Some(overlay) = overlays.iter_mut().find(empty) else { return Ok(()) };
     (overlay.image, overlay.reduction) = address(&image)?;
-    Ok(true)
+    Ok(())
 }
 
 /// The image as a `data:` address, and how many times smaller it became.
