@@ -2,7 +2,7 @@
 //!
 //! Modules in reading order. Dependencies point one way, from the bottom of this list to its top:
 //! `cli → node → {ros, bag} → msg → scanner`; `metrology`, `simulate`, `evaluate` and `calibrate`
-//! stand beside `scanner`.
+//! stand beside `scanner`, `report` beside `ros`.
 
 pub mod scanner;
 pub mod metrology;
@@ -11,6 +11,7 @@ pub mod evaluate;
 #[cfg(feature = "calibrate")]
 pub mod calibrate;
 pub mod msg;
+pub mod report;
 pub mod ros;
 pub mod bag;
 pub mod node;

@@ -3,7 +3,7 @@
 mod document;
 mod page;
 mod paper;
-mod plots;
+pub(in crate::cli) mod plots;
 mod recorded_truth;
 mod rendered;
 mod rendered_tables;

@@ -161,7 +161,8 @@ pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let (mut files, num_lost) = clouds(args, &formats, &results, &placing, &outline)?;
     read.rejected += num_lost;
     if args.picture.is_some() || formats.iter().any(|(_, format)| format.is_grid()) {
-        let map = height_map(args, &results, &placing, &outline)?;
+        let map = height_map(&results, &placing, &outline, args.cell)?;
+        let map = filled(map, args.fill);
         files.extend(grids(args, &formats, &results, &map)?);
     }
     let text = report(args, &results, &outline, read, &files);
@@ -232,14 +233,22 @@ fn write_whole<T>(
     written
 }
 
+/// A picture of a whole scan, as `--picture` makes it.
+pub(super) fn save_picture(results: &Results, path: &Path) -> anyhow::Result<()> {
+    let heights_m = [f64::NEG_INFINITY, f64::INFINITY];
+    let placing = Placing { region: Region::ALL, heights_m, motion: None };
+    let (outline, _) = outline::of(results, &placing)?;
+    picture::save(path, &results.topic, &height_map(results, &placing, &outline, None)?)
+}
+
 fn height_map(
-    args: &ExportArgs,
     results: &Results,
     placing: &Placing,
     outline: &Outline,
+    cell_m: Option<f64>,
 ) -> anyhow::Result<RegularHeightMap> {
     let pitch_m = outline.pitch_m;
-    let cell_m = args.cell.unwrap_or_else(|| (pitch_m[0] * pitch_m[1]).sqrt());
+    let cell_m = cell_m.unwrap_or_else(|| (pitch_m[0] * pitch_m[1]).sqrt());
     if cell_m <= 0.0 {
         return Err(Usage(
             "the points lie on one line: --cell must say how large a cell is".into(),
@@ -257,11 +266,14 @@ fn height_map(
         resampler.push(&row);
         Ok(())
     })?;
-    let mut map = resampler.finish();
-    if args.fill > 0 {
-        fill_gaps(&mut map, args.fill);
+    Ok(resampler.finish())
+}
+
+fn filled(mut map: RegularHeightMap, max_gap: usize) -> RegularHeightMap {
+    if max_gap > 0 {
+        fill_gaps(&mut map, max_gap);
     }
-    Ok(map)
+    map
 }
 
 /// Writes what is made of the height map.

@@ -94,7 +94,10 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
     }
     for (name, entries) in &info.metadata {
         writeln!(out, "Metadata    {name}")?;
-        for (key, text) in entries {
+        // Short texts first: version and origin would be lost behind a hundred parameters.
+        let (long, short): (Vec<_>, Vec<_>) =
+            entries.iter().partition(|(_, text)| text.trim_end().contains('\n'));
+        for (key, text) in short.into_iter().chain(long) {
             let text = text.trim_end().replace('\n', "\n    ");
             let separator = if text.contains('\n') { "\n    " } else { " " };
             writeln!(out, "  {key}:{separator}{text}")?;
@@ -166,7 +169,7 @@ pub(super) fn bytes(length: u64) -> String {
 }
 
 /// The time in UTC, as in `2018-07-18 08:00:00`.
-fn date(time_ns: i64) -> String {
+pub(super) fn date(time_ns: i64) -> String {
     let seconds = time_ns.div_euclid(NS);
     let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
     // Days since 0000-03-01 in eras of 400 years: H. Hinnant, "chrono-compatible low-level date algorithms".

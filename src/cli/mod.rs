@@ -19,6 +19,8 @@ pub mod evaluate;
 pub mod calibrate;
 pub mod measure;
 pub mod export;
+pub mod report;
+pub mod compare;
 pub mod ambient;
 pub mod demo;
 
@@ -75,6 +77,8 @@ enum Verb {
     Calibrate(calibrate::CalibrateArgs),
     Measure(measure::MeasureArgs),
     Export(export::ExportArgs),
+    Report(report::ReportArgs),
+    Compare(compare::CompareArgs),
     Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
@@ -104,6 +108,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Calibrate(args) => calibrate::run(args, ros, out),
         Verb::Measure(args) => measure::run(&args, out),
         Verb::Export(args) => export::run(&args, out),
+        Verb::Report(args) => report::run(&args, out),
+        Verb::Compare(args) => compare::run(&args, out),
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),

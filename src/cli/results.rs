@@ -22,7 +22,7 @@ use crate::{
 };
 
 /// A message may hold a slice of 2^26 points.
-const RECORD_LIMIT_BYTES: usize = (1 << 30) + (16 << 20);
+pub(super) const RECORD_LIMIT_BYTES: usize = (1 << 30) + (16 << 20);
 /// Of any height.
 pub(super) const ANY_HEIGHT_M: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 /// Most points of a surface in memory: 1.5 GiB.

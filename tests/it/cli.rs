@@ -14,7 +14,7 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 12] = [
+const VERBS: [&str; 14] = [
     "run",
     "replay",
     "parameters",
@@ -25,6 +25,8 @@ const VERBS: [&str; 12] = [
     "calibrate",
     "measure",
     "export",
+    "report",
+    "compare",
     "ambient",
     "demo",
 ];

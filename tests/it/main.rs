@@ -19,6 +19,7 @@ mod evaluate;
 mod estimators;
 mod steps;
 mod measure;
+mod report;
 mod metrology;
 mod calibration_share;
 mod level;

@@ -14,24 +14,37 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
 /// What each module may use of the others.
-const MAY_USE: [(&str, &[&str]); 10] = [
+const MAY_USE: [(&str, &[&str]); 11] = [
     ("scanner", &[]),
     ("metrology", &["scanner"]),
     ("simulate", &["scanner"]),
     ("evaluate", &["scanner", "simulate"]),
     ("calibrate", &["scanner"]),
     ("msg", &["scanner"]),
+    ("report", &["msg", "scanner"]),
     ("ros", &["msg", "scanner"]),
     ("bag", &["msg"]),
     ("node", &["ros", "bag", "msg", "scanner"]),
     (
         "cli",
-        &["node", "ros", "bag", "msg", "scanner", "simulate", "evaluate", "metrology", "calibrate"],
+        &[
+            "node",
+            "ros",
+            "bag",
+            "report",
+            "msg",
+            "scanner",
+            "simulate",
+            "evaluate",
+            "metrology",
+            "calibrate",
+        ],
     ),
 ];
 
 /// What a module that only computes does not use.
-const PURE: [&str; 6] = ["scanner", "metrology", "simulate", "evaluate", "calibrate", "msg"];
+const PURE: [&str; 7] =
+    ["scanner", "metrology", "simulate", "evaluate", "calibrate", "msg", "report"];
 const IMPURE: [&str; 14] = [
     "std::fs",
     "std::net",

@@ -9,6 +9,8 @@ const FONT: &str = "sans-serif";
 const TITLE: (&str, i32) = (FONT, 20);
 const TEXT: (&str, i32) = (FONT, 15);
 const SIZE_PX: (u32, u32) = (960, 460);
+/// Of so many points none has a mark of its own.
+const MANY: usize = 100;
 /// Where the key begins, right of the chart.
 const KEY_PX: u32 = 760;
 
@@ -25,24 +27,24 @@ const COLORS: [RGBColor; 7] = [
 
 /// Curves over one axis.
 #[derive(Clone, Debug)]
-pub(super) struct Plot {
+pub(in crate::cli) struct Plot {
     /// File name, with `.svg`.
-    pub(super) file: String,
+    pub(in crate::cli) file: String,
     /// What it shows.
-    pub(super) title: String,
+    pub(in crate::cli) title: String,
     /// The horizontal axis, and its unit.
-    pub(super) x_label: &'static str,
+    pub(in crate::cli) x_label: &'static str,
     /// The vertical axis, and its unit.
-    pub(super) y_label: &'static str,
+    pub(in crate::cli) y_label: &'static str,
     /// Whether the vertical axis is logarithmic.
-    pub(super) is_log: bool,
+    pub(in crate::cli) is_log: bool,
     /// The curves.
-    pub(super) curves: Vec<Curve>,
+    pub(in crate::cli) curves: Vec<Curve>,
 }
 
 /// One curve.
 #[derive(Clone, Debug)]
-pub(super) struct Curve {
+pub(in crate::cli) struct Curve {
     name: String,
     points: Vec<(f64, f64)>,
     is_bound: bool,
@@ -50,12 +52,17 @@ pub(super) struct Curve {
 
 impl Curve {
     /// A method's; points that are no numbers are left out.
-    pub(super) fn method(name: &str, points: Vec<(f64, f64)>) -> Self {
+    pub(in crate::cli) fn method(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.to_owned(), points, is_bound: false }
     }
 
+    /// Any other: a line, without marks where there are many points.
+    pub(in crate::cli) fn plain(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self::method(name, points)
+    }
+
     /// What no method can do better: black and dashed.
-    pub(super) fn bound(name: &str, points: Vec<(f64, f64)>) -> Self {
+    pub(in crate::cli) fn bound(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.to_owned(), points, is_bound: true }
     }
 }
@@ -65,7 +72,7 @@ impl Plot {
     ///
     /// # Errors
     /// It cannot be written.
-    pub(super) fn save(&self, directory: &Path) -> anyhow::Result<()> {
+    pub(in crate::cli) fn save(&self, directory: &Path) -> anyhow::Result<()> {
         let path = directory.join(&self.file);
         fs::write(&path, self.svg()?).with_context(|| format!("cannot write {}", path.display()))
     }
@@ -107,7 +114,8 @@ impl Plot {
                 if curve.is_bound {
                     chart.draw_series(DashedLineSeries::new(points, 6, 5, style))?;
                 } else {
-                    chart.draw_series(LineSeries::new(points, style).point_size(2))?;
+                    let size_px = if points.len() > MANY { 0 } else { 2 };
+                    chart.draw_series(LineSeries::new(points, style).point_size(size_px))?;
                 }
                 let y_px = 60 + 24 * row;
                 key.draw(&PathElement::new([(0, y_px), (22, y_px)], style))?;

@@ -91,9 +91,14 @@ impl Integral {
     fn of(sections: &Sections, low: &Lane, high: &Lane) -> Self {
         let none = [0.0; LANES];
         let mut sum = Self { level: none, moment: none, low_level: none, high_level: none };
-        let from = each(|lane| sections.first[lane] + low[lane]);
-        let to = each(|lane| sections.first[lane] + high[lane] + 1.0);
-        let whole = sections.within(&each(|lane| from[lane] + 1.0), &each(|lane| to[lane] - 2.0));
+        // Whole numbers first: a sum with the row of the candidate would round, and then which rows count as cut would
+        // depend on where in the batch the candidate lies.
+        let from = each(|lane| sections.first[lane] + low[lane].floor());
+        let to = each(|lane| sections.first[lane] + high[lane].floor() + 1.0);
+        let whole = sections.within(
+            &each(|lane| sections.first[lane] + low[lane].ceil() + 1.0),
+            &each(|lane| to[lane] - 2.0),
+        );
         let reached = sections.reach(&from, &to);
         let (before, behind) = if whole.is_empty() {
             // Ends in one row: both are looked at in each.

@@ -180,7 +180,7 @@ mod tests {
         params::ExtractionParams,
         stripe::{
             blur::{Kernel, UNITS},
-            section::Section,
+            section::{Section, grey},
         },
     };
     use proptest::prelude::*;
@@ -198,6 +198,31 @@ mod tests {
             first += run.len() as u32;
         }
         longest
+    }
+
+    /// Any levels, or the same forwards and backwards.
+    fn any_section() -> impl Strategy<Value = Vec<u32>> {
+        (prop::collection::vec(0..255_u32, 6..20), any::<bool>(), 0..2_usize).prop_map(
+            |(half, is_even, shared)| {
+                let back: Vec<u32> = half.iter().rev().skip(shared).copied().collect();
+                if is_even { [half, back].concat() } else { half }
+            },
+        )
+    }
+
+    /// Sections of whole samples, each from a row of its own.
+    fn placed(lanes: &[(usize, &Vec<u32>, Candidate)]) -> Sections {
+        let mut sections = Sections::default();
+        let rows = lanes.iter().map(|(start, samples, _)| start + samples.len()).max();
+        sections.clear(lanes.len(), rows.unwrap_or(0));
+        for (lane, (start, samples, candidate)) in lanes.iter().enumerate() {
+            for (row, &sample) in (*start..).zip(*samples) {
+                sections.raw[row][lane] = (sample / UNITS) as f32;
+                sections.blurred[row][lane] = grey(sample) as f32;
+            }
+            sections.place_lane(lane, *start, &(0..samples.len()), candidate);
+        }
+        sections
     }
 
     proptest! {
@@ -242,6 +267,36 @@ mod tests {
                     prop_assert!(takes_all || expected == actual, "{expected:?} {actual:?}");
                     prop_assert!(actual.0.is_finite() && actual.1.is_finite());
                 }
+            }
+        }
+
+        /// A lane gives the same bits wherever in the batch its window begins, and beside whatever neighbour. The
+        /// windows of even sections end a rounding error beside a sample, where such places could be told apart.
+        #[test]
+        fn a_lane_does_not_know_its_place(
+            samples in any_section(),
+            other in any_section(),
+            starts in prop::array::uniform2(0..120_usize),
+            threshold in 0..200_u32,
+        ) {
+            let kernel = Kernel::gaussian(3);
+            let [samples, other] =
+                [samples, other].map(|s| s.iter().map(|&s| s * UNITS).collect::<Vec<_>>());
+            let runs = [&samples, &other].map(|s| longest_run(s, threshold * UNITS));
+            let [Some(candidate), Some(neighbour)] = runs else { return Ok(()) };
+            for method in Method::NAMES.iter().filter_map(|name| Method::from_name(name)) {
+                let params = ExtractionParams { method, ..ExtractionParams::default() };
+                let levels = Levels::new(&params, &kernel, 255);
+                let [alone, beside] = [
+                    vec![(0, &samples, candidate)],
+                    vec![(starts[0], &samples, candidate), (starts[1], &other, neighbour)],
+                ]
+                .map(|lanes| {
+                    let sections = placed(&lanes);
+                    let centres = centres(&sections, &brightest(&sections), &levels);
+                    (centres.position_px[0].to_bits(), centres.sigma_px[0].to_bits())
+                });
+                prop_assert_eq!(alone, beside, "{:?}", method);
             }
         }
     }

@@ -1,0 +1,196 @@
+//! `laser_profiler report`: a scan as one page for people.
+
+pub(super) mod source;
+mod gathered;
+mod status;
+pub(super) mod map;
+mod frames;
+mod images;
+pub(super) mod described;
+mod plots;
+
+use std::{
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, bail};
+use serde_json::json;
+
+use super::{Outcome, results::ResultsArgs};
+use crate::report::page::Page;
+use gathered::Gathered;
+use source::Source;
+
+const HELP: &str = "\
+Examples:
+  laser_profiler report results -o report.html                            one page: heights, sections, frames, quality, parameters
+  laser_profiler report results --images my_recording -o report.html      with the images that the results were made from
+  laser_profiler report results -o report.html --frames 0,50,100          these frames, by their number in the recording
+  laser_profiler report results --plots figures                           the same figures as SVG and PNG files
+
+The page is one file and needs no network: open it in a browser, send it, print it. The map takes the pointer and the arrow keys;
+the sections follow. Heights are shown as they were measured, in 16-bit steps of their range; of more than 2.8 million points every
+n-th is shown, and the page says so. Without a calibration it shows where the stripe was in the image instead.
+What is missing in the recording is said on the page and in the answer, and the rest is shown.
+
+--json prints one object: output, plots (files), frames, points, missing (share of cross-sections without a stripe), sigma_px,
+  width_px (medians), lost_frames, rows and columns (of the map; null without), notes: [text], lost (places that could not be read)";
+
+/// Most frames with images in one page.
+const MAX_FRAMES: usize = 24;
+
+/// Writes a scan as one HTML page: height map, cross-sections, frames with their centrelines, quality, parameters.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub struct ReportArgs {
+    #[command(flatten)]
+    results: ResultsArgs,
+    /// The page to write.
+    #[arg(short, long, value_name = "FILE", required_unless_present = "plots")]
+    output: Option<PathBuf>,
+    /// The recording with the images; when not given, images are looked for in the results.
+    #[arg(long, value_name = "BAG")]
+    images: Option<PathBuf>,
+    /// Numbers of frames that are shown with their centrelines, from 0; four over the recording, when not given.
+    #[arg(long, value_name = "N,…", value_delimiter = ',')]
+    frames: Vec<u64>,
+    /// A directory for the figures as files: SVG for curves and frames, PNG for the height map.
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+    /// Replaces files that are there already.
+    #[arg(long)]
+    force: bool,
+    /// One JSON object on standard output (see below).
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is missing or lost, told once each.
+#[derive(Debug, Default)]
+pub(super) struct Notes {
+    told: Vec<String>,
+    lost: u64,
+}
+
+impl Notes {
+    /// Most notes of a page; more are only counted.
+    const MOST: usize = 24;
+
+    /// Says something.
+    pub(super) fn tell(&mut self, note: impl Into<String>) {
+        let note = note.into();
+        if !self.told.contains(&note) && self.told.len() < Self::MOST {
+            self.told.push(note);
+        }
+    }
+
+    /// Says that something could not be read. Said again, it is the same loss.
+    pub(super) fn lose(&mut self, note: impl Into<String>) {
+        let note = note.into();
+        if !self.told.contains(&note) {
+            self.lost += 1;
+            self.tell(note);
+        }
+    }
+
+    /// Says in the log what was told.
+    pub(super) fn log(&self) {
+        self.told.iter().for_each(|note| tracing::warn!("{note}"));
+    }
+
+    pub(super) fn told(&self) -> &[String] {
+        &self.told
+    }
+
+    pub(super) const fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    pub(super) const fn outcome(&self) -> Outcome {
+        if self.lost == 0 { Outcome::Done } else { Outcome::DataLost }
+    }
+}
+
+/// Reads a recording, writes its page and figures, and tells on `out` what was written.
+///
+/// # Errors
+/// A recording that cannot be opened, a file that is there or cannot be written.
+pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    if args.frames.len() > MAX_FRAMES {
+        let told = format!("--frames: at most {MAX_FRAMES} frames fit on a page");
+        return Err(super::Usage(told).into());
+    }
+    if let (Some(path), false) = (&args.output, args.force) {
+        refuse_existing(path)?;
+    }
+    let mut notes = Notes::default();
+    let source = Source::open(&args.results, &mut notes)?;
+    let gathered = Gathered::read(&source, &mut notes);
+    let overlays = frames::overlays(args, &source, &gathered, &mut notes);
+    let measured = map::read(args, &source, &mut notes)?;
+    let mut charts = gathered.quality.charts();
+    charts.extend(gathered.charts());
+    charts.retain(|chart| chart.curves.iter().any(crate::report::chart::Curve::is_something));
+    notes.log();
+    let mut plots = Vec::new();
+    if let Some(directory) = &args.plots {
+        plots = plots::write(directory, &charts, &overlays, measured.as_ref())?;
+    }
+    let (map, size) = match measured {
+        Some(measured) => (Some(measured.map), Some(measured.size)),
+        None => (None, None),
+    };
+    let page = Page {
+        title: described::title(&source),
+        subtitle: described::subtitle(&source, &gathered),
+        facts: described::facts(&gathered, size.as_ref()),
+        notes: notes.told().to_vec(),
+        map,
+        overlays,
+        charts,
+        tables: described::tables(&source, &gathered),
+        documents: described::documents(&source),
+        program: concat!("laser_profiler ", env!("CARGO_PKG_VERSION")).to_owned(),
+    };
+    if let Some(path) = &args.output {
+        write(path, &page)?;
+    }
+    let text = if args.json {
+        let object = json!({
+            "output": args.output,
+            "plots": plots,
+            "frames": gathered.quality.num_frames,
+            "points": gathered.quality.num_points,
+            "missing": gathered.quality.missing(),
+            "sigma_px": gathered.quality.sigma_px(),
+            "width_px": gathered.quality.width_px(),
+            "lost_frames": gathered.quality.num_lost,
+            "rows": size.as_ref().map(|size| size.rows),
+            "columns": size.as_ref().map(|size| size.columns),
+            "notes": notes.told(),
+            "lost": notes.lost(),
+        });
+        format!("{object}\n")
+    } else {
+        let files = args.output.iter().chain(&plots).map(|path| format!("{}\n", path.display()));
+        files.collect()
+    };
+    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    Ok(notes.outcome())
+}
+
+/// Whatever is there stays.
+pub(super) fn refuse_existing(path: &Path) -> anyhow::Result<()> {
+    if path.exists() {
+        bail!("{} is there already: --force replaces it", path.display());
+    }
+    Ok(())
+}
+
+/// Writes a page.
+pub(super) fn write(path: &Path, page: &Page) -> anyhow::Result<()> {
+    let html = page.html()?;
+    fs::write(path, html).with_context(|| format!("cannot write {}", path.display()))
+}

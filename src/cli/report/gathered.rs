@@ -1,0 +1,98 @@
+//! What one pass over a recording's results gives.
+
+use super::{Notes, source::Source, status::Status};
+use crate::{
+    cli::progress::progress_bar,
+    msg::{
+        cdr,
+        laser_profiler_msgs::{Centerline, StreamStatus},
+    },
+    report::{
+        chart::{Chart, Curve},
+        quality::Quality,
+        series::{Merge, Series},
+    },
+};
+
+/// The frames and the stream, from afar.
+pub(super) struct Gathered {
+    pub(super) quality: Quality,
+    pub(super) status: Status,
+    /// Stamps of the first and the last frame, nanoseconds.
+    pub(super) stamps_ns: Option<[i64; 2]>,
+    /// Method and hash of the first frame; later ones differ when parameters were changed.
+    pub(super) method: String,
+    pub(super) num_methods: u64,
+    /// Columns and rows of the last image.
+    pub(super) size_px: [u32; 2],
+    /// From the stamp to the reception, milliseconds.
+    delays: Series<1>,
+}
+
+impl Gathered {
+    /// Reads centrelines and counters.
+    pub(super) fn read(source: &Source, notes: &mut Notes) -> Self {
+        let mut gathered = Self {
+            quality: Quality::default(),
+            status: Status::default(),
+            stamps_ns: None,
+            method: String::new(),
+            num_methods: 0,
+            size_px: [0, 0],
+            delays: Series::new([Merge::Mean]),
+        };
+        let [lines, states] = ["centerline", "stream_status"].map(|name| source.topic(name));
+        let topics: Vec<_> = lines.iter().chain(&states).collect();
+        if topics.is_empty() {
+            return gathered;
+        }
+        let length = lines.as_ref().and_then(|topic| source.num_messages(topic));
+        let progress = progress_bar(length, "frames");
+        source.read(&topics, notes, |message| {
+            if Some(&message.topic.name) == lines.as_ref() {
+                gathered.add(&cdr::decode(&message.data)?);
+                progress.inc(1);
+            } else {
+                gathered.status.add(&cdr::decode::<StreamStatus<'_>>(&message.data)?);
+            }
+            Ok(())
+        });
+        progress.finish_and_clear();
+        if states.is_none() {
+            notes.tell("the recording has no stream_status: drops and latency are not known");
+        }
+        if gathered.quality.num_frames == 0 && lines.is_some() {
+            notes.tell("not one centreline could be read");
+        }
+        if gathered.num_methods > 1 {
+            notes.tell("the parameters of the extraction were changed during the recording");
+        }
+        gathered
+    }
+
+    fn add(&mut self, line: &Centerline<'_>) {
+        let stamp_ns = line.header.stamp.to_ns();
+        self.stamps_ns = Some([self.stamps_ns.map_or(stamp_ns, |[first, _]| first), stamp_ns]);
+        if self.method != line.method {
+            self.method = line.method.to_string();
+            self.num_methods += 1;
+        }
+        self.size_px = [line.image_width, line.image_height];
+        let received_ns = line.trace.receive_stamp.to_ns();
+        self.delays.push([received_ns.saturating_sub(stamp_ns) as f64 / 1e6]);
+        self.quality.add(line);
+    }
+
+    /// Times of frames and of the stream.
+    pub(super) fn charts(&self) -> Vec<Chart> {
+        let delays = Chart {
+            id: "delay",
+            title: "From the image's stamp to its reception",
+            x_label: "frame",
+            y_label: "delay [ms]",
+            x: self.delays.frames(),
+            curves: vec![Curve::new("delay", self.delays.figure(0))],
+        };
+        std::iter::once(delays).chain(self.status.charts()).collect()
+    }
+}

@@ -1,0 +1,89 @@
+//! The figures of a report as files for documents.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use anyhow::Context;
+
+use super::map::Measured;
+use crate::{
+    cli::{
+        evaluate::plots::{Curve, Plot},
+        export,
+    },
+    report::{chart::Chart, grid::Place, overlay::Overlay},
+};
+
+/// Writes them, replacing those of an earlier report, and names them.
+///
+/// # Errors
+/// A file that cannot be written.
+pub(super) fn write(
+    directory: &Path,
+    charts: &[Chart],
+    overlays: &[Overlay],
+    measured: Option<&Measured>,
+) -> anyhow::Result<Vec<PathBuf>> {
+    fs::create_dir_all(directory)
+        .with_context(|| format!("cannot create {}", directory.display()))?;
+    let mut files = Vec::new();
+    let plots = charts.iter().map(plot).chain(measured.into_iter().flat_map(sections));
+    for plot in plots {
+        plot.save(directory)?;
+        files.push(directory.join(&plot.file));
+    }
+    for overlay in overlays {
+        let path = directory.join(format!("frame_{}.svg", overlay.frame));
+        fs::write(&path, overlay.svg()?)
+            .with_context(|| format!("cannot write {}", path.display()))?;
+        files.push(path);
+    }
+    if let Some(results) = measured.and_then(|measured| measured.results.as_ref()) {
+        let path = directory.join("height_map.png");
+        export::save_picture(results, &path)?;
+        files.push(path);
+    }
+    Ok(files)
+}
+
+fn plot(chart: &Chart) -> Plot {
+    let curve = |curve: &crate::report::chart::Curve| {
+        let points = chart.x.iter().copied().zip(curve.values.iter().copied());
+        Curve::plain(&curve.name, points.collect())
+    };
+    Plot {
+        file: format!("{}.svg", chart.id),
+        title: chart.title.to_owned(),
+        x_label: chart.x_label,
+        y_label: chart.y_label,
+        is_log: false,
+        curves: chart.curves.iter().map(curve).collect(),
+    }
+}
+
+/// The middle profile and the line along the motion through the middle; only where they are metric.
+fn sections(measured: &Measured) -> Vec<Plot> {
+    if measured.results.is_none() {
+        return Vec::new();
+    }
+    let [across, along] = &measured.sections;
+    let section = |(name, title, at, x_label): (&str, &str, usize, _), places: &[Place]| {
+        let known = places.iter().filter(|place| place[2].is_finite());
+        let mm = |value: f32| 1e3 * f64::from(value);
+        let points = known.map(|place| (mm(place[at]), mm(place[2]))).collect();
+        Plot {
+            file: format!("section_{name}.svg"),
+            title: title.to_owned(),
+            x_label,
+            y_label: "z [mm]",
+            is_log: false,
+            curves: vec![Curve::plain("height", points)],
+        }
+    };
+    vec![
+        section(("across", "The middle profile", 0, "x [mm]"), across),
+        section(("along", "Along the motion, through the middle", 1, "y [mm]"), along),
+    ]
+}

@@ -1,0 +1,96 @@
+//! Curves over one axis, as data: a page draws them with uPlot, a document as SVG.
+
+use serde::Serialize;
+
+/// Curves over one axis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Chart {
+    /// Its place in the page is `chart-` and this; its file is this and `.svg`.
+    pub id: &'static str,
+    /// What it shows.
+    pub title: &'static str,
+    /// The horizontal axis.
+    pub x_label: &'static str,
+    /// The vertical axis, and its unit.
+    pub y_label: &'static str,
+    /// Where the values stand, ascending.
+    pub x: Vec<f64>,
+    /// The curves.
+    pub curves: Vec<Curve>,
+}
+
+/// One curve.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Curve {
+    /// What the key says.
+    pub name: String,
+    /// One value for each of the chart's places; NaN where there is none.
+    pub values: Vec<f64>,
+}
+
+impl Curve {
+    /// A curve.
+    #[must_use]
+    pub fn new(name: &str, values: Vec<f64>) -> Self {
+        // What is drawn has no more digits than a reader can use, and the file stays small.
+        let values = values.into_iter().map(|value| (value * 1e6).round() / 1e6).collect();
+        Self { name: name.to_owned(), values }
+    }
+
+    /// Whether there is anything but zeros in it.
+    #[must_use]
+    pub fn is_something(&self) -> bool {
+        self.values.iter().any(|value| value.is_finite() && *value != 0.0)
+    }
+}
+
+impl Chart {
+    /// In words, for those who cannot see it: the range of each curve.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let curves = self.curves.iter().map(|curve| {
+            let known = || curve.values.iter().filter(|value| value.is_finite());
+            let low = known().fold(f64::INFINITY, |low, value| low.min(*value));
+            let high = known().fold(f64::NEG_INFINITY, |high, value| high.max(*value));
+            if low > high {
+                format!("{}: nothing", curve.name)
+            } else {
+                format!("{}: {low:.4} to {high:.4}", curve.name)
+            }
+        });
+        format!(
+            "{}, {} over {}. {}",
+            self.title,
+            self.y_label,
+            self.x_label,
+            curves.collect::<Vec<_>>().join("; ")
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chart_is_told_in_words_and_its_gaps_are_null() {
+        let chart = Chart {
+            id: "a",
+            title: "Heights",
+            x_label: "frame",
+            y_label: "z [mm]",
+            x: vec![0.0, 1.0, 2.0],
+            curves: vec![
+                Curve::new("median", vec![1.5, f64::NAN, -2.0]),
+                Curve::new("rest", vec![f64::NAN; 3]),
+            ],
+        };
+        assert_eq!(
+            chart.told(),
+            "Heights, z [mm] over frame. median: -2.0000 to 1.5000; rest: nothing"
+        );
+        let json = serde_json::to_value(&chart).unwrap();
+        assert_eq!(json["curves"][0]["values"], serde_json::json!([1.5, null, -2.0]));
+        assert!(chart.curves[0].is_something() && !chart.curves[1].is_something());
+    }
+}

@@ -1,0 +1,333 @@
+//! How two centrelines of one image differ, and two profiles: B minus A, where both have a point.
+
+use super::{
+    quality::{FLAGS, is_vertical},
+    series::{Merge, Series},
+    spread::Spread,
+};
+use crate::msg::laser_profiler_msgs::{Centerline, Profile};
+
+/// Width of a bin of differences in the image, pixels: 1/4096.
+const BIN_PX: f64 = 1.0 / 4096.0;
+/// Width of a bin of differences of heights, micrometres.
+const BIN_UM: f64 = 1.0 / 16.0;
+/// Most cross-sections that are told apart.
+const MAX_SECTIONS: usize = 1 << 16;
+/// How many of the worst frames and cross-sections are named.
+const WORST: usize = 10;
+
+/// One frame as both results have it; a profile where both have a calibration.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair<'a> {
+    /// Number of the frame among those of A, from 0.
+    pub frame: u64,
+    /// The centrelines of A and B.
+    pub lines: [&'a Centerline<'a>; 2],
+    /// The profiles of A and B.
+    pub profiles: Option<[&'a Profile<'a>; 2]>,
+}
+
+/// Two points of one cross-section.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Matched {
+    /// Column, or row of a vertical stripe.
+    pub section: usize,
+    /// B minus A across the stripe, pixels.
+    pub difference_px: f64,
+    flags: [u8; 2],
+}
+
+/// One frame's differences.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameDifference {
+    /// Its number among those of A, from 0.
+    pub frame: u64,
+    /// Its stamp, nanoseconds.
+    pub stamp_ns: i64,
+    /// Points in both.
+    pub num: u64,
+    /// Points only in A, and only in B.
+    pub only: [u64; 2],
+    /// Mean difference, pixels.
+    pub bias_px: f64,
+    /// Root mean square, pixels.
+    pub rms_px: f64,
+    /// The largest, without sign, pixels, and its cross-section.
+    pub largest_px: f64,
+    /// Where that is.
+    pub worst_section: usize,
+}
+
+/// One cross-section's differences over all frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SectionDifference {
+    num: u64,
+    sum: f64,
+    squares: f64,
+    /// Points only in A, and only in B.
+    pub only: [u64; 2],
+}
+
+impl SectionDifference {
+    /// Number of points in both, mean and root mean square of their differences, pixels; NaN without any.
+    #[must_use]
+    pub fn figures(&self) -> (u64, f64, f64) {
+        let num = self.num as f64;
+        (self.num, self.sum / num, (self.squares / num).sqrt())
+    }
+}
+
+/// Differences of two results, taken together frame by frame.
+#[derive(Clone, Debug)]
+pub struct Differences {
+    /// Across the stripe, pixels.
+    pub pixels: Spread,
+    /// Heights, micrometres.
+    pub heights: Spread,
+    /// Frames in both; only in A; only in B.
+    pub num_frames: [u64; 3],
+    /// Points in both; only in A; only in B.
+    pub num_points: [u64; 3],
+    /// Of points in both, how many have a flag only in A and only in B.
+    pub num_flagged: [[u64; 2]; FLAGS.len()],
+    /// By cross-section.
+    pub sections: Vec<SectionDifference>,
+    /// The frames that differ most, the worst first.
+    pub worst: Vec<FrameDifference>,
+    series: Series<4>,
+    matched: Vec<Matched>,
+}
+
+impl Default for Differences {
+    fn default() -> Self {
+        Self {
+            pixels: Spread::new(BIN_PX),
+            heights: Spread::new(BIN_UM),
+            num_frames: [0; 3],
+            num_points: [0; 3],
+            num_flagged: [[0; 2]; FLAGS.len()],
+            sections: Vec::new(),
+            worst: Vec::new(),
+            series: Series::new([Merge::Mean, Merge::Max, Merge::Sum, Merge::Sum]),
+            matched: Vec::new(),
+        }
+    }
+}
+
+impl Differences {
+    /// Takes a frame that both have into account, and hands back its points.
+    pub fn add(&mut self, pair: &Pair<'_>) -> &[Matched] {
+        let mut only = [0; 2];
+        let mut matched = std::mem::take(&mut self.matched);
+        matched.clear();
+        let sections = pair.lines.map(sorted);
+        for_each_section(&sections, |section, points| {
+            let before = matched.len();
+            match_points(section, points, &mut matched);
+            let num = matched.len() - before;
+            let alone = points.map(|points| (points.len() - num) as u64);
+            if section < MAX_SECTIONS {
+                self.sections
+                    .resize(self.sections.len().max(section + 1), SectionDifference::default());
+                let found = &mut self.sections[section];
+                (found.only[0], found.only[1]) =
+                    (found.only[0] + alone[0], found.only[1] + alone[1]);
+            }
+            (only[0], only[1]) = (only[0] + alone[0], only[1] + alone[1]);
+        });
+        self.take_points(&matched);
+        self.take_frame(pair, &matched, only);
+        self.take_heights(pair);
+        self.matched = matched;
+        &self.matched
+    }
+
+    fn take_points(&mut self, matched: &[Matched]) {
+        for point in matched {
+            self.pixels.add(point.difference_px);
+            if let Some(section) = self.sections.get_mut(point.section) {
+                section.num += 1;
+                section.sum += point.difference_px;
+                section.squares += point.difference_px * point.difference_px;
+            }
+            let [a, b] = point.flags;
+            for ((bit, _), num) in FLAGS.iter().zip(&mut self.num_flagged) {
+                num[0] += u64::from(a & !b & bit != 0);
+                num[1] += u64::from(b & !a & bit != 0);
+            }
+        }
+    }
+
+    fn take_frame(&mut self, pair: &Pair<'_>, matched: &[Matched], only: [u64; 2]) {
+        let num = matched.len() as f64;
+        let all = || matched.iter().map(|point| point.difference_px);
+        let worst =
+            matched.iter().max_by(|a, b| a.difference_px.abs().total_cmp(&b.difference_px.abs()));
+        let found = FrameDifference {
+            frame: pair.frame,
+            stamp_ns: pair.lines[0].header.stamp.to_ns(),
+            num: matched.len() as u64,
+            only,
+            bias_px: all().sum::<f64>() / num,
+            rms_px: (all().map(|d| d * d).sum::<f64>() / num).sqrt(),
+            largest_px: worst.map_or(f64::NAN, |point| point.difference_px.abs()),
+            worst_section: worst.map_or(0, |point| point.section),
+        };
+        self.num_frames[0] += 1;
+        self.num_points[0] += found.num;
+        (self.num_points[1], self.num_points[2]) =
+            (self.num_points[1] + only[0], self.num_points[2] + only[1]);
+        self.series.push([found.bias_px, found.rms_px, only[0] as f64, only[1] as f64]);
+        // Without a point in both a frame has no figure, and is no worse than another.
+        if found.rms_px > 0.0 {
+            let at = self.worst.partition_point(|other| other.rms_px >= found.rms_px);
+            self.worst.insert(at, found);
+            self.worst.truncate(WORST);
+        }
+    }
+
+    fn take_heights(&mut self, pair: &Pair<'_>) {
+        let Some(profiles) = pair.profiles else { return };
+        let offsets = pair
+            .lines
+            .map(|line| if is_vertical(line) { line.roi.y_offset } else { line.roi.x_offset });
+        let first = offsets[0].max(offsets[1]);
+        let from = offsets.map(|offset| (first - offset) as usize);
+        let [a, b] = [0, 1].map(|which| profiles[which].z.get(from[which]..).unwrap_or(&[]));
+        for (a, b) in a.iter().zip(b) {
+            self.heights.add(1e6 * (f64::from(*b) - f64::from(*a)));
+        }
+    }
+
+    /// The cross-sections that differ most, the worst first.
+    #[must_use]
+    pub fn worst_sections(&self) -> Vec<usize> {
+        let rms = |at: usize| self.sections[at].figures().2;
+        let mut differing: Vec<usize> =
+            (0..self.sections.len()).filter(|at| rms(*at) > 0.0).collect();
+        differing.sort_by(|a, b| rms(*b).total_cmp(&rms(*a)));
+        differing.truncate(WORST);
+        differing
+    }
+
+    /// First frame of every entry, then bias, RMS, and points only in A and only in B of it.
+    #[must_use]
+    pub fn series(&self) -> (Vec<f64>, [Vec<f64>; 4]) {
+        (self.series.frames(), std::array::from_fn(|at| self.series.figure(at)))
+    }
+}
+
+/// A point: cross-section, place across the stripe, flags.
+type Point = (i64, f32, u8);
+
+fn sorted(line: &Centerline<'_>) -> Vec<Point> {
+    let (along, across) = if is_vertical(line) { (&line.v, &line.u) } else { (&line.u, &line.v) };
+    let points = along.iter().zip(across.iter()).enumerate();
+    let mut points: Vec<Point> = points
+        .filter(|(_, (along, across))| **along >= 0.0 && across.is_finite())
+        .map(|(at, (along, across))| {
+            (along.round() as i64, *across, line.flags.get(at).copied().unwrap_or(0))
+        })
+        .collect();
+    points.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    points
+}
+
+/// Hands on the points of every cross-section that has any.
+fn for_each_section(lines: &[Vec<Point>; 2], mut take: impl FnMut(usize, [&[Point]; 2])) {
+    let [mut a, mut b] = [0, 1].map(|which| lines[which].as_slice());
+    while let Some(section) = a.first().into_iter().chain(b.first()).map(|point| point.0).min() {
+        let split = |points: &[Point]| points.iter().take_while(|point| point.0 == section).count();
+        let (now_a, rest_a) = a.split_at(split(a));
+        let (now_b, rest_b) = b.split_at(split(b));
+        take(section as usize, [now_a, now_b]);
+        (a, b) = (rest_a, rest_b);
+    }
+}
+
+/// Joins the points of a cross-section, each of the fewer with the nearest of the others that is free.
+fn match_points(section: usize, [a, b]: [&[Point]; 2], matched: &mut Vec<Matched>) {
+    let sign = if a.len() <= b.len() { 1.0 } else { -1.0 };
+    let (few, many) = if a.len() <= b.len() { (a, b) } else { (b, a) };
+    let mut from = 0;
+    for (at, point) in few.iter().enumerate() {
+        // In order across the stripe; every one that follows keeps one to be joined with.
+        let last = many.len() - (few.len() - at);
+        let distance = |other: usize| (many[other].1 - point.1).abs();
+        let Some(best) = (from..=last).min_by(|p, q| distance(*p).total_cmp(&distance(*q))) else {
+            return;
+        };
+        from = best + 1;
+        let difference = f64::from(many[best].1) - f64::from(point.1);
+        let flags = if sign > 0.0 { [point.2, many[best].2] } else { [many[best].2, point.2] };
+        matched.push(Matched { section, difference_px: sign * difference, flags });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scanner::stripe::flag;
+
+    fn line(points: &[(f32, f32)]) -> Centerline<'static> {
+        Centerline {
+            u: points.iter().map(|point| point.0).collect::<Vec<_>>().into(),
+            v: points.iter().map(|point| point.1).collect::<Vec<_>>().into(),
+            flags: vec![0; points.len()].into(),
+            ..Centerline::default()
+        }
+    }
+
+    fn pair<'a>(a: &'a Centerline<'a>, b: &'a Centerline<'a>) -> Pair<'a> {
+        Pair { frame: 0, lines: [a, b], profiles: None }
+    }
+
+    #[test]
+    fn points_are_joined_by_cross_section_and_the_rest_is_counted() {
+        let a = line(&[(1.0, 10.0), (2.0, 10.0), (4.0, 10.5)]);
+        let b = line(&[(2.0, 10.25), (1.0, 9.5), (3.0, 10.0), (5.0, 1.5)]);
+        let mut differences = Differences::default();
+        let matched = differences.add(&pair(&a, &b)).to_vec();
+        let all: Vec<_> = matched.iter().map(|m| (m.section, m.difference_px)).collect();
+        assert_eq!(all, [(1, -0.5), (2, 0.25)]);
+        assert_eq!(differences.num_points, [2, 1, 2]);
+        assert_eq!(differences.sections[4].only, [1, 0]);
+        assert_eq!(differences.worst_sections(), [1, 2]);
+        let worst = differences.worst[0];
+        assert_eq!((worst.bias_px, worst.largest_px, worst.worst_section), (-0.125, 0.5, 1));
+    }
+
+    #[test]
+    fn several_points_of_a_cross_section_find_the_nearest() {
+        let a = line(&[(7.0, 10.0), (7.0, 50.0)]);
+        let b = line(&[(7.0, 49.5), (7.0, 30.0), (7.0, 10.25)]);
+        for (first, second, expected) in [(&a, &b, [0.25, -0.5]), (&b, &a, [-0.25, 0.5])] {
+            let mut differences = Differences::default();
+            let matched = differences.add(&pair(first, second));
+            let found: Vec<_> = matched.iter().map(|point| point.difference_px).collect();
+            assert_eq!(found, expected);
+            assert_eq!(differences.num_points[1] + differences.num_points[2], 1);
+        }
+    }
+
+    #[test]
+    fn flags_and_heights_are_compared_where_both_have_them() {
+        let mut a = line(&[(3.0, 1.5), (4.0, 1.5)]);
+        let b = line(&[(3.0, 1.5), (4.0, 1.5)]);
+        a.flags = vec![flag::SATURATED, flag::CLIPPED].into();
+        a.roi.x_offset = 3;
+        let heights = |z: &[f32]| Profile { z: z.to_vec().into(), ..Profile::default() };
+        // A begins with column 3, B with column 0.
+        let [first, second] =
+            [heights(&[1.0, f32::NAN]), heights(&[9.0, 9.0, 9.0, 1.0 + 0.000_25, 2.0])];
+        let mut differences = Differences::default();
+        let profiles = Some([&first, &second]);
+        differences.add(&Pair { profiles, ..pair(&a, &b) });
+        assert_eq!(differences.num_flagged[0], [1, 0]);
+        assert_eq!(differences.num_flagged[2], [1, 0]);
+        let figures = differences.heights.figures();
+        assert_eq!(figures.num, 1);
+        assert!((figures.bias - 250.0).abs() < 0.1, "{figures:?}");
+        assert!(differences.worst.is_empty(), "no difference across the stripe");
+    }
+}

@@ -1,0 +1,258 @@
+//! Measured places for a page: as they were measured, not resampled, in 16-bit codes.
+
+use serde::Serialize;
+
+use super::pack::pack;
+
+/// x, y and z of a point; NaN in all where nothing was measured.
+pub type Place = [f32; 3];
+
+/// Most points of a page: as text they take some 8 MB at worst.
+pub const MAX_POINTS: usize = 2_800_000;
+/// The code of a point that was not measured.
+pub const MISSING: i16 = i16::MIN;
+/// Codes that a number can have are `-LAST_CODE` to `LAST_CODE`.
+const LAST_CODE: f64 = 32_767.0;
+/// Heights that decide on the scale of colours.
+const MAX_HEIGHTS: usize = 1 << 16;
+
+/// What is known of rows of places after they were seen once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extent {
+    /// Number of rows.
+    pub rows: usize,
+    /// Places of the longest row.
+    pub columns: usize,
+    /// Places that were measured.
+    pub num_measured: u64,
+    /// Smallest and largest x, y and z.
+    pub ranges: [[f32; 2]; 3],
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        let ranges = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
+        Self { rows: 0, columns: 0, num_measured: 0, ranges }
+    }
+}
+
+impl Extent {
+    /// Takes the next row into account.
+    pub fn add(&mut self, row: &[Place]) {
+        self.rows += 1;
+        self.columns = self.columns.max(row.len());
+        for place in row.iter().filter(|place| is_measured(place)) {
+            self.num_measured += 1;
+            for ([low, high], value) in self.ranges.iter_mut().zip(place) {
+                (*low, *high) = (low.min(*value), high.max(*value));
+            }
+        }
+    }
+}
+
+fn is_measured(place: &Place) -> bool {
+    place.iter().all(|value| value.is_finite())
+}
+
+/// How a code becomes a number: `offset + step * code`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Scale {
+    offset: f64,
+    step: f64,
+}
+
+impl Scale {
+    fn covering([low, high]: [f32; 2]) -> Self {
+        let [low, high] = [low, high].map(f64::from);
+        // One value only: any step does.
+        let step = if high > low { 0.5 * (high - low) / LAST_CODE } else { 1.0 };
+        Self { offset: 0.5 * (low + high), step }
+    }
+
+    fn code(&self, value: f32) -> i16 {
+        let code = ((f64::from(value) - self.offset) / self.step).round();
+        code.clamp(-LAST_CODE, LAST_CODE) as i16
+    }
+
+    fn value(&self, code: i16) -> f64 {
+        self.offset + self.step * f64::from(code)
+    }
+}
+
+/// Rows of places in codes: every one of them, or every n-th where there are more than [`MAX_POINTS`].
+#[derive(Clone, Debug)]
+pub struct Grid {
+    rows: usize,
+    columns: usize,
+    steps: [usize; 2],
+    num_pushed: usize,
+    scales: [Scale; 3],
+    codes: [Vec<i16>; 3],
+}
+
+/// What a page says of a grid; the codes themselves stand beside it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct About {
+    rows: usize,
+    columns: usize,
+    /// Every so many-th row and place of a row are kept.
+    row_step: usize,
+    column_step: usize,
+    missing: i16,
+    /// Of x, y and z.
+    scales: [Scale; 3],
+    /// Ends of the scale of colours, in units of z.
+    colors: [f64; 2],
+}
+
+impl About {
+    /// The same with zero in the middle of the scale of colours.
+    #[must_use]
+    pub fn about_zero(self) -> Self {
+        let largest = self.colors[0].abs().max(self.colors[1].abs());
+        Self { colors: [-largest, largest], ..self }
+    }
+}
+
+impl Grid {
+    /// A grid for the rows that were seen.
+    #[must_use]
+    pub fn new(extent: &Extent) -> Self {
+        let mut steps = [1, 1];
+        let count =
+            |steps: [usize; 2]| [extent.rows.div_ceil(steps[0]), extent.columns.div_ceil(steps[1])];
+        loop {
+            let [rows, columns] = count(steps);
+            if rows.saturating_mul(columns) <= MAX_POINTS {
+                let scales = extent.ranges.map(Scale::covering);
+                return Self {
+                    rows,
+                    columns,
+                    steps,
+                    num_pushed: 0,
+                    scales,
+                    codes: Default::default(),
+                };
+            }
+            steps[usize::from(columns > rows)] += 1;
+        }
+    }
+
+    /// Every how many-th row, and place of a row, is kept.
+    #[must_use]
+    pub const fn steps(&self) -> [usize; 2] {
+        self.steps
+    }
+
+    /// The next row. Rows beyond those that were seen before are left out.
+    pub fn push(&mut self, row: &[Place]) {
+        let is_kept = self.num_pushed.is_multiple_of(self.steps[0])
+            && self.num_pushed / self.steps[0] < self.rows;
+        self.num_pushed += 1;
+        if !is_kept {
+            return;
+        }
+        let nothing = [f32::NAN; 3];
+        let kept = (0..self.columns).map(|column| row.get(column * self.steps[1]));
+        for place in kept.map(|place| place.unwrap_or(&nothing)) {
+            for (axis, codes) in self.codes.iter_mut().enumerate() {
+                let is_measured = is_measured(place);
+                codes.push(if is_measured { self.scales[axis].code(place[axis]) } else { MISSING });
+            }
+        }
+    }
+
+    /// What there is to say, and the packed codes of x, y and z. Rows that never came are missing.
+    #[must_use]
+    pub fn finish(mut self) -> (About, String) {
+        for codes in &mut self.codes {
+            codes.resize(self.rows * self.columns, MISSING);
+        }
+        let about = About {
+            rows: self.rows,
+            columns: self.columns,
+            row_step: self.steps[0],
+            column_step: self.steps[1],
+            missing: MISSING,
+            scales: self.scales,
+            colors: self.colors(),
+        };
+        let [x, y, z] = &self.codes;
+        (about, pack(&[x, y, z], self.columns))
+    }
+
+    /// Heights without the lowest and highest half per cent.
+    fn colors(&self) -> [f64; 2] {
+        let z = &self.codes[2];
+        let step = (z.len() / MAX_HEIGHTS).max(1);
+        // Neither rows nor columns are a multiple of an odd number of places apart for long.
+        let mut sample: Vec<i16> =
+            z.iter().step_by(step | 1).copied().filter(|code| *code != MISSING).collect();
+        sample.sort_unstable();
+        let last = sample.len().saturating_sub(1) as f64;
+        [0.005, 0.995].map(|share: f64| {
+            let code = sample.get((share * last).round() as usize).copied().unwrap_or(0);
+            self.scales[2].value(code)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(rows: usize, columns: usize) -> Grid {
+        Grid::new(&Extent { rows, columns, ranges: [[0.0, 1.0]; 3], ..Extent::default() })
+    }
+
+    #[test]
+    fn codes_are_the_heights_to_half_a_step_and_missing_ones_stay_missing() {
+        let nan = [f32::NAN; 3];
+        let rows = [vec![[0.0, 0.0, -2.0], nan, [2.0, 0.0, 5.0]], vec![[0.0, 1.0, 0.125]]];
+        let mut extent = Extent::default();
+        for row in &rows {
+            extent.add(row);
+        }
+        assert_eq!((extent.rows, extent.columns, extent.num_measured), (2, 3, 3));
+        let mut grid = Grid::new(&extent);
+        for row in &rows {
+            grid.push(row);
+        }
+        let z = &grid.codes[2];
+        assert_eq!((z[0], z[1], z[2]), (-32_767, MISSING, 32_767));
+        let step = 7.0 / 65_534.0;
+        assert!((grid.scales[2].value(z[3]) - 0.125).abs() <= 0.5 * step);
+        let (about, _) = grid.finish();
+        assert!((about.scales[2].step - step).abs() < 1e-12);
+    }
+
+    #[test]
+    fn too_many_points_are_thinned_evenly_and_never_more_than_allowed() {
+        for (rows, columns) in [(1, 10_000_000), (5000, 4096), (1000, 2592), (100_000, 300)] {
+            let grid = grid(rows, columns);
+            assert!(grid.rows * grid.columns <= MAX_POINTS, "{:?}", grid.steps);
+            assert_eq!(grid.steps == [1, 1], rows * columns <= MAX_POINTS, "{rows} x {columns}");
+        }
+        assert_eq!(grid(5000, 4096).steps, [3, 3]);
+    }
+
+    #[test]
+    fn rows_that_never_come_are_missing_and_others_are_not_taken() {
+        let mut short = grid(3, 2);
+        short.push(&[[0.5; 3]; 5]);
+        assert_eq!(short.codes[0], [0, 0]);
+        assert_eq!(short.finish().0.rows, 3);
+        let mut long = grid(1, 2);
+        for _ in 0..3 {
+            long.push(&[[0.5; 3]; 2]);
+        }
+        assert_eq!(long.codes[0], [0, 0]);
+    }
+
+    #[test]
+    fn nothing_measured_is_no_failure() {
+        let grid = Grid::new(&Extent::default());
+        let (about, _) = grid.finish();
+        assert!(about.rows == 0 && about.scales.iter().all(|scale| scale.step > 0.0));
+    }
+}

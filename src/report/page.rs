@@ -1,0 +1,188 @@
+//! The pages themselves: what stands in them, and their HTML.
+
+use askama::Template;
+use serde::Serialize;
+
+use super::{chart::Chart, grid::About, overlay::Overlay};
+
+/// How a page looks.
+const STYLE: &str =
+    concat!(include_str!("uplot/uPlot.min.css"), "\n", include_str!("pages/page.css"));
+/// What draws in it.
+const SCRIPT: &str = concat!(
+    include_str!("uplot/uPlot.iife.min.js"),
+    "\n",
+    include_str!("pages/map.js"),
+    "\n",
+    include_str!("pages/charts.js"),
+    "\n",
+    include_str!("pages/page.js")
+);
+/// The licence of the drawing library, which must stand beside it.
+const LICENCE: &str = include_str!("uplot/LICENSE");
+
+/// A name and what it is, in a list of facts or a table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fact {
+    /// What it is.
+    pub name: String,
+    /// How much, with its unit.
+    pub value: String,
+}
+
+impl Fact {
+    /// A fact.
+    #[must_use]
+    pub fn new(name: &str, value: impl Into<String>) -> Self {
+        Self { name: name.to_owned(), value: value.into() }
+    }
+}
+
+/// One axis of a map.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Axis {
+    /// What it is, as in `x, along the stripe`.
+    pub label: &'static str,
+    /// In what it is shown.
+    pub unit: &'static str,
+    /// From the grid's numbers to that unit.
+    pub factor: f64,
+    /// Digits behind the point.
+    pub digits: u8,
+}
+
+/// A map of places and the sections through it.
+#[derive(Clone, Debug)]
+pub struct Map {
+    /// What it shows.
+    pub title: &'static str,
+    /// What else is to be said of it.
+    pub caption: String,
+    /// What the sections are called: across and along the motion.
+    pub sections: [&'static str; 2],
+    /// x, y and z.
+    pub axes: [Axis; 3],
+    /// Whether x and y are lengths, and so drawn on one scale.
+    pub is_metric: bool,
+    /// 256 colours from the lowest to the highest, `#rrggbb`.
+    pub colors: Vec<String>,
+    /// What is said of the grid.
+    pub about: About,
+    /// The packed grid.
+    pub packed: String,
+}
+
+/// A long text, folded away.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Document {
+    /// What it is.
+    pub title: String,
+    /// The text.
+    pub text: String,
+}
+
+/// A table with a head.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Table {
+    /// What it shows.
+    pub title: String,
+    /// The heads of its columns.
+    pub heads: Vec<String>,
+    /// Its rows, as many cells as there are heads.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// A page: what is empty is left out.
+#[derive(Clone, Debug, Default, Template)]
+#[template(path = "page.html")]
+pub struct Page {
+    /// What it is about.
+    pub title: String,
+    /// One line below it.
+    pub subtitle: String,
+    /// The most important figures.
+    pub facts: Vec<Fact>,
+    /// What is missing, lost or out of the ordinary.
+    pub notes: Vec<String>,
+    /// Heights from above.
+    pub map: Option<Map>,
+    /// Frames with their centrelines.
+    pub overlays: Vec<Overlay>,
+    /// Figures over the frames.
+    pub charts: Vec<Chart>,
+    /// Tables.
+    pub tables: Vec<Table>,
+    /// Calibration, parameters and the like.
+    pub documents: Vec<Document>,
+    /// Program and version.
+    pub program: String,
+}
+
+impl Page {
+    /// The page as text.
+    ///
+    /// # Errors
+    /// Those of the template: none that a page could have.
+    pub fn html(&self) -> Result<String, askama::Error> {
+        self.render()
+    }
+
+    /// What the page's scripts draw, as JSON that may stand in a script element.
+    fn data(&self) -> String {
+        let map = self.map.as_ref().map(|map| {
+            serde_json::json!({
+                "axes": map.axes,
+                "is_metric": map.is_metric,
+                "colors": map.colors,
+                "sections": map.sections,
+                "grid": map.about,
+            })
+        });
+        let data = serde_json::json!({"map": map, "charts": self.charts});
+        data.to_string().replace('<', "\\u003c")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_recording_says_is_text_and_nothing_else() {
+        let evil = "</script><script>alert(1)</script>";
+        let page = Page {
+            title: evil.to_owned(),
+            notes: vec![evil.to_owned()],
+            facts: vec![Fact::new(evil, evil)],
+            documents: vec![Document { title: evil.to_owned(), text: evil.to_owned() }],
+            charts: vec![Chart {
+                id: "a",
+                title: "b",
+                x_label: "c",
+                y_label: "d",
+                x: vec![0.0],
+                curves: vec![super::super::chart::Curve::new(evil, vec![1.0])],
+            }],
+            ..Page::default()
+        };
+        let html = page.html().unwrap();
+        assert!(
+            !html.contains(evil) && html.contains("&#60;script") || html.contains("&lt;script")
+        );
+        let data = html.split("id=\"report-data\"").nth(1).unwrap();
+        let (_, data) = data.split_once('>').unwrap();
+        let (data, _) = data.split_once("</script>").unwrap();
+        let data: serde_json::Value = serde_json::from_str(data).unwrap();
+        assert_eq!(data["charts"][0]["curves"][0]["name"], evil);
+    }
+
+    #[test]
+    fn the_library_is_the_published_one() {
+        use sha2::{Digest, Sha256};
+        // `npm pack uplot@1.6.32`, dist/uPlot.iife.min.js.
+        let published = "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f";
+        let digest = Sha256::digest(include_bytes!("uplot/uPlot.iife.min.js"));
+        let digest = digest.iter().fold(String::new(), |text, byte| text + &format!("{byte:02x}"));
+        assert_eq!(digest, published);
+    }
+}

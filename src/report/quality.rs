@@ -1,0 +1,265 @@
+//! How well the stripe was found, frame by frame and in all.
+
+use super::{
+    chart::{Chart, Curve},
+    series::{Merge, Series},
+};
+use crate::{msg::laser_profiler_msgs::Centerline, scanner::stripe::flag};
+
+/// Bits of a point's flags and how they are called.
+pub const FLAGS: [(u8, &str); 5] = [
+    (flag::SATURATED, "saturated"),
+    (flag::MULTIPLE_PEAKS, "several candidates"),
+    (flag::CLIPPED, "cut by the border"),
+    (flag::LOW_CONTRAST, "low contrast"),
+    (flag::INTERPOLATED, "filled in"),
+];
+
+// Places in a frame's figures.
+const SIGMA: usize = 0;
+const SIGMA_95: usize = 1;
+const WIDTH: usize = 2;
+const MISSING: usize = 3;
+const FLAGGED: usize = 4;
+const LOST: usize = FLAGGED + FLAGS.len();
+const GAPS: usize = LOST + 1;
+const NUM: usize = GAPS + 1;
+
+/// The stripe's quality over a recording.
+#[derive(Clone, Debug)]
+pub struct Quality {
+    series: Series<NUM>,
+    found: Vec<u32>,
+    numbers: Vec<f32>,
+    /// Frames seen.
+    pub num_frames: u64,
+    /// Points of all frames.
+    pub num_points: u64,
+    /// Cross-sections searched in all frames.
+    pub num_sections: u64,
+    /// Those of them in which a stripe was found.
+    pub num_found: u64,
+    /// Points with each of [`FLAGS`].
+    pub num_flagged: [u64; FLAGS.len()],
+    /// Frames known to be missing between those seen.
+    pub num_lost: u64,
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        let mut merges = [Merge::Mean; NUM];
+        (merges[SIGMA_95], merges[LOST]) = (Merge::Max, Merge::Sum);
+        Self {
+            series: Series::new(merges),
+            found: Vec::new(),
+            numbers: Vec::new(),
+            num_frames: 0,
+            num_points: 0,
+            num_sections: 0,
+            num_found: 0,
+            num_flagged: [0; FLAGS.len()],
+            num_lost: 0,
+        }
+    }
+}
+
+impl Quality {
+    /// Takes the next frame into account.
+    pub fn add(&mut self, line: &Centerline<'_>) {
+        let [sections, found] = self.sections(line);
+        let num_points = line.u.len() as u64;
+        let mut figures = [f64::NAN; NUM];
+        [figures[SIGMA], figures[SIGMA_95]] = self.quantiles(&line.sigma, [0.5, 0.95]);
+        [figures[WIDTH]] = self.quantiles(&line.width, [0.5]);
+        figures[MISSING] = share(sections - found, sections);
+        for (at, (bit, _)) in FLAGS.iter().enumerate() {
+            let num = line.flags.iter().filter(|flags| **flags & bit != 0).count() as u64;
+            self.num_flagged[at] += num;
+            figures[FLAGGED + at] = share(num, num_points);
+        }
+        figures[LOST] = f64::from(line.trace.frames_missing);
+        figures[GAPS] = line.stripe_start.len().saturating_sub(1) as f64;
+        self.series.push(figures);
+        self.num_frames += 1;
+        self.num_points += num_points;
+        self.num_sections += sections;
+        self.num_found += found;
+        self.num_lost += u64::from(line.trace.frames_missing);
+    }
+
+    /// Cross-sections searched, and those with a point.
+    fn sections(&mut self, line: &Centerline<'_>) -> [u64; 2] {
+        let roi = &line.roi;
+        let (along, offset, length) = if is_vertical(line) {
+            (&line.v, roi.y_offset, roi.height.min(line.image_height))
+        } else {
+            (&line.u, roi.x_offset, roi.width.min(line.image_width))
+        };
+        // No more memory than the points take, whatever size the message states.
+        self.found.clear();
+        let inside = along.iter().map(|at| at.round() - offset as f32);
+        self.found
+            .extend(inside.filter(|at| (0.0..length as f32).contains(at)).map(|at| at as u32));
+        self.found.sort_unstable();
+        self.found.dedup();
+        let found = self.found.len() as u64;
+        [u64::from(length), found]
+    }
+
+    fn quantiles<const N: usize>(&mut self, numbers: &[f32], shares: [f64; N]) -> [f64; N] {
+        self.numbers.clear();
+        self.numbers.extend(numbers.iter().filter(|number| number.is_finite()));
+        self.numbers.sort_unstable_by(f32::total_cmp);
+        let last = self.numbers.len().saturating_sub(1) as f64;
+        shares.map(|share| {
+            let at = (share * last).round() as usize;
+            self.numbers.get(at).map_or(f64::NAN, |number| f64::from(*number))
+        })
+    }
+
+    /// The median over all frames of their median uncertainty, pixels; NaN where none is stated.
+    #[must_use]
+    pub fn sigma_px(&self) -> f64 {
+        median(self.series.figure(SIGMA))
+    }
+
+    /// The median over all frames of the stripe's median width, pixels; NaN where none is stated.
+    #[must_use]
+    pub fn width_px(&self) -> f64 {
+        median(self.series.figure(WIDTH))
+    }
+
+    /// The share of searched cross-sections without a point; NaN without any.
+    #[must_use]
+    pub fn missing(&self) -> f64 {
+        share(self.num_sections - self.num_found, self.num_sections)
+    }
+
+    /// The figures over the frames.
+    #[must_use]
+    pub fn charts(&self) -> Vec<Chart> {
+        if self.num_frames == 0 {
+            return Vec::new();
+        }
+        let curve = |name: &str, at: usize| Curve::new(name, self.series.figure(at));
+        let percent = |name: &str, at: usize| {
+            let shares = self.series.figure(at);
+            Curve::new(name, shares.into_iter().map(|share| 100.0 * share).collect())
+        };
+        let flagged = FLAGS.iter().enumerate();
+        let flagged = flagged.filter(|(at, _)| self.num_flagged[*at] > 0);
+        let shares = std::iter::once(percent("no stripe found", MISSING))
+            .chain(flagged.map(|(at, (_, name))| percent(name, FLAGGED + at)));
+        let chart = |id, title, y_label, curves| Chart {
+            id,
+            title,
+            x_label: "frame",
+            y_label,
+            x: self.series.frames(),
+            curves,
+        };
+        vec![
+            chart(
+                "sigma",
+                "Uncertainty of the centre, one standard deviation",
+                "σ [px]",
+                vec![curve("median", SIGMA), curve("95 % of the points below", SIGMA_95)],
+            ),
+            chart(
+                "width",
+                "Width of the stripe, full width at half maximum",
+                "width [px]",
+                vec![curve("median", WIDTH)],
+            ),
+            chart(
+                "shares",
+                "Cross-sections without a stripe, and points with flags",
+                "share [%]",
+                shares.collect(),
+            ),
+            chart("gaps", "Gaps in the stripe", "gaps a frame", vec![curve("gaps", GAPS)]),
+            chart(
+                "lost",
+                "Frames missing before a frame",
+                "frames",
+                vec![curve("missing frames", LOST)],
+            ),
+        ]
+    }
+}
+
+/// Whether the points have one a row: columns are not integers, rows are.
+#[must_use]
+pub fn is_vertical(line: &Centerline<'_>) -> bool {
+    let is_whole = |values: &[f32]| values.iter().all(|value| value.fract() == 0.0);
+    !is_whole(&line.u) && is_whole(&line.v)
+}
+
+fn share(part: u64, whole: u64) -> f64 {
+    if whole == 0 { f64::NAN } else { part as f64 / whole as f64 }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.retain(|value| value.is_finite());
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+#[expect(clippy::float_cmp, reason = "small integers and their halves")]
+mod tests {
+    use super::*;
+    use crate::msg::sensor_msgs::RegionOfInterest;
+
+    fn line() -> Centerline<'static> {
+        Centerline {
+            image_width: 20,
+            image_height: 10,
+            roi: RegionOfInterest { x_offset: 10, width: 8, height: 10, ..Default::default() },
+            // Two points in column 11, none in 10, 13, 15, 16 and 17.
+            u: vec![11.0, 12.0, 14.0, 11.0].into(),
+            v: vec![3.5, 3.25, 4.5, 8.5].into(),
+            stripe_start: vec![0, 2, 3].into(),
+            sigma: vec![0.5, 0.25, 1.0, f32::NAN].into(),
+            width: vec![3.0, f32::NAN, 4.0, 5.0].into(),
+            flags: vec![flag::SATURATED, 0, flag::SATURATED | flag::CLIPPED, 0].into(),
+            ..Centerline::default()
+        }
+    }
+
+    #[test]
+    fn a_frame_is_counted_by_its_cross_sections() {
+        let mut quality = Quality::default();
+        quality.add(&line());
+        assert_eq!((quality.num_sections, quality.num_found, quality.num_points), (8, 3, 4));
+        assert_eq!(quality.num_flagged, [2, 0, 1, 0, 0]);
+        assert_eq!((quality.sigma_px(), quality.width_px()), (0.5, 4.0));
+        assert_eq!(quality.missing(), 5.0 / 8.0);
+        let charts = quality.charts();
+        let shares = charts.iter().find(|chart| chart.id == "shares").unwrap();
+        let names: Vec<_> = shares.curves.iter().map(|curve| curve.name.as_str()).collect();
+        assert_eq!(names, ["no stripe found", "saturated", "cut by the border"]);
+        assert_eq!(shares.curves[1].values, [50.0]);
+    }
+
+    #[test]
+    fn a_vertical_stripe_is_counted_by_rows() {
+        let line = line();
+        let vertical = Centerline { u: line.v.clone(), v: line.u.clone(), ..line };
+        assert!(is_vertical(&vertical));
+        let mut quality = Quality::default();
+        quality.add(&vertical);
+        // Rows 0 to 9 are searched; those of the points lie beyond.
+        assert_eq!((quality.num_sections, quality.num_found), (10, 0));
+    }
+
+    #[test]
+    fn nothing_seen_is_no_chart_and_no_number() {
+        let quality = Quality::default();
+        assert!(quality.charts().is_empty() && quality.sigma_px().is_nan());
+        assert!(quality.missing().is_nan());
+    }
+}
