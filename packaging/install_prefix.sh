@@ -53,6 +53,7 @@ install -d "$prefix/lib/laser_profiler"
 install -m 755 "$binary" "$prefix/lib/laser_profiler/laser_profiler"
 put 644 share/laser_profiler "$repository/packaging/laser_profiler/package.xml"
 put 644 share/laser_profiler/launch "$repository"/launch_configs/*.launch.*
+put 644 share/laser_profiler/viewers "$repository"/launch_configs/viewers/*.{json,py}
 for file in "$repository"/launch_configs/*.yaml; do
   [[ $file == *.launch.yaml ]] || put 644 share/laser_profiler/config "$file"
 done

@@ -39,6 +39,8 @@ pub(super) struct Part {
     pub(super) end: u64,
     /// Time of the earliest message.
     pub(super) start_time: u64,
+    /// Time of the latest message.
+    pub(super) end_time: u64,
     /// Channels in a chunk and the places of their message indexes; empty where unknown.
     pub(super) message_indexes: Vec<(u16, u64)>,
 }
@@ -96,6 +98,7 @@ impl Layout {
                 offset: chunk.span.offset,
                 end: chunk.span.end,
                 start_time: chunk.start_time,
+                end_time: chunk.end_time,
                 message_indexes: chunk.message_indexes.into_iter().collect(),
             });
             if !layout.compressions.contains(&chunk.compression) {

@@ -128,10 +128,12 @@ struct FileMessages {
 impl FileMessages {
     fn new(source: Source, layout: &Layout, filter: Filter) -> Self {
         let takes_any = |part: &&Part| {
-            part.message_indexes.is_empty()
+            let is_past = part.end_time < filter.start_time();
+            let may_have = part.message_indexes.is_empty()
                 || part.message_indexes.iter().any(|(channel, _)| {
                     layout.channels.get(*channel).is_none_or(|topic| filter.takes(&topic.name))
-                })
+                });
+            may_have && !is_past
         };
         Self {
             plain: PlainReader::default(),
@@ -139,12 +141,13 @@ impl FileMessages {
             source,
             channels: layout.channels.clone(),
             parts: layout.parts.iter().filter(takes_any).cloned().collect(),
+            // Of a part of the file nobody knows how many there should be.
+            expected: layout.stated_counts.clone().filter(|_| filter.start_time() == 0),
             filter,
             read_offsets: BTreeSet::new(),
             waiting: BinaryHeap::new(),
             waiting_bytes: 0,
             found: BTreeMap::new(),
-            expected: layout.stated_counts.clone(),
             may_rescan: layout.is_indexed,
             has_loss: false,
             is_sorted: true,

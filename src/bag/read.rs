@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::format::{RecordSpan, Source};
-use super::layout::Layout;
+use super::layout::{Layout, PartKind};
 use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, place};
 
 /// How a bag is read.
@@ -93,6 +93,18 @@ impl BagReader {
             }
         }
         Some(counts)
+    }
+
+    /// Times of the first and of the last message, nanoseconds since the epoch; `None` without messages. An index is
+    /// believed.
+    pub fn time_range_ns(&self) -> Option<(i64, i64)> {
+        let parts = self.files.iter().flat_map(|(_, layout)| &layout.parts);
+        let ends = parts
+            .filter(|part| !matches!(part.kind, PartKind::Damage(_)))
+            .map(|part| (part.start_time, part.end_time));
+        let (start, end) =
+            ends.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)))?;
+        Some((i64::try_from(start).ok()?, i64::try_from(end).ok()?))
     }
 
     /// The messages. The iterator is its own: it may go to another thread.

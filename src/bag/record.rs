@@ -86,7 +86,10 @@ pub struct Recorder {
     topics: Vec<(Topic, u64)>,
     /// Places in `topics`.
     places: BTreeMap<String, usize>,
+    /// Of the topics that are in the file, which are the first ones.
     channels: Vec<u16>,
+    /// A chunk was to be closed that has no message yet.
+    is_head_closed: bool,
     bounds_ns: Option<(i64, i64)>,
     written_bytes: Arc<AtomicU64>,
     has_failed: bool,
@@ -138,6 +141,7 @@ impl Recorder {
             topics: Vec::new(),
             places: BTreeMap::new(),
             channels: Vec::new(),
+            is_head_closed: false,
             bounds_ns: None,
             written_bytes,
             has_failed: false,
@@ -154,10 +158,12 @@ impl Recorder {
         self.written_bytes.load(Ordering::Relaxed)
     }
 
-    /// Makes a topic known. The same one again is the same.
+    /// Makes a topic known. The same one again is the same. It is written with the next message, in a chunk of their own
+    /// when something closed the chunk in between: some readers refuse a chunk without messages, and damage should not
+    /// take the topics along.
     ///
     /// # Errors
-    /// A name that has another type already; a failing disk.
+    /// A name that has another type already; too many topics.
     pub fn add_topic(&mut self, topic: &Topic) -> Result<TopicId, RecordError> {
         if let Some(&at) = self.places.get(&topic.name) {
             let known = &self.topics[at].0;
@@ -174,26 +180,23 @@ impl Recorder {
             let what = format!("{}: more than {MAX_TOPICS} topics", topic.name);
             return Err(RecordError::Format { path: self.path(), what });
         }
-        let mut metadata = BTreeMap::new();
-        // Version 9 has words where older recordings have numbers; what is neither stays as it is.
-        let words = qos::parse(&topic.qos).filter(|profiles| !profiles.is_empty());
-        metadata.insert(
-            QOS_KEY.into(),
-            words.map_or_else(|| topic.qos.clone(), |profiles| qos::to_yaml(&profiles)),
-        );
-        metadata.insert(TYPE_HASH_KEY.into(), topic.type_hash.clone());
-        let channel = self.write_with(|writer| {
-            let schema = if topic.type_name.is_empty() {
-                0
-            } else {
-                writer.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?
-            };
-            writer.add_channel(schema, &topic.name, &topic.message_encoding, &metadata)
-        })?;
         self.places.insert(topic.name.clone(), self.topics.len());
         self.topics.push((topic.clone(), 0));
-        self.channels.push(channel);
         Ok(TopicId(self.topics.len() - 1))
+    }
+
+    fn close_head(&mut self) {
+        self.is_head_closed |= self.channels.len() < self.topics.len();
+    }
+
+    /// Writes schema and channel of the topics that are not in the file yet.
+    fn announce(&mut self) -> Result<(), RecordError> {
+        while let Some((topic, _)) = self.topics.get(self.channels.len()) {
+            let topic = topic.clone();
+            let channel = self.write_with(|writer| add_channel(writer, &topic))?;
+            self.channels.push(channel);
+        }
+        Ok(())
     }
 
     /// Appends a message.
@@ -201,6 +204,7 @@ impl Recorder {
     /// # Errors
     /// A time before the epoch; a failing disk.
     pub fn write(&mut self, topic: TopicId, times: Times, data: &[u8]) -> Result<(), RecordError> {
+        self.announce()?;
         let (Some(&channel_id), Some((known, _))) =
             (self.channels.get(topic.0), self.topics.get(topic.0))
         else {
@@ -216,6 +220,9 @@ impl Recorder {
             publish_time: since_epoch(&known.name, times.publish_ns)?,
         };
         self.write_with(|writer| writer.write_to_known_channel(&header, data))?;
+        if mem::take(&mut self.is_head_closed) {
+            self.write_with(mcap::Writer::flush)?;
+        }
         self.topics[topic.0].1 += 1;
         let (first, last) = self.bounds_ns.unwrap_or((times.log_ns, times.log_ns));
         self.bounds_ns = Some((first.min(times.log_ns), last.max(times.log_ns)));
@@ -234,6 +241,7 @@ impl Recorder {
             media_type: attachment.media_type.clone(),
             data: attachment.data.as_slice().into(),
         };
+        self.close_head();
         self.write_with(|writer| writer.attach(&attachment))
     }
 
@@ -248,6 +256,7 @@ impl Recorder {
         }
         let record =
             mcap::records::Metadata { name: record.name.clone(), metadata: record.entries.clone() };
+        self.close_head();
         self.write_with(|writer| writer.write_metadata(&record))
     }
 
@@ -257,6 +266,7 @@ impl Recorder {
     /// # Errors
     /// A failing disk.
     pub fn flush(&mut self) -> Result<(), RecordError> {
+        self.close_head();
         self.write_with(mcap::Writer::flush)
     }
 
@@ -276,6 +286,7 @@ impl Recorder {
 
     /// Writes the index of this file; returns what is in it and its length in bytes.
     pub(super) fn finish_file(mut self) -> Result<(Recorded, u64), RecordError> {
+        self.announce()?;
         let path = self.path();
         let recorded = Recorded {
             file: self.file_name.clone(),
@@ -312,6 +323,23 @@ impl Recorder {
             fault(&self.path(), error)
         })
     }
+}
+
+fn add_channel(writer: &mut mcap::Writer<NoSeek<Sink>>, topic: &Topic) -> Result<u16, McapError> {
+    let mut metadata = BTreeMap::new();
+    // Version 9 has words where older recordings have numbers; what is neither stays as it is.
+    let words = qos::parse(&topic.qos).filter(|profiles| !profiles.is_empty());
+    metadata.insert(
+        QOS_KEY.into(),
+        words.map_or_else(|| topic.qos.clone(), |profiles| qos::to_yaml(&profiles)),
+    );
+    metadata.insert(TYPE_HASH_KEY.into(), topic.type_hash.clone());
+    let schema = if topic.type_name.is_empty() {
+        0
+    } else {
+        writer.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?
+    };
+    writer.add_channel(schema, &topic.name, &topic.message_encoding, &metadata)
 }
 
 fn fault(path: &Path, error: McapError) -> RecordError {

@@ -112,6 +112,16 @@ impl Scan<'_> {
                         .source
                         .damaged(span, "a message record shorter than its header".into()));
                 };
+                // No checksum guards the kinds of the records behind a chunk: one bit makes an index a message.
+                let is_behind_chunk = self
+                    .layout
+                    .parts
+                    .last()
+                    .is_some_and(|part| matches!(part.kind, PartKind::Chunk));
+                if is_behind_chunk && u32_at(&body, 2) as usize + 6 == body.len() {
+                    let what = "a message index with the opcode of a message";
+                    return Err(self.source.damaged(span, what.into()));
+                }
                 self.suspect = Some(Suspect { offset: span.offset, channel: Some(header.channel) });
                 *self.counts.entry(header.channel).or_default() += 1;
                 match self.layout.parts.last_mut() {
@@ -119,8 +129,9 @@ impl Scan<'_> {
                         if matches!(part.kind, PartKind::Loose) && part.end == span.offset =>
                     {
                         part.end = span.end;
+                        part.end_time = part.end_time.max(header.log_time);
                     }
-                    _ => self.part(PartKind::Loose, span, header.log_time),
+                    _ => self.part(PartKind::Loose, span, (header.log_time, header.log_time)),
                 }
             }
             op::SCHEMA | op::CHANNEL => {
@@ -173,7 +184,7 @@ impl Scan<'_> {
 
     /// Opens a chunk for its channels, counts and times. What is wrong inside is told when its messages are read.
     fn chunk(&mut self, chunk: &ChunkHeader) -> Result<Option<u64>, BagError> {
-        let mut start_time: Option<u64> = None;
+        let mut times: Option<(u64, u64)> = None;
         let (channels, counts) = (&mut self.layout.channels, &mut self.counts);
         let decoded = self.decoder.decode(self.source, chunk, &mut |opcode, body| {
             if opcode != op::MESSAGE {
@@ -181,8 +192,9 @@ impl Scan<'_> {
                 let _told_later = channels.add(opcode, body);
             } else if let Some((header, _)) = MessageHeader::split(body) {
                 *counts.entry(header.channel).or_default() += 1;
-                start_time =
-                    Some(start_time.map_or(header.log_time, |time| time.min(header.log_time)));
+                let time = header.log_time;
+                let (first, last) = times.unwrap_or((time, time));
+                times = Some((first.min(time), last.max(time)));
             }
         });
         if let Err(error @ BagError::Io { .. }) = decoded {
@@ -192,20 +204,22 @@ impl Scan<'_> {
         if !self.layout.compressions.contains(&chunk.compression) {
             self.layout.compressions.push(chunk.compression.clone());
         }
-        self.part(PartKind::Chunk, &chunk.span, start_time.unwrap_or(chunk.start_time));
+        let times = times.unwrap_or((chunk.start_time, chunk.start_time));
+        self.part(PartKind::Chunk, &chunk.span, times);
         Ok((chunk.span.end <= self.source.len_bytes).then_some(chunk.span.end))
     }
 
-    fn part(&mut self, kind: PartKind, span: &RecordSpan, start_time: u64) {
-        let (offset, end) = (span.offset, span.end);
-        self.layout.parts.push(Part { kind, offset, end, start_time, message_indexes: Vec::new() });
+    fn part(&mut self, kind: PartKind, span: &RecordSpan, (start_time, end_time): (u64, u64)) {
+        let (offset, end, message_indexes) = (span.offset, span.end, Vec::new());
+        let part = Part { kind, offset, end, start_time, end_time, message_indexes };
+        self.layout.parts.push(part);
     }
 
     /// Notes damage at the time of what came before it.
     fn damage(&mut self, offset: u64, end: u64, what: String) {
         let start_time = self.layout.parts.last().map_or(0, |part| part.start_time);
         let span = RecordSpan { opcode: 0, offset, end };
-        self.part(PartKind::Damage(what), &span, start_time);
+        self.part(PartKind::Damage(what), &span, (start_time, start_time));
     }
 
     /// Notes damage from `offset` to the next place where a chunk or the end of the data begins.

@@ -27,6 +27,7 @@ pub(super) struct Summary {
 pub(super) struct ChunkIndex {
     pub(super) span: RecordSpan,
     pub(super) start_time: u64,
+    pub(super) end_time: u64,
     pub(super) message_indexes: BTreeMap<u16, u64>,
     pub(super) compression: String,
 }
@@ -90,11 +91,11 @@ fn span(fields: &mut Fields<'_>, opcode: u8) -> Option<RecordSpan> {
 }
 
 fn chunk_index(fields: &mut Fields<'_>) -> Option<ChunkIndex> {
-    let (start_time, _end_time) = (fields.u64()?, fields.u64()?);
+    let (start_time, end_time) = (fields.u64()?, fields.u64()?);
     let span = span(fields, op::CHUNK)?;
     let message_indexes = fields.channel_map()?;
     let _message_indexes_bytes = fields.u64()?;
-    Some(ChunkIndex { span, start_time, message_indexes, compression: fields.string()? })
+    Some(ChunkIndex { span, start_time, end_time, message_indexes, compression: fields.string()? })
 }
 
 fn statistics(fields: &mut Fields<'_>) -> Option<FileStatistics> {

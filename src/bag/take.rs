@@ -11,6 +11,8 @@ use super::format::MessageHeader;
 #[derive(Clone, Debug, Default)]
 pub struct Filter {
     topics: Option<BTreeSet<String>>,
+    /// Earlier messages are passed over.
+    start_time: u64,
 }
 
 impl Filter {
@@ -21,7 +23,17 @@ impl Filter {
 
     /// These topics. Chunks without them are not opened when the file's index tells so.
     pub fn topics<Name: Into<String>>(names: impl IntoIterator<Item = Name>) -> Self {
-        Self { topics: Some(names.into_iter().map(Into::into).collect()) }
+        Self { topics: Some(names.into_iter().map(Into::into).collect()), start_time: 0 }
+    }
+
+    /// Only messages received at that time or later, nanoseconds since the epoch. Chunks that end before are not opened.
+    #[must_use]
+    pub fn from(self, start_ns: i64) -> Self {
+        Self { start_time: u64::try_from(start_ns).unwrap_or(0), ..self }
+    }
+
+    pub(super) const fn start_time(&self) -> u64 {
+        self.start_time
     }
 
     pub(super) fn takes(&self, topic: &str) -> bool {
@@ -62,7 +74,7 @@ impl Taker<'_> {
             let channel = header.channel;
             return Err(format!("messages on channel {channel}, which no record describes"));
         };
-        if !self.filter.takes(&topic.name) {
+        if header.log_time < self.filter.start_time || !self.filter.takes(&topic.name) {
             return Ok(None);
         }
         let time_ns = |time: u64| {

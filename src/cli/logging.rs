@@ -1,11 +1,19 @@
 //! Log lines go to standard error: standard output carries results only. A live node sends them to `/rosout`, too.
 
-use std::io::{self, IsTerminal};
+use std::{
+    io::{self, IsTerminal},
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 use ros2args::{LogLevel, LogLevelAssignment, RemapRule};
-use tracing::level_filters::LevelFilter;
+use tracing::{Level, Subscriber, level_filters::LevelFilter};
 use tracing_subscriber::{
-    filter::Targets, fmt, layer::SubscriberExt, registry, util::SubscriberInitExt,
+    Layer,
+    filter::{Targets, dynamic_filter_fn},
+    fmt,
+    layer::SubscriberExt,
+    registry,
+    util::SubscriberInitExt,
 };
 
 use super::Usage;
@@ -20,9 +28,11 @@ use crate::{
 /// Where this program's own events come from.
 const OWN_TARGET: &str = "laser_profiler";
 /// Other people's code that logs, by the start of its crates' names.
-const DEPENDENCIES: [&str; 3] = ["rustdds", "ros2_client", "zenoh"];
+const DEPENDENCIES: [&str; 4] = ["rustdds", "ros2_client", "zenoh", "foxglove"];
 /// Hundreds of errors a second while fragments are lost, which the counters tell better.
 const NOISE: &str = "rustdds::structure";
+/// Tells of every viewer that speaks an old protocol; such a viewer tries again and again.
+const VIEWERS: &str = "foxglove::websocket::server";
 
 /// Which log lines are shown.
 #[derive(Debug, PartialEq, Eq)]
@@ -73,9 +83,13 @@ impl Levels {
         // It warns of every datagram that is not its own, and of each peer that wants another QoS, over and over.
         let rustdds =
             if self.others > LevelFilter::WARN { self.others } else { LevelFilter::ERROR };
+        // A viewer that is closed without a farewell is no error.
+        let viewers = if self.others > LevelFilter::WARN { self.others } else { LevelFilter::OFF };
         Targets::new()
             .with_default(self.others)
             .with_target("rustdds", rustdds)
+            .with_target("foxglove", viewers)
+            .with_target(VIEWERS, self.others)
             .with_target(OWN_TARGET, self.own)
             .with_targets(self.named.iter().copied())
             .with_target(NOISE, LevelFilter::OFF)
@@ -100,6 +114,15 @@ const fn filter(level: LogLevel) -> LevelFilter {
     }
 }
 
+/// Lets only the first error about viewers pass.
+fn viewers_once<S: Subscriber>() -> impl Layer<S> {
+    let is_told = AtomicBool::new(false);
+    dynamic_filter_fn(move |metadata, _| {
+        let is_about_viewers = metadata.target() == VIEWERS && *metadata.level() == Level::ERROR;
+        !is_about_viewers || !is_told.swap(true, Ordering::Relaxed)
+    })
+}
+
 /// Starts logging, and returns where a node connects it to `/rosout`. A second call changes nothing.
 pub(super) fn start(levels: &Levels) -> RosoutSlot {
     let (rosout, slot) = rosout::layer();
@@ -111,7 +134,8 @@ pub(super) fn start(levels: &Levels) -> RosoutSlot {
         // It would print its own failure to standard error, and panic where that is what fails.
         .log_internal_errors(false);
     // Also takes what dependencies tell the `log` crate. Fails only when a subscriber is there already, as in tests.
-    drop(registry().with(levels.targets()).with(lines).with(rosout).try_init());
+    let filters = registry().with(levels.targets()).with(viewers_once());
+    drop(filters.with(lines).with(rosout).try_init());
     slot
 }
 

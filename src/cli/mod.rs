@@ -9,6 +9,7 @@ mod progress;
 mod settings;
 mod recording;
 mod results;
+mod view;
 pub mod run;
 pub mod replay;
 pub mod parameters;

@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::{
     Outcome, Usage, interrupt,
     summary::{self, Told},
+    view::{self, ReplayViewArgs},
 };
 use crate::{
     node::{
@@ -32,6 +33,8 @@ Examples:
   laser_profiler replay both -o results --ros-args -p 'cameras:=[left, right]'
       every camera that was recorded, side by side, into results/left and results/right
   laser_profiler replay my_recording -o results --json | jq .frames
+  laser_profiler replay my_recording --view --params-file rig.yaml
+      nothing is written: look at it in Foxglove, play, jump, and turn parameters; the paused frame follows at once
 
 The results are a rosbag2 directory with ~/centerline and ~/annotations for every frame and, with a calibration_file,
 ~/profile, ~/points, ~/points_dense, ~/slice_info and ~/height_map. The same recording and parameters give the same bytes.
@@ -49,8 +52,8 @@ pub struct ReplayArgs {
     #[arg(required = true, value_name = "BAG")]
     pub bags: Vec<PathBuf>,
     /// Directory of the results' bag; of several cameras the directory of their bags.
-    #[arg(short, long, value_name = "OUT")]
-    pub output: PathBuf,
+    #[arg(short, long, value_name = "OUT", required_unless_present = "view")]
+    pub output: Option<PathBuf>,
     /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
     pub params_file: Vec<PathBuf>,
@@ -70,6 +73,9 @@ pub struct ReplayArgs {
     /// Store the input images beside the results.
     #[arg(long)]
     pub with_images: bool,
+    /// How to look at it meanwhile.
+    #[command(flatten)]
+    pub view: ReplayViewArgs,
 }
 
 /// Replays and prints the summary on `out`.
@@ -79,16 +85,39 @@ pub struct ReplayArgs {
 pub fn run(args: ReplayArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let stop = Stop::default();
     interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
-    let json = args.json;
-    let output = args.output.clone();
-    let summary = replay(request(args, ros), &stop)?;
-    let text = if json {
-        format!(
-            "{}\n",
-            serde_json::to_string(&Told::of(&summary, Some(&output.to_string_lossy())))?
-        )
-    } else {
-        format!("{}results: {}\n", summary::text(&summary), output.to_string_lossy())
+    let view = args.view.clone();
+    let form = if args.json { Form::Json } else { Form::Text };
+    let has_output = args.output.is_some();
+    let request = request(args, ros);
+    let mut write =
+        || if has_output { write(&request, form, &stop, out) } else { Ok(Outcome::Done) };
+    if view.view.view.is_none() {
+        return write();
+    }
+    view::replay(&view, request.clone(), &stop, &mut write)
+}
+
+/// How the summary is printed.
+#[derive(Clone, Copy)]
+enum Form {
+    Text,
+    Json,
+}
+
+/// Writes the results and prints the summary.
+fn write(
+    request: &ReplayRequest,
+    form: Form,
+    stop: &Stop,
+    out: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
+    let output = request.output.to_string_lossy();
+    let summary = replay(request.clone(), stop)?;
+    let text = match form {
+        Form::Json => {
+            format!("{}\n", serde_json::to_string(&Told::of(&summary, Some(&output)))?)
+        }
+        Form::Text => format!("{}results: {output}\n", summary::text(&summary)),
     };
     super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
     Ok(if summary.is_complete() { Outcome::Done } else { Outcome::DataLost })
@@ -130,7 +159,7 @@ fn request(args: ReplayArgs, mut ros: RosArguments) -> ReplayRequest {
     ros.parameter_files.splice(0..0, args.params_file);
     ReplayRequest {
         bags: args.bags,
-        output: args.output,
+        output: args.output.unwrap_or_default(),
         rate: args.rate,
         force: args.force,
         with_images: args.with_images,
@@ -161,13 +190,14 @@ mod tests {
     fn args(bag: &str, output: &str) -> ReplayArgs {
         ReplayArgs {
             bags: vec![bag.into()],
-            output: output.into(),
+            output: Some(output.into()),
             params_file: vec!["own.yaml".into()],
             camera: None,
             rate: None,
             json: false,
             force: true,
             with_images: false,
+            view: ReplayViewArgs::default(),
         }
     }
 

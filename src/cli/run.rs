@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::{
     Outcome, Usage, interrupt,
     summary::{self, Told},
+    view::{self, ViewArgs},
 };
 use crate::{
     node::{
@@ -27,6 +28,8 @@ Examples:
       with parameters and calibration: ~/profile, ~/points, ~/points_dense, ~/slice_info, ~/height_map
   laser_profiler run --transport zenoh --router --params-file rig.yaml
       on Zenoh, as rmw_zenoh speaks it, and as its own router
+  laser_profiler run --view --params-file rig.yaml
+      beside that a live view for Foxglove at ws://127.0.0.1:8765
   ros2 param set /laser_profiler extraction.segment_threshold 45.0
   ros2 service call /laser_profiler/record std_srvs/srv/SetBool '{data: true}'
 
@@ -53,6 +56,9 @@ pub struct RunArgs {
     /// Print a machine-readable summary on standard output at the end.
     #[arg(long)]
     pub json: bool,
+    /// How to look at it.
+    #[command(flatten)]
+    pub view: ViewArgs,
 }
 
 fn transport(name: &str) -> Result<Middleware, String> {
@@ -71,10 +77,12 @@ pub fn run(
 ) -> anyhow::Result<Outcome> {
     let stop = Stop::default();
     interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
-    let json = args.json;
-    let summaries = live(&request(args, ros)?, rosout, &stop).map_err(|error: LiveError| {
-        if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
-    })?;
+    let (json, view) = (args.json, args.view.clone());
+    let request = request(args, ros)?;
+    let summaries = match view.view {
+        Some(_) => view::live(&view, &request, rosout, &stop)?,
+        None => live(&request, rosout, &stop).map_err(told_apart)?,
+    };
     let summaries: Vec<(String, Summary)> = summaries
         .into_iter()
         .map(|CameraSummary { name, summary }| Ok((name, summary?)))
@@ -83,6 +91,11 @@ pub fn run(
     super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
     let is_complete = summaries.iter().all(|(_, summary)| summary.is_complete());
     Ok(if is_complete { Outcome::Done } else { Outcome::DataLost })
+}
+
+/// What was asked for is to blame, or something else is.
+pub(super) fn told_apart(error: LiveError) -> anyhow::Error {
+    if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
 }
 
 fn live(
@@ -173,6 +186,7 @@ mod tests {
             router: true,
             params_file: vec!["own.yaml".into()],
             json: false,
+            view: ViewArgs::default(),
         };
         let refused = request(args(Middleware::Dds), RosArguments::default()).unwrap_err();
         assert!(refused.is::<Usage>(), "{refused}");

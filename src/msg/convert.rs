@@ -5,6 +5,7 @@ pub mod compressed;
 pub mod results;
 pub mod cloud;
 pub mod annotations;
+pub mod preview;
 pub mod tf;
 
 pub use frame::FrameRejected;

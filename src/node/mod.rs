@@ -39,6 +39,8 @@ mod feed;
 pub mod run;
 pub mod replay;
 pub mod live;
+#[cfg(feature = "foxglove")]
+pub mod view;
 
 #[cfg(test)]
 mod tests;

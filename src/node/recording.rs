@@ -176,7 +176,7 @@ mod tests {
                 .unwrap();
             open(&directory).messages(&Filter::all()).flatten().count()
         };
-        assert_eq!([0, 500_000_000, 1_000_000_000, 1_500_000_000].map(&mut write_at), [0, 0, 3, 3]);
+        assert_eq!([0, 500_000_000, 1_000_000_000, 1_500_000_000].map(&mut write_at), [1, 1, 3, 3]);
         assert_eq!(write_at(0), 5, "time that steps back by a second, too");
     }
 

@@ -1,6 +1,7 @@
 //! A replay from its request to its results: opens, checks and connects everything before the first frame is read.
 
 mod camera_replay;
+mod stages;
 
 use std::{io, path::PathBuf};
 
@@ -32,6 +33,7 @@ use super::{
     stop::Stop,
 };
 use camera_replay::CameraReplay;
+pub use stages::Stage;
 
 /// Name of the node before remapping.
 pub const NODE_NAME: &str = "laser_profiler";
@@ -164,6 +166,16 @@ impl Replay {
     /// # Errors
     /// The first thing that is not as it should be; nothing has been written then.
     pub fn prepare(request: ReplayRequest) -> Result<Self, ReplayError> {
+        let (mut replay, values) = Self::open(request)?;
+        replay.measure_by(&values)?;
+        Ok(replay)
+    }
+
+    /// Reads the parameters and opens the recordings; no camera is chosen yet.
+    ///
+    /// # Errors
+    /// A name, a parameter or a recording.
+    pub fn open(request: ReplayRequest) -> Result<(Self, Parameters), ReplayError> {
         request.rate.map(Pacer::new).transpose()?;
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let values = Parameters::load(&names, &request.ros)?;
@@ -177,17 +189,29 @@ impl Replay {
             force: request.force,
         };
         let bags = open(&request, &cameras)?;
-        let chosen = camera::choose(cameras, request.camera.as_deref(), &bags, &names)?;
-        let mut replay = Self { request, names, options, bags, cameras: Vec::new() };
+        Ok((Self { request, names, options, bags, cameras: Vec::new() }, values))
+    }
+
+    /// Chooses the cameras and their image topics by these parameters, and reads their calibrations. Where that fails,
+    /// all stays as it was.
+    ///
+    /// # Errors
+    /// The first thing that is not as it should be.
+    pub fn measure_by(&mut self, values: &Parameters) -> Result<(), ReplayError> {
+        let cameras = NodeParams::new(values)?.cameras;
+        let camera = self.request.camera.as_deref();
+        let chosen = camera::choose(cameras, camera, &self.bags, &self.names)?;
         let is_only = chosen.len() == 1;
+        let mut prepared = Vec::new();
         for camera in chosen {
-            let output = &replay.request.output;
+            let output = &self.request.output;
             let output = if is_only { output.clone() } else { output.join(&camera.name) };
-            let camera = CameraReplay::prepare(&replay, camera, values.clone(), output)?;
-            camera.refuse_same_images(&replay.cameras)?;
-            replay.cameras.push(camera);
+            let camera = CameraReplay::prepare(self, camera, values.clone(), output)?;
+            camera.refuse_same_images(&prepared)?;
+            prepared.push(camera);
         }
-        Ok(replay)
+        self.cameras = prepared;
+        Ok(())
     }
 
     /// The topics that are taken, one a camera.

@@ -213,3 +213,13 @@ fn an_interrupted_replay_leaves_a_whole_bag() {
         assert_eq!(stamps, expected, "the frames before the signal");
     }
 }
+
+#[cfg(not(feature = "foxglove"))]
+#[test]
+fn a_build_without_the_view_says_how_to_build_one_with_it() {
+    for arguments in [&["replay", "bag", "--view"] as &[_], &["run", "--view=9000"]] {
+        let ended = end(&mut laser_profiler(arguments));
+        assert_eq!(ended.code, Some(2), "{ended:?}");
+        assert!(ended.stderr.contains("--features foxglove"), "{ended:?}");
+    }
+}

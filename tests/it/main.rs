@@ -39,8 +39,12 @@ mod bad_bags;
 mod bad_images;
 mod bad_output;
 mod interop;
+mod browser;
+mod rerun;
 mod interfaces;
 mod tidy;
+#[cfg(feature = "foxglove")]
+mod view;
 mod launch_configs;
 mod launch_files;
 mod packaging;

@@ -207,7 +207,12 @@ fn colcon_installs_what_the_script_lays_out() {
     let built = directory.path().join("install/laser_profiler");
     let prefix = directory.path().join("prefix");
     installed(&prefix);
-    for part in ["lib", "share/laser_profiler/launch", "share/laser_profiler/config"] {
+    for part in [
+        "lib",
+        "share/laser_profiler/launch",
+        "share/laser_profiler/config",
+        "share/laser_profiler/viewers",
+    ] {
         assert_eq!(files(&built.join(part)), files(&prefix.join(part)), "{part}");
         assert!(!files(&built.join(part)).is_empty(), "{part}");
     }

@@ -14,7 +14,7 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
 /// What each module may use of the others.
-const MAY_USE: [(&str, &[&str]); 11] = [
+const MAY_USE: [(&str, &[&str]); 12] = [
     ("scanner", &[]),
     ("metrology", &["scanner"]),
     ("simulate", &["scanner"]),
@@ -24,7 +24,8 @@ const MAY_USE: [(&str, &[&str]); 11] = [
     ("report", &["msg", "scanner"]),
     ("ros", &["msg", "scanner"]),
     ("bag", &["msg"]),
-    ("node", &["ros", "bag", "msg", "scanner"]),
+    ("live", &["msg"]),
+    ("node", &["ros", "bag", "live", "msg", "scanner"]),
     (
         "cli",
         &[

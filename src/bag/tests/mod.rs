@@ -1,6 +1,7 @@
 //! Tests across the module: what is written is read, what is damaged is named, and nothing else is lost.
 
 mod round_trip;
+mod from_a_time;
 mod damage;
 mod plain;
 mod full_disk;

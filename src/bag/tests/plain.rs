@@ -69,7 +69,9 @@ fn a_flipped_bit_anywhere_in_a_chunk_costs_that_chunk_and_no_more() {
             let (messages, errors) = read_all(&path, &ReadOptions::default()).unwrap();
             assert_eq!(errors.len(), 1, "{errors:?}");
             let mut left = expected(&entries);
-            left.drain(number / 2 * 2..number / 2 * 2 + 2);
+            // The first message shares its chunk with the topics, the second is alone, the others are in pairs.
+            let first = if number < 2 { number } else { number / 2 * 2 };
+            left.drain(first..first + if number < 2 { 1 } else { 2 });
             assert!(essence(&messages) == left, "message {number}, byte {at}");
         }
     }

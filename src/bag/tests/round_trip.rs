@@ -35,6 +35,29 @@ fn every_compression_brings_back_topics_messages_attachments_and_metadata() {
     }
 }
 
+/// Readers take such a chunk for one of the year 1970, or refuse the file.
+#[test]
+fn no_chunk_is_without_messages() {
+    let directory = tempfile::tempdir().unwrap();
+    let output = directory.path().join("bag");
+    let mut recorder = Recorder::create(&output, &RecordOptions::default()).unwrap();
+    let first = recorder.add_topic(&topic("/image_raw")).unwrap();
+    recorder.metadata(&parameters()).unwrap();
+    recorder.flush().unwrap();
+    for time_ns in [1_000, 1_500, 1_600] {
+        recorder.write(first, entry(0, time_ns, b"x").1, b"x").unwrap();
+    }
+    let second = recorder.add_topic(&topic("/profile")).unwrap();
+    recorder.attach(&calibration()).unwrap();
+    recorder.flush().unwrap();
+    recorder.write(second, entry(1, 2_000, b"y").1, b"y").unwrap();
+    let bytes = fs::read(recorder.finish().unwrap().file).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let starts: Vec<_> =
+        summary.chunk_indexes.iter().map(|chunk| chunk.message_start_time).collect();
+    assert_eq!(starts, [1_000, 1_500, 2_000]);
+}
+
 #[test]
 fn a_filter_takes_its_topics_only() {
     let directory = tempfile::tempdir().unwrap();

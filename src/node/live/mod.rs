@@ -29,7 +29,7 @@ use crate::{
             machine::State,
             server::{ChangeError, Lifecycle, LifecycleServer},
         },
-        parameter_server::{OnChange, ParameterServer, ParameterStore},
+        parameter_server::{OnChange, ParameterHandle, ParameterServer, ParameterStore},
         replay::NODE_NAME,
         rosout::{Rosout, RosoutSlot},
         stop::Stop,
@@ -67,12 +67,12 @@ pub struct LiveNode {
     shared: Arc<Shared>,
     lifecycle: Lifecycle,
     // Before the transport, so that nothing is asked of a node that is half gone.
-    _servers: Servers,
+    servers: Servers,
 }
 
 struct Servers {
     _services: Vec<Box<dyn Server>>,
-    _parameters: ParameterServer,
+    parameters: ParameterServer,
     _lifecycle: LifecycleServer,
     _rosout: Rosout,
 }
@@ -87,6 +87,19 @@ impl LiveNode {
         rosout: RosoutSlot,
         variable: &dyn Fn(&str) -> Option<String>,
     ) -> Result<Self, LiveError> {
+        Self::start_through(request, rosout, variable, &|transport| transport)
+    }
+
+    /// As [`start`](Self::start), on what `through` makes of the middleware.
+    ///
+    /// # Errors
+    /// The first thing that is not as it should be.
+    pub fn start_through(
+        request: &LiveRequest,
+        rosout: RosoutSlot,
+        variable: &dyn Fn(&str) -> Option<String>,
+        through: &dyn Fn(Arc<dyn Transport>) -> Arc<dyn Transport>,
+    ) -> Result<Self, LiveError> {
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let values = Parameters::load(&names, &request.ros)?;
         let service_mapping = NodeParams::new(&values)?.service_mapping;
@@ -94,6 +107,7 @@ impl LiveNode {
             NodeIdentity { name: names.name().to_owned(), namespace: names.namespace().to_owned() };
         let options = JoinOptions { service_mapping, is_router: request.is_router };
         let transport = request.middleware.join(&identity, options, variable)?;
+        let transport = through(transport);
         Self::on(&transport, &names, values, rosout)
     }
 
@@ -128,11 +142,16 @@ impl LiveNode {
         }
         let servers = Servers {
             _services: services,
-            _parameters: parameters,
+            parameters,
             _lifecycle: lifecycle_server,
             _rosout: rosout,
         };
-        Ok(Self { shared, lifecycle, _servers: servers })
+        Ok(Self { shared, lifecycle, servers })
+    }
+
+    /// The parameters, for others in this process.
+    pub fn parameters(&self) -> ParameterHandle {
+        self.servers.parameters.handle()
     }
 
     /// Measures until `stop` is raised, the node is shut down from outside, or a camera fails. Everything is written when

@@ -12,5 +12,9 @@ mod replayed;
 mod rig;
 mod scans;
 mod stream;
+#[cfg(feature = "foxglove")]
+mod viewed;
+#[cfg(feature = "foxglove")]
+mod viewer;
 
 use ear::Heard;

@@ -24,7 +24,7 @@ use crate::{
     },
     ros::{
         names::{NameError, NodeNames},
-        parameters::Declared,
+        parameters::{Declared, Parameters},
         transport::{Server, ServiceEndpoint, Transport, TransportError},
         value::Value,
     },
@@ -91,9 +91,33 @@ impl ParameterServer {
         Ok(Self { _servers: servers, shared })
     }
 
+    /// What others in this process do with the parameters.
+    pub fn handle(&self) -> ParameterHandle {
+        ParameterHandle(Arc::clone(&self.shared))
+    }
+
     /// Requests that got no answer, because they are malformed.
     pub fn num_malformed(&self) -> u64 {
         self.shared.num_malformed.load(Ordering::Relaxed)
+    }
+}
+
+/// The parameters of a node that is served, for others in this process.
+#[derive(Clone)]
+pub struct ParameterHandle(Arc<Shared>);
+
+impl ParameterHandle {
+    /// What `look` finds in the values in force.
+    pub fn read<T>(&self, look: impl FnOnce(&Parameters) -> T) -> T {
+        self.0.store.read(look)
+    }
+
+    /// Sets one, as a service would, and tells what was set.
+    ///
+    /// # Errors
+    /// Why not, in words.
+    pub fn set(&self, name: &str, value: Value) -> Result<(), String> {
+        self.0.set_all(&[(name, value)])
     }
 }
 
@@ -191,19 +215,22 @@ impl Shared {
 
     /// Sets all or none, and tells what was set.
     fn change(&self, parameters: &[rcl::Parameter<'_>]) -> rcl::SetParametersResult<'static> {
-        let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
         let wish = |parameter: &'_ rcl::Parameter<'_>| convert::value(&parameter.value);
         let values: Result<Vec<Value>, String> = parameters.iter().map(wish).collect();
         let set = values.and_then(|values| {
             let names = parameters.iter().map(|parameter| &*parameter.name);
-            let wishes: Vec<(&str, Value)> = names.zip(values).collect();
-            self.store.set_atomically(&wishes)?;
-            events.tell_changed(&wishes);
-            Ok(())
+            self.set_all(&names.zip(values).collect::<Vec<_>>())
         });
         let successful = set.is_ok();
         let reason = Cow::Owned(set.err().unwrap_or_default());
         rcl::SetParametersResult { successful, reason }
+    }
+
+    fn set_all(&self, wishes: &[(&str, Value)]) -> Result<(), String> {
+        let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
+        self.store.set_atomically(wishes)?;
+        events.tell_changed(wishes);
+        Ok(())
     }
 }
 

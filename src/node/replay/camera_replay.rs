@@ -137,11 +137,16 @@ impl CameraReplay {
         })
     }
 
-    fn calibration(&self) -> Option<&Calibration> {
+    /// Its name among several; empty: the only one.
+    pub(super) fn name(&self) -> &str {
+        &self.camera.name
+    }
+
+    pub(super) fn calibration(&self) -> Option<&Calibration> {
         self.calibration.as_ref().map(|(calibration, _)| calibration)
     }
 
-    fn worker(&self, replay: &Replay) -> Result<Worker, ReplayError> {
+    pub(super) fn worker(&self, replay: &Replay) -> Result<Worker, ReplayError> {
         let sha256 = self.values.camera_sha256(&self.camera.name);
         let calibration = self.calibration();
         let part_frame = self.camera.part_frame(calibration);

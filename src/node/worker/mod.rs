@@ -181,12 +181,34 @@ impl Worker {
             self.let_go(spare, out)?;
             self.tick(input.len() + self.waiting.len(), out)?;
         }
+        self.finish(spare, out)?;
+        Ok((self.counts, self.stages))
+    }
+
+    /// Takes one input at once, for who has no queue: a viewer that jumps about in a recording.
+    ///
+    /// # Errors
+    /// Nothing more can be published.
+    pub fn step(
+        &mut self,
+        item: Input,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), Halt> {
+        self.take_input(item, 0, spare, out)?;
+        self.let_go(spare, out)
+    }
+
+    /// Measures what still waits, ends the scan and reports a last time.
+    ///
+    /// # Errors
+    /// Nothing more can be published.
+    pub fn finish(&mut self, spare: &Queue<Vec<u8>>, out: &mut Publisher<'_>) -> Result<(), Halt> {
         self.release(Now::End, spare, out)?;
         self.end_scan(out)?;
         let now_ns = self.report_time_ns();
         let interval = self.schedule.close(now_ns, &self.counts);
-        self.report(now_ns, interval, out)?;
-        Ok((self.counts, self.stages))
+        self.report(now_ns, interval, out)
     }
 
     fn take_input(

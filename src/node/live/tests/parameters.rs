@@ -11,11 +11,30 @@ use crate::{
     bag::{BagReader, ReadOptions},
     msg::{
         laser_profiler_msgs::{Centerline, SliceInfo},
+        rcl_interfaces::ParameterEvent,
+        schema::Message,
         sensor_msgs::PointCloud2,
     },
     node::stop::Stop,
     ros::{loopback::Loopback, value::Value},
 };
+
+#[test]
+fn what_this_process_sets_is_told_as_what_a_service_sets() {
+    let rig = Rig::start();
+    let (ear, _subscription) = rig.listen("/parameter_events", ParameterEvent::TYPE);
+    let name = "extraction.method";
+    rig.parameters.set(name, text("gray_gravity")).unwrap();
+    let reason = rig.parameters.set(name, text("magic")).unwrap_err();
+    assert!(reason.contains(name) && reason.contains("one of"), "{reason}");
+    let value = rig.parameters.read(|values| values.get(name).map(|it| it.value().clone()));
+    assert_eq!(value, Some(text("gray_gravity")));
+    let is_change = |message: &Heard| {
+        let event: ParameterEvent<'_> = message.decode();
+        event.changed_parameters.iter().any(|changed| changed.name == name)
+    };
+    ear.wait("the change", |heard| heard.iter().any(is_change));
+}
 
 #[test]
 fn a_change_counts_from_the_next_frame_on_and_a_refused_one_never() {

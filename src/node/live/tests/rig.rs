@@ -27,6 +27,7 @@ use crate::{
     },
     node::{
         live::{LiveNode, error::LiveError, session::CameraSummary},
+        parameter_server::ParameterHandle,
         rosout::RosoutSlot,
         stop::Stop,
         topics,
@@ -49,6 +50,7 @@ pub(super) struct Rig {
     pub(super) network: Loopback,
     pub(super) ear: Ear,
     pub(super) place: TempDir,
+    pub(super) parameters: ParameterHandle,
     stop: Stop,
     thread: Option<JoinHandle<Vec<CameraSummary>>>,
     _subscriptions: Vec<Box<dyn Subscription>>,
@@ -60,15 +62,20 @@ pub(super) struct Setup {
     pub(super) place: TempDir,
     pub(super) values: Parameters,
     pub(super) slot: RosoutSlot,
+    /// The network as the node sees it.
+    pub(super) through: Through,
 }
+
+type Through = Box<dyn FnOnce(Arc<dyn Transport>) -> Arc<dyn Transport>>;
 
 impl Setup {
     /// For small pictures, calibrated, a millimetre a frame.
     pub(super) fn new() -> Self {
         let place = tempfile::tempdir().unwrap();
         fs::write(place.path().join("c.yaml"), CALIBRATION).unwrap();
+        let through: Through = Box::new(|network| network);
         let (network, values) = (Loopback::default(), Parameters::default());
-        let mut setup = Self { network, place, values, slot: RosoutSlot::default() };
+        let mut setup = Self { network, place, values, slot: RosoutSlot::default(), through };
         setup.set_camera("");
         let place = setup.path("bags");
         setup.set("recording.directory", text(place.to_str().unwrap()));
@@ -107,7 +114,7 @@ impl Setup {
 
     /// Starts it, or says why it does not.
     pub(super) fn start(self) -> Result<Rig, LiveError> {
-        let Self { network, place, values, slot } = self;
+        let Self { network, place, values, slot, through } = self;
         let names = NodeNames::new("laser_profiler", &[]).unwrap();
         let ear = Ear::default();
         let calibration = Calibration::from_yaml(CALIBRATION).unwrap();
@@ -126,11 +133,12 @@ impl Setup {
         };
         let subscriptions = endpoints.iter().map(subscribe).collect();
         let stop = Stop::default();
-        let transport: Arc<dyn Transport> = Arc::new(network.clone());
+        let transport: Arc<dyn Transport> = through(Arc::new(network.clone()));
         let node = LiveNode::on(&transport, &names, values, slot)?;
+        let parameters = node.parameters();
         let stopped = stop.clone();
         let thread = Some(thread::spawn(move || node.run(&stopped)));
-        Ok(Rig { network, ear, place, stop, thread, _subscriptions: subscriptions })
+        Ok(Rig { network, ear, place, parameters, stop, thread, _subscriptions: subscriptions })
     }
 }
 

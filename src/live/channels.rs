@@ -1,0 +1,137 @@
+//! Topics as viewers see them. What nobody wants costs a look at a list.
+
+use std::{
+    collections::{BTreeMap, VecDeque},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError, Weak,
+        atomic::{AtomicU64, Ordering},
+    },
+};
+
+use foxglove::{ChannelBuilder, Context, PartialMetadata, RawChannel, Schema, SinkId};
+
+use super::ViewError;
+
+/// What viewers must know of a topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChannelDescription {
+    /// Absolute name.
+    pub name: String,
+    /// Full name of the type, as in `sensor_msgs/msg/Image`.
+    pub type_name: String,
+    /// Text of the type and of those that it needs, as `ros2msg` wants it.
+    pub schema: Vec<u8>,
+    /// The last messages that late viewers get: 0 for a stream, 1 for a latched topic.
+    pub num_kept: usize,
+}
+
+/// A topic that is served. Dropping it takes it away from viewers.
+pub struct Channel {
+    raw: Arc<RawChannel>,
+    num_kept: usize,
+    kept: Mutex<VecDeque<(u64, Arc<[u8]>)>>,
+    /// Of all channels together.
+    num_sent: Arc<AtomicU64>,
+}
+
+impl Channel {
+    /// Whether some viewer wants it now.
+    pub fn is_wanted(&self) -> bool {
+        self.raw.has_sinks()
+    }
+
+    /// Hands CDR bytes to those who want them. `time_ns`: when they were received, nanoseconds since the epoch.
+    pub fn send(&self, data: &Arc<[u8]>, time_ns: i64) {
+        let time = time_of(time_ns);
+        if self.num_kept > 0 {
+            let mut kept = self.kept();
+            if kept.len() == self.num_kept {
+                kept.pop_front();
+            }
+            kept.push_back((time, Arc::clone(data)));
+        }
+        if self.is_wanted() {
+            self.log(data, time, None);
+        }
+    }
+
+    /// As [`send`](Self::send), of bytes that need not be kept.
+    pub fn send_once(&self, data: &[u8], time_ns: i64) {
+        if self.is_wanted() {
+            self.log(data, time_of(time_ns), None);
+        }
+    }
+
+    fn resend(&self, viewer: Option<SinkId>) {
+        for (time, data) in self.kept().iter() {
+            self.log(data, *time, viewer);
+        }
+    }
+
+    fn log(&self, data: &[u8], time: u64, viewer: Option<SinkId>) {
+        self.num_sent.fetch_add(1, Ordering::Relaxed);
+        self.raw.log_with_meta_to_sink(data, PartialMetadata::with_log_time(time), viewer);
+    }
+
+    fn kept(&self) -> MutexGuard<'_, VecDeque<(u64, Arc<[u8]>)>> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Channel {
+    fn drop(&mut self) {
+        self.raw.close();
+    }
+}
+
+/// Viewers know no time before 1970.
+fn time_of(time_ns: i64) -> u64 {
+    u64::try_from(time_ns).unwrap_or(0)
+}
+
+/// All topics that are served.
+pub(super) struct Channels {
+    pub(super) context: Arc<Context>,
+    by_id: Mutex<BTreeMap<u64, Weak<Channel>>>,
+    num_sent: Arc<AtomicU64>,
+}
+
+impl Channels {
+    pub(super) fn new() -> Self {
+        Self { context: Context::new(), by_id: Mutex::default(), num_sent: Arc::default() }
+    }
+
+    /// Serves a topic.
+    pub(super) fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
+        let schema = Schema::new(topic.type_name, "ros2msg", topic.schema);
+        let raw = ChannelBuilder::new(topic.name)
+            .context(&self.context)
+            .message_encoding("cdr")
+            .schema(schema)
+            .build_raw()?;
+        let id = u64::from(raw.id());
+        let (num_kept, num_sent) = (topic.num_kept, Arc::clone(&self.num_sent));
+        let channel = Arc::new(Channel { raw, num_kept, kept: Mutex::default(), num_sent });
+        let mut by_id = self.lock();
+        by_id.retain(|_, channel| channel.strong_count() > 0);
+        by_id.insert(id, Arc::downgrade(&channel));
+        Ok(channel)
+    }
+
+    /// Gives a viewer what was said before it came.
+    pub(super) fn resend(&self, id: u64, viewer: Option<SinkId>) {
+        let channel = self.lock().get(&id).and_then(Weak::upgrade);
+        if let Some(channel) = channel {
+            channel.resend(viewer);
+        }
+    }
+
+    /// Messages handed to viewers so far.
+    pub(super) fn num_sent(&self) -> u64 {
+        self.num_sent.load(Ordering::Relaxed)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Weak<Channel>>> {
+        self.by_id.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,222 @@
+//! The server and what it tells its viewers.
+
+use std::{
+    collections::BTreeMap,
+    io,
+    net::SocketAddr,
+    sync::{
+        Arc, Mutex, PoisonError, RwLock,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+use foxglove::{
+    FoxgloveError, WebSocketServer, WebSocketServerHandle,
+    websocket::{Capability, ConnectionGraph, Parameter, PlaybackState, Status},
+};
+use tokio::runtime::{Builder, Runtime};
+
+use super::{
+    Address, Channel, ChannelDescription, Desk, ServiceDescription, ViewError, channels::Channels,
+    listener::Listener, parameters::Parameters, services,
+};
+
+/// Messages that wait for a viewer; the oldest give way. Of small pictures some 50 MB.
+const BACKLOG_MESSAGES: usize = 256;
+/// Threads of all connections.
+const NUM_THREADS: usize = 2;
+/// How long viewers are given to hear that the server ends.
+const FAREWELL: Duration = Duration::from_millis(500);
+
+/// What kind of server it is.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// How viewers call it.
+    pub name: String,
+    /// Times of the first and the last message of what is played, nanoseconds since the epoch; `None`: it is live.
+    pub time_range_ns: Option<(i64, i64)>,
+}
+
+/// A server that viewers connect to, until it is dropped.
+pub struct Server {
+    shared: Arc<Shared>,
+    address: SocketAddr,
+    runtime: Option<Runtime>,
+}
+
+/// What the server's threads share.
+pub(super) struct Shared {
+    pub(super) desk: Arc<dyn Desk>,
+    pub(super) channels: Channels,
+    handle: RwLock<Option<WebSocketServerHandle>>,
+    /// What every viewer is told, by its key.
+    notes: Mutex<BTreeMap<String, String>>,
+    is_graph_wanted: AtomicBool,
+}
+
+impl Server {
+    /// Listens.
+    ///
+    /// # Errors
+    /// The port is taken, or the system refuses.
+    pub fn start(
+        address: Address,
+        settings: Settings,
+        desk: Arc<dyn Desk>,
+    ) -> Result<Self, ViewError> {
+        let io = |source| ViewError::Io { address: address.socket(), source };
+        let runtime = Builder::new_multi_thread()
+            .worker_threads(NUM_THREADS)
+            .thread_name("view")
+            .enable_all()
+            .build()
+            .map_err(io)?;
+        let shared = Arc::new(Shared {
+            desk,
+            channels: Channels::new(),
+            handle: RwLock::default(),
+            notes: Mutex::default(),
+            is_graph_wanted: AtomicBool::new(false),
+        });
+        let parameters = Parameters::start(Arc::downgrade(&shared)).map_err(io)?;
+        let mut capabilities = vec![Capability::Parameters];
+        let mut server = WebSocketServer::new()
+            .name(settings.name)
+            .bind(address.host(), address.socket().port())
+            .context(&shared.channels.context)
+            .message_backlog_size(BACKLOG_MESSAGES)
+            .supported_encodings(["cdr"])
+            .parameter_handler(Arc::new(parameters))
+            .listener(Arc::new(Listener(Arc::downgrade(&shared))));
+        if let Some((start_ns, end_ns)) = settings.time_range_ns {
+            capabilities.extend([Capability::Time, Capability::PlaybackControl]);
+            server = server.playback_time_range(start_ns.max(0) as u64, end_ns.max(0) as u64);
+        } else {
+            capabilities.extend([Capability::Services, Capability::ConnectionGraph]);
+        }
+        let started = runtime.block_on(server.capabilities(capabilities).start());
+        let handle = started.map_err(|error| refusal(error, address.socket()))?;
+        let address = SocketAddr::new(address.socket().ip(), handle.port());
+        *shared.handle.write().unwrap_or_else(PoisonError::into_inner) = Some(handle);
+        Ok(Self { shared, address, runtime: Some(runtime) })
+    }
+
+    /// Where it listens.
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Serves a topic until the channel is dropped.
+    ///
+    /// # Errors
+    /// The library refuses.
+    pub fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
+        self.shared.channels.open(topic)
+    }
+
+    /// Messages handed to viewers so far: none where nobody wanted any.
+    pub fn num_sent(&self) -> u64 {
+        self.shared.channels.num_sent()
+    }
+
+    /// Offers a service; `on_request` answers CDR bytes with CDR bytes, or `None` where they are malformed.
+    ///
+    /// # Errors
+    /// Another one has the name.
+    pub fn serve(
+        &self,
+        description: ServiceDescription<'_>,
+        on_request: impl Fn(&[u8]) -> Option<Vec<u8>> + Send + Sync + 'static,
+    ) -> Result<(), ViewError> {
+        let service = services::service(description, on_request);
+        Ok(self.shared.with(|handle| handle.add_services([service])).unwrap_or(Ok(()))?)
+    }
+
+    /// Takes a service away.
+    pub fn withdraw(&self, name: &str) {
+        self.shared.with(|handle| handle.remove_services([name]));
+    }
+
+    /// Warns every viewer, those that come later too. A later note with the same key takes its place.
+    pub fn note(&self, key: &str, text: &str) {
+        let mut notes = self.shared.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        notes.insert(key.to_owned(), text.to_owned());
+        drop(notes);
+        self.shared.tell_notes();
+    }
+
+    /// Tells the time of what is played, nanoseconds since the epoch.
+    pub fn tell_time(&self, time_ns: i64) {
+        self.shared.with(|handle| handle.broadcast_time(time_ns.max(0) as u64));
+    }
+
+    /// Tells how it is played.
+    pub fn tell_playback(&self, state: PlaybackState) {
+        self.shared.with(|handle| handle.broadcast_playback_state(state));
+    }
+
+    /// Tells those who watch them what parameters are in force.
+    pub fn tell_parameters(&self) {
+        self.shared.tell_parameters(self.shared.desk.parameters(&[]));
+    }
+
+    /// Whether some viewer has asked who speaks to whom.
+    pub fn is_graph_wanted(&self) -> bool {
+        self.shared.is_graph_wanted.load(Ordering::Relaxed)
+    }
+
+    /// Tells who speaks to whom.
+    pub fn tell_graph(&self, graph: ConnectionGraph) {
+        let told = self.shared.with(|handle| handle.publish_connection_graph(graph));
+        if let Some(Err(error)) = told {
+            tracing::debug!("the view has no graph: {error}");
+        }
+    }
+}
+
+impl Shared {
+    fn with<T>(&self, act: impl FnOnce(&WebSocketServerHandle) -> T) -> Option<T> {
+        self.handle.read().unwrap_or_else(PoisonError::into_inner).as_ref().map(act)
+    }
+
+    pub(super) fn tell_notes(&self) {
+        let notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        for (key, text) in notes {
+            self.with(|handle| handle.publish_status(Status::warning(text).with_id(key)));
+        }
+    }
+
+    pub(super) fn tell_parameters(&self, parameters: Vec<Parameter>) {
+        self.with(|handle| handle.publish_parameter_values(parameters));
+    }
+
+    pub(super) fn want_graph(&self) {
+        self.is_graph_wanted.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let handle = self.shared.handle.write().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(runtime) = self.runtime.take() else { return };
+        if let Some(handle) = handle {
+            let farewell = handle.stop();
+            runtime.block_on(async {
+                // Viewers that do not listen any more are left alone.
+                _ = tokio::time::timeout(FAREWELL, farewell.wait()).await;
+            });
+        }
+        runtime.shutdown_background();
+    }
+}
+
+fn refusal(error: FoxgloveError, address: SocketAddr) -> ViewError {
+    match error {
+        FoxgloveError::Bind(source) if source.kind() == io::ErrorKind::AddrInUse => {
+            ViewError::PortTaken(address)
+        }
+        FoxgloveError::Bind(source) => ViewError::Io { address, source },
+        other => ViewError::Library(other),
+    }
+}

@@ -1,0 +1,140 @@
+//! A small picture of a camera's image, and the drawings that belong over it.
+//!
+//! An image of 5 megapixels is too much for a viewer that shows it a hand wide. A pixel of the small picture is the
+//! brightest of a square: the mean would make a stripe of a few pixels vanish.
+
+use crate::{
+    msg::foxglove_msgs::ImageAnnotations,
+    scanner::image::{ByteOrder, Image, PixelFormat},
+};
+
+/// Widest picture, pixels.
+pub const MAX_WIDTH_PX: u32 = 640;
+
+/// Side of the squares that become one pixel each, for an image of that width: 1 where it is small enough.
+pub const fn factor(width_px: u32) -> u32 {
+    let factor = width_px.div_ceil(MAX_WIDTH_PX);
+    if factor == 0 { 1 } else { factor }
+}
+
+/// Replaces `pixels` by the small picture, 8 bit grey, row after row; returns its width and height. Of a colour its
+/// strongest part counts; samples of 16 bit lose as many low bits as the brightest needs above eight.
+pub fn reduce(image: &Image<'_>, factor: u32, pixels: &mut Vec<u8>) -> (u32, u32) {
+    let factor = factor.max(1);
+    let (width, height) = (image.width().div_ceil(factor), image.height().div_ceil(factor));
+    pixels.clear();
+    pixels.resize(width as usize * height as usize, 0);
+    let mut fill = |level: &dyn Fn(&[u8]) -> u8| {
+        let bytes_per_pixel = image.format().bytes_per_pixel();
+        let row_bytes = image.width() as usize * bytes_per_pixel;
+        for (row, line) in image.data().chunks(image.step()).enumerate() {
+            let line = line[..row_bytes].chunks(factor as usize * bytes_per_pixel);
+            let first = row / factor as usize * width as usize;
+            for (pixel, square) in pixels[first..].iter_mut().zip(line) {
+                *pixel = (*pixel).max(level(square));
+            }
+        }
+    };
+    match image.format() {
+        PixelFormat::Mono16(order) | PixelFormat::Bayer16(_, order) => {
+            let shift = bits_above_eight(image.data(), order);
+            let level = |pair: &[u8]| (sample(pair, order) >> shift) as u8;
+            fill(&|square| square.chunks_exact(2).map(level).max().unwrap_or(0));
+        }
+        PixelFormat::Rgba8 | PixelFormat::Bgra8 => fill(&|square| {
+            let levels = square.chunks_exact(4).flat_map(|color| &color[..3]);
+            levels.copied().max().unwrap_or(0)
+        }),
+        PixelFormat::Mono8 | PixelFormat::Bayer8(_) | PixelFormat::Rgb8 | PixelFormat::Bgr8 => {
+            fill(&|square| square.iter().copied().max().unwrap_or(0));
+        }
+    }
+    (width, height)
+}
+
+fn sample(pair: &[u8], order: ByteOrder) -> u16 {
+    let pair = [pair[0], pair[1]];
+    match order {
+        ByteOrder::Little => u16::from_le_bytes(pair),
+        ByteOrder::Big => u16::from_be_bytes(pair),
+    }
+}
+
+/// Cameras of 10 or 12 bit use the low bits.
+fn bits_above_eight(data: &[u8], order: ByteOrder) -> u32 {
+    let all = data.chunks_exact(2).fold(0, |all, pair| all | sample(pair, order));
+    (u16::BITS - all.leading_zeros()).saturating_sub(u8::BITS)
+}
+
+/// Moves drawings from an image to its small picture. Their coordinates count from the image's corner.
+pub fn scale(annotations: &mut ImageAnnotations<'_>, factor: u32) {
+    let factor = f64::from(factor.max(1));
+    for point in annotations.points.iter_mut().flat_map(|line| &mut line.points) {
+        point.x /= factor;
+        point.y /= factor;
+    }
+    for circle in &mut annotations.circles {
+        circle.position.x /= factor;
+        circle.position.y /= factor;
+        circle.diameter /= factor;
+    }
+    for text in &mut annotations.texts {
+        text.position.x /= factor;
+        text.position.y /= factor;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::msg::foxglove_msgs::{Point2, PointsAnnotation};
+
+    fn reduced(image: &Image<'_>, factor: u32) -> (Vec<u8>, (u32, u32)) {
+        let mut pixels = vec![99; 3];
+        let size = reduce(image, factor, &mut pixels);
+        (pixels, size)
+    }
+
+    #[test]
+    fn the_brightest_of_a_square_stays() {
+        // Five columns and three rows in steps of six: the last squares are cut, the padding is no pixel.
+        let data = [1, 2, 3, 4, 5, 255, 9, 0, 0, 0, 0, 255, 7, 0, 8, 0, 6, 255];
+        let image = Image::new(5, 3, 6, PixelFormat::Mono8, &data).unwrap();
+        assert_eq!(reduced(&image, 2), (vec![9, 4, 5, 7, 8, 6], (3, 2)));
+        let all = [&data[..5], &data[6..11], &data[12..17]].concat();
+        assert_eq!(reduced(&image, 1), (all, (5, 3)));
+    }
+
+    #[test]
+    fn twelve_bits_and_colours_become_eight_bits_of_grey() {
+        let data: Vec<u8> = [4095_u16, 16, 160, 0].iter().flat_map(|v| v.to_be_bytes()).collect();
+        let format = PixelFormat::Mono16(ByteOrder::Big);
+        let image = Image::new(4, 1, 8, format, &data).unwrap();
+        assert_eq!(reduced(&image, 1).0, [255, 1, 10, 0]);
+        let image = Image::new(2, 1, 8, PixelFormat::Rgba8, &[1, 9, 2, 255, 0, 0, 3, 255]).unwrap();
+        assert_eq!(reduced(&image, 1).0, [9, 3]);
+        assert_eq!(reduced(&image, 2).0, [9]);
+        let image = Image::new(2, 1, 6, PixelFormat::Bgr8, &[1, 9, 2, 0, 0, 3]).unwrap();
+        assert_eq!(reduced(&image, 1).0, [9, 3]);
+    }
+
+    #[test]
+    fn no_picture_is_wider_than_the_widest() {
+        for width in [1_u32, 640, 641, 2592, 65_535] {
+            assert!(width.div_ceil(factor(width)) <= MAX_WIDTH_PX, "{width}");
+        }
+        assert_eq!([factor(0), factor(640), factor(641), factor(2592)], [1, 1, 2, 5]);
+    }
+
+    #[test]
+    fn drawings_follow_the_picture() {
+        let line = PointsAnnotation {
+            points: vec![Point2 { x: 10.5, y: 4.0 }],
+            ..PointsAnnotation::default()
+        };
+        let mut drawn = ImageAnnotations { points: vec![line], ..ImageAnnotations::default() };
+        scale(&mut drawn, 5);
+        let Point2 { x, y } = drawn.points[0].points[0];
+        assert!((x - 2.1).abs() < 1e-12 && (y - 0.8).abs() < 1e-12, "{x} {y}");
+    }
+}

@@ -1,0 +1,234 @@
+//! One camera's images as viewers see them: full, or small and not too often, with the centreline that belongs to each.
+
+use std::{
+    collections::VecDeque,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::{Duration, Instant},
+};
+
+use crate::{
+    bag::Topic,
+    live::{Channel, Server, ViewError},
+    msg::{
+        builtin_interfaces::Time,
+        cdr::{self, CdrError},
+        convert::{FrameRejected, compressed, frame, preview},
+        foxglove_msgs::ImageAnnotations,
+        schema::Message,
+        sensor_msgs::{CompressedImage, Image},
+        std_msgs::Header,
+    },
+    node::topics::of_camera,
+    ros::{names::NodeNames, node_params::ImageTransport},
+    scanner::image,
+};
+
+use super::{Images, serve_recorded, serve_type};
+
+/// Shortest time between two small pictures.
+pub(super) const PREVIEW_GAP: Duration = Duration::from_nanos(1_000_000_000 / 15);
+/// Pictures whose centreline may still come.
+const MAX_CHOSEN: usize = 16;
+
+/// An image message as it came.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CameraImage<'a> {
+    /// CDR bytes with their header.
+    pub(super) data: &'a [u8],
+    /// How it is packed.
+    pub(super) transport: ImageTransport,
+    /// When it was received, nanoseconds since the epoch.
+    pub(super) time_ns: i64,
+}
+
+/// What viewers see of a camera.
+pub(super) struct CameraView {
+    /// Small pictures, and the drawings over them.
+    small: Option<[Arc<Channel>; 2]>,
+    /// The images themselves.
+    full: Option<Mutex<Option<Arc<Channel>>>>,
+    max_frame_bytes: u64,
+    choice: Mutex<Choice>,
+    work: Mutex<Work>,
+}
+
+/// Which images are shown.
+#[derive(Default)]
+struct Choice {
+    last: Option<Instant>,
+    stamps: VecDeque<Time>,
+    /// Side of the squares that became a pixel; 0: not known yet.
+    factor: u32,
+}
+
+#[derive(Default)]
+struct Work {
+    pixels: Vec<u8>,
+    small: Vec<u8>,
+    bytes: Vec<u8>,
+}
+
+impl CameraView {
+    /// Serves the camera's pictures. Images of more than `max_frame_bytes` are not shown.
+    pub(super) fn open(
+        server: &Server,
+        names: &NodeNames,
+        (camera, max_frame_bytes): (&str, u64),
+        images: Images,
+    ) -> Result<Self, ViewError> {
+        let open = |name: &str, kind| {
+            let name = of_camera(camera, name);
+            // A rule that gives the preview a bad name gives the results one, too, which is told there.
+            let name = names.resolve(&name).unwrap_or(name);
+            serve_type(server, &name, kind, 0)
+        };
+        let small = match images {
+            Images::Preview => Some([
+                open("~/preview", Image::TYPE)?,
+                open("~/preview_annotations", ImageAnnotations::TYPE)?,
+            ]),
+            Images::Full | Images::None => None,
+        };
+        let full = (images == Images::Full).then(Mutex::default);
+        let (choice, work) = (Mutex::default(), Mutex::default());
+        Ok(Self { small, full, max_frame_bytes, choice, work })
+    }
+
+    /// Serves the images themselves, where they are wanted at all, on their own topic.
+    pub(super) fn serve_full(&self, server: &Server, topic: &Topic) -> Result<(), ViewError> {
+        if let Some(full) = &self.full {
+            let channel = serve_recorded(server, topic)?;
+            *lock(full) = Some(channel);
+        }
+        Ok(())
+    }
+
+    /// Whether an image is to be shown: somebody wants it, and the last picture is `min_gap` ago.
+    pub(super) fn choose(&self, image: &CameraImage<'_>, min_gap: Duration) -> bool {
+        if let Some(full) = &self.full {
+            return lock(full).as_ref().is_some_and(|channel| channel.is_wanted());
+        }
+        let is_wanted = |[pictures, _]: &[Arc<Channel>; 2]| pictures.is_wanted();
+        if !self.small.as_ref().is_some_and(is_wanted) {
+            return false;
+        }
+        let mut choice = lock(&self.choice);
+        let now = Instant::now();
+        if choice.last.is_some_and(|last| now - last < min_gap) {
+            return false;
+        }
+        let Ok((stamp, width)) = stamp_and_width(image) else { return false };
+        choice.last = Some(now);
+        if let Some(width) = width {
+            choice.factor = preview::factor(width);
+        }
+        if choice.stamps.len() == MAX_CHOSEN {
+            choice.stamps.pop_front();
+        }
+        choice.stamps.push_back(stamp);
+        true
+    }
+
+    /// Shows an image that was chosen. One that is no image is told by who measures it.
+    pub(super) fn show(&self, image: &CameraImage<'_>) {
+        if let Some(full) = &self.full {
+            if let Some(channel) = &*lock(full) {
+                channel.send_once(image.data, image.time_ns);
+            }
+        } else if let Some([pictures, _]) = &self.small
+            && let Err(error) = self.show_small(image, pictures)
+        {
+            tracing::debug!("no preview of an image: {error}");
+        }
+    }
+
+    fn show_small(&self, image: &CameraImage<'_>, pictures: &Channel) -> Result<(), Unshown> {
+        let Work { pixels, small, bytes } = &mut *lock(&self.work);
+        let (header, view) = match image.transport {
+            ImageTransport::Raw => {
+                let message: Image<'_> = cdr::decode(image.data)?;
+                let view = frame::image(&message, self.max_frame_bytes)?;
+                (message.header, view)
+            }
+            ImageTransport::Compressed => {
+                let message: CompressedImage<'_> = cdr::decode(image.data)?;
+                let view = compressed::image(&message, self.max_frame_bytes, pixels)?;
+                (message.header, view)
+            }
+        };
+        let factor = preview::factor(view.width());
+        lock(&self.choice).factor = factor;
+        encode_small(header, &view, factor, (small, bytes))?;
+        pictures.send_once(bytes, image.time_ns);
+        Ok(())
+    }
+
+    /// Shows the drawings over an image that was chosen.
+    pub(super) fn annotate(&self, data: &[u8], time_ns: i64) {
+        let Some([_, drawings]) = &self.small else { return };
+        if !drawings.is_wanted() {
+            return;
+        }
+        let Ok(mut annotations) = cdr::decode::<ImageAnnotations<'_>>(data) else { return };
+        let factor = {
+            let choice = lock(&self.choice);
+            // Without any line there is no stamp: what was drawn before must go all the same.
+            let first = annotations.points.first().map(|line| line.timestamp);
+            if choice.factor == 0 || first.is_some_and(|stamp| !choice.stamps.contains(&stamp)) {
+                return;
+            }
+            choice.factor
+        };
+        preview::scale(&mut annotations, factor);
+        let bytes = &mut lock(&self.work).bytes;
+        if cdr::encode(&annotations, bytes).is_ok() {
+            drawings.send_once(bytes, time_ns);
+        }
+    }
+}
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+enum Unshown {
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    #[error(transparent)]
+    Image(#[from] FrameRejected),
+}
+
+fn encode_small(
+    header: Header<'_>,
+    image: &image::Image<'_>,
+    factor: u32,
+    (pixels, bytes): (&mut Vec<u8>, &mut Vec<u8>),
+) -> Result<(), CdrError> {
+    let (width, height) = preview::reduce(image, factor, pixels);
+    let message = Image {
+        header,
+        height,
+        width,
+        encoding: "mono8".into(),
+        is_bigendian: 0,
+        step: width,
+        data: pixels,
+    };
+    cdr::encode(&message, bytes)
+}
+
+/// Of a compressed image the width is known only when it is unpacked.
+fn stamp_and_width(image: &CameraImage<'_>) -> Result<(Time, Option<u32>), CdrError> {
+    Ok(match image.transport {
+        ImageTransport::Raw => {
+            let message: Image<'_> = cdr::decode(image.data)?;
+            (message.header.stamp, Some(message.width))
+        }
+        ImageTransport::Compressed => {
+            let message: CompressedImage<'_> = cdr::decode(image.data)?;
+            (message.header.stamp, None)
+        }
+    })
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

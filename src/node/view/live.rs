@@ -1,0 +1,217 @@
+//! The view of a live node.
+
+use std::{
+    net::SocketAddr,
+    sync::{
+        Arc, Weak,
+        mpsc::{Receiver, sync_channel},
+    },
+    thread,
+    time::Duration,
+};
+
+use thiserror::Error;
+
+use crate::{
+    live::{ConnectionGraph, Server, Settings, ViewError},
+    msg::{schema::Message, sensor_msgs::CompressedImage},
+    node::{
+        input, live::LiveRequest, parameter_server::ParameterHandle, replay::NODE_NAME,
+        topics::of_camera,
+    },
+    ros::{
+        camera_params::CameraParams,
+        names::{NameError, NodeNames},
+        node_params::{ImageTransport, NodeParams},
+        parameters::{ParameterError, Parameters},
+        transport::{OnArrival, TopicEndpoint, Transport},
+    },
+};
+
+use super::{
+    ViewRequest,
+    camera::{CameraImage, CameraView, PREVIEW_GAP},
+    desk::NodeDesk,
+    transport::Viewed,
+};
+
+/// How often viewers are told who speaks to whom.
+const GRAPH_PERIOD: Duration = Duration::from_secs(1);
+/// Images that wait to be shown: one that comes while another is being made is not shown.
+const IMAGES_WAITING: usize = 1;
+
+/// Why a node cannot be seen.
+#[derive(Debug, Error)]
+pub enum LiveViewError {
+    /// A name or remap rule.
+    #[error(transparent)]
+    Name(#[from] NameError),
+    /// A parameter or parameter file.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The server.
+    #[error(transparent)]
+    View(#[from] ViewError),
+}
+
+impl LiveViewError {
+    /// Whether what was asked for is to blame.
+    pub const fn is_usage(&self) -> bool {
+        match self {
+            Self::Name(_) | Self::Parameter(_) => true,
+            Self::View(error) => error.is_usage(),
+        }
+    }
+}
+
+/// A server through which a live node is seen, until it is dropped.
+pub struct LiveView {
+    server: Arc<Server>,
+    desk: Arc<NodeDesk>,
+    cameras: Arc<[LiveCamera]>,
+}
+
+impl LiveView {
+    /// Serves what the node of that request will have.
+    ///
+    /// # Errors
+    /// A parameter, a name, or the port.
+    pub fn start(request: &LiveRequest, view: ViewRequest) -> Result<Self, LiveViewError> {
+        let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
+        let values = Parameters::load(&names, &request.ros)?;
+        Self::of(&names, &values, view)
+    }
+
+    /// Serves what a node with these values will have.
+    ///
+    /// # Errors
+    /// Values that contradict one another, a bad name, or the port.
+    pub fn of(
+        names: &NodeNames,
+        values: &Parameters,
+        view: ViewRequest,
+    ) -> Result<Self, LiveViewError> {
+        let params = NodeParams::new(values)?;
+        let desk = Arc::new(NodeDesk::default());
+        let settings = Settings { name: names.fully_qualified(), time_range_ns: None };
+        let asked = Arc::clone(&desk);
+        let server = Arc::new(Server::start(view.address, settings, asked)?);
+        let camera = |camera: &CameraParams| LiveCamera::new(&server, names, camera, view);
+        let cameras = params.cameras.iter().map(camera).collect::<Result<_, LiveViewError>>()?;
+        Ok(Self { server, desk, cameras })
+    }
+
+    /// The middleware as the node is to see it.
+    pub fn through(&self, inner: Arc<dyn Transport>) -> Arc<dyn Transport> {
+        let (watched, server) = (Arc::downgrade(&inner), Arc::downgrade(&self.server));
+        let thread = thread::Builder::new().name("view graph".to_owned());
+        if let Err(error) = thread.spawn(move || tell_graph(&watched, &server)) {
+            tracing::warn!("viewers do not see who speaks to whom: {error}");
+        }
+        let (server, cameras) = (Arc::clone(&self.server), Arc::clone(&self.cameras));
+        Arc::new(Viewed { inner, server, cameras })
+    }
+
+    /// Lets viewers see and set the node's parameters.
+    pub fn set_parameters_of(&self, parameters: ParameterHandle) {
+        self.desk.set_parameters_of(Arc::new(parameters));
+    }
+
+    /// Where viewers find it.
+    pub fn address(&self) -> SocketAddr {
+        self.server.address()
+    }
+
+    /// Messages that viewers were given.
+    pub fn num_sent(&self) -> u64 {
+        self.server.num_sent()
+    }
+}
+
+/// What a live camera shows.
+pub(super) struct LiveCamera {
+    /// The topics of its images, raw and compressed.
+    images: [String; 2],
+    /// The topic of its centrelines as drawings.
+    pub(super) annotations: String,
+    pub(super) view: Arc<CameraView>,
+}
+
+impl LiveCamera {
+    fn new(
+        server: &Server,
+        names: &NodeNames,
+        camera: &CameraParams,
+        view: ViewRequest,
+    ) -> Result<Self, LiveViewError> {
+        let raw = input::image_topic_of(&camera.name, names)?;
+        let compressed = format!("{raw}/compressed");
+        let annotations = names.resolve(&of_camera(&camera.name, "~/annotations"))?;
+        let named = (camera.name.as_str(), camera.max_frame_bytes);
+        let view = Arc::new(CameraView::open(server, names, named, view.images)?);
+        Ok(Self { images: [raw, compressed], annotations, view })
+    }
+
+    /// Whether its images come on that topic.
+    pub(super) fn takes(&self, topic: &str) -> bool {
+        self.images.iter().any(|name| name == topic)
+    }
+
+    /// Looks at images before they are handed on. Pictures are made on a thread of their own, so that the camera never
+    /// waits for one.
+    pub(super) fn tap(&self, topic: &TopicEndpoint, mut on_arrival: OnArrival) -> OnArrival {
+        let is_packed = topic.kind.name == CompressedImage::TYPE.name;
+        let transport = if is_packed { ImageTransport::Compressed } else { ImageTransport::Raw };
+        let (sender, waiting) = sync_channel(IMAGES_WAITING);
+        let view = Arc::clone(&self.view);
+        let thread = thread::Builder::new().name("view images".to_owned());
+        if let Err(error) = thread.spawn(move || show_all(&waiting, transport, &view)) {
+            tracing::warn!("{} is not viewed: {error}", topic.name);
+            return on_arrival;
+        }
+        let view = Arc::clone(&self.view);
+        Box::new(move |arrival| {
+            if let Ok(arrival) = &arrival {
+                let time_ns = arrival.receive_time_ns;
+                let image = CameraImage { data: &arrival.data, transport, time_ns };
+                if view.choose(&image, PREVIEW_GAP) {
+                    // A full queue: this one is not shown.
+                    _ = sender.try_send((arrival.data.clone(), time_ns));
+                }
+            }
+            on_arrival(arrival);
+        })
+    }
+}
+
+fn show_all(waiting: &Receiver<(Vec<u8>, i64)>, transport: ImageTransport, view: &CameraView) {
+    for (data, time_ns) in waiting {
+        view.show(&CameraImage { data: &data, transport, time_ns });
+    }
+}
+
+/// Tells viewers the graph, when they want it, until there is none.
+fn tell_graph(transport: &Weak<dyn Transport>, server: &Weak<Server>) {
+    loop {
+        thread::sleep(GRAPH_PERIOD);
+        let (Some(transport), Some(server)) = (transport.upgrade(), server.upgrade()) else {
+            return;
+        };
+        if server.is_graph_wanted() {
+            server.tell_graph(graph(&*transport));
+        }
+    }
+}
+
+fn graph(transport: &dyn Transport) -> ConnectionGraph {
+    let mut graph = ConnectionGraph::new();
+    // A middleware tells how many there are, not who.
+    let ids = |kind: &str, num: usize| (1..=num).map(|id| format!("{kind} {id}")).collect();
+    for topic in transport.topics() {
+        let publishers: Vec<String> = ids("publisher", topic.num_publishers);
+        let subscribers: Vec<String> = ids("subscriber", topic.num_subscribers);
+        graph.set_published_topic(topic.name.as_str(), publishers);
+        graph.set_subscribed_topic(topic.name, subscribers);
+    }
+    graph
+}

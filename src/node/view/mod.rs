@@ -1,0 +1,104 @@
+//! The live view: what the node publishes and what it looks at, served to Foxglove.
+//!
+//! A recording is played by a [`replay`] view, which measures what it shows by the parameters that viewers set; a live
+//! node is seen through `transport`, which shows viewers all that passes between the node and its middleware.
+
+mod camera;
+mod desk;
+mod lanes;
+mod playback;
+mod player;
+mod recording;
+pub mod replay;
+pub mod live;
+mod transport;
+
+pub use crate::live::Address;
+
+use std::sync::Arc;
+
+use crate::{
+    bag::Topic,
+    live::{Channel, ChannelDescription, Server, ViewError},
+    msg::{qos::Durability, schema::MessageType},
+    ros::transport::TopicEndpoint,
+};
+
+/// Messages of a latched topic of a recording that late viewers get: every publisher of `/tf_static` sends its own.
+const MAX_LATCHED: usize = 64;
+
+/// How the camera's images are shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Images {
+    /// As they came, on their own topic.
+    Full,
+    /// Small and at most fifteen a second, on `~/preview`; the centreline over them on `~/preview_annotations`.
+    #[default]
+    Preview,
+    /// Not at all.
+    None,
+}
+
+impl Images {
+    /// The names of all.
+    pub const NAMES: [&str; 3] = ["full", "preview", "none"];
+
+    /// The one of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Full, Self::Preview, Self::None]
+            .into_iter()
+            .zip(Self::NAMES)
+            .find_map(|(images, known)| (known == name).then_some(images))
+    }
+}
+
+/// What to serve, and where.
+#[derive(Clone, Copy, Debug)]
+pub struct ViewRequest {
+    /// Where to listen.
+    pub address: Address,
+    /// How images are shown.
+    pub images: Images,
+}
+
+/// Serves a topic of the node's.
+fn serve(server: &Server, topic: &TopicEndpoint) -> Result<Arc<Channel>, ViewError> {
+    let is_latched = topic.qos.durability == Durability::TransientLocal;
+    serve_type(server, &topic.name, topic.kind, usize::from(is_latched))
+}
+
+fn serve_type(
+    server: &Server,
+    name: &str,
+    kind: &MessageType,
+    num_kept: usize,
+) -> Result<Arc<Channel>, ViewError> {
+    server.open(ChannelDescription {
+        name: name.to_owned(),
+        type_name: kind.name.to_owned(),
+        schema: kind.schema().into_bytes(),
+        num_kept,
+    })
+}
+
+/// Serves a topic of a recording.
+fn serve_recorded(server: &Server, topic: &Topic) -> Result<Arc<Channel>, ViewError> {
+    server.open(ChannelDescription {
+        name: topic.name.clone(),
+        type_name: topic.type_name.clone(),
+        schema: topic.schema.clone(),
+        num_kept: if topic.is_latched() { MAX_LATCHED } else { 0 },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_is_one() {
+        let all = Images::NAMES.map(|name| Images::from_name(name).unwrap());
+        assert_eq!(all, [Images::Full, Images::Preview, Images::None]);
+        assert_eq!(Images::from_name("small"), None);
+    }
+}

@@ -1,0 +1,173 @@
+//! What viewers want of the player, and what they are told at once.
+
+use std::sync::{
+    Arc, Mutex, MutexGuard, PoisonError,
+    mpsc::{Receiver, SyncSender, TrySendError, sync_channel},
+};
+
+use crate::{
+    live::{PlaybackCommand, PlaybackControlRequest, PlaybackState, PlaybackStatus},
+    ros::parameters::Parameters,
+};
+
+/// Orders that may wait; a slider that is dragged over the time line sends some sixty a second.
+const MAX_WAITING: usize = 256;
+
+/// What the player is to do.
+pub(super) enum Order {
+    /// Plays or pauses, at a speed, perhaps from another time.
+    Control { status: PlaybackStatus, speed: f32, seek_ns: Option<i64> },
+    /// Measures by other parameters; the answer says why it cannot.
+    Set(Box<Parameters>, SyncSender<Result<(), String>>),
+    /// Shows the frame again: somebody has come who has not seen it.
+    Refresh,
+    /// Somebody looks: begins to play, where it has not begun yet.
+    Begin,
+}
+
+/// What is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Shown {
+    /// Playing, paused, or at the end.
+    pub(super) status: PlaybackStatus,
+    /// Log time of the last frame, nanoseconds since the epoch.
+    pub(super) time_ns: i64,
+    /// Times the speed of the recording.
+    pub(super) speed: f32,
+}
+
+impl Shown {
+    /// As viewers are told.
+    pub(super) fn state(self) -> PlaybackState {
+        PlaybackState {
+            status: self.status,
+            current_time: self.time_ns.max(0) as u64,
+            playback_speed: self.speed,
+            did_seek: false,
+            request_id: None,
+        }
+    }
+}
+
+/// The viewers' side of the player.
+pub(super) struct Playback {
+    orders: SyncSender<Order>,
+    shown: Arc<Mutex<Shown>>,
+    range_ns: (i64, i64),
+}
+
+impl Playback {
+    /// A desk for a player of a recording from the first to the second time, and the player's side of it.
+    pub(super) fn new(
+        range_ns: (i64, i64),
+        speed: f32,
+    ) -> (Self, Receiver<Order>, Arc<Mutex<Shown>>) {
+        let (sender, orders) = sync_channel(MAX_WAITING);
+        let status = PlaybackStatus::Paused;
+        let shown = Arc::new(Mutex::new(Shown { status, time_ns: range_ns.0, speed }));
+        (Self { orders: sender, shown: Arc::clone(&shown), range_ns }, orders, shown)
+    }
+
+    /// Where orders go.
+    pub(super) fn orders(&self) -> SyncSender<Order> {
+        self.orders.clone()
+    }
+
+    /// The state that follows from a request; the player follows a moment later.
+    pub(super) fn control(&self, request: &PlaybackControlRequest) -> PlaybackState {
+        let before = *lock(&self.shown);
+        let is_speed = request.playback_speed.is_finite() && request.playback_speed > 0.0;
+        let speed = if is_speed { request.playback_speed } else { before.speed };
+        let status = match request.playback_command {
+            PlaybackCommand::Play => PlaybackStatus::Playing,
+            PlaybackCommand::Pause => PlaybackStatus::Paused,
+        };
+        let (start_ns, end_ns) = self.range_ns;
+        let asked = request.seek_time.map(|time| i64::try_from(time).unwrap_or(end_ns));
+        // Who plays on from the end means from the start.
+        let is_over = before.status == PlaybackStatus::Ended && status == PlaybackStatus::Playing;
+        let seek_ns = asked.or(is_over.then_some(start_ns)).map(|ns| ns.clamp(start_ns, end_ns));
+        if self.orders.try_send(Order::Control { status, speed, seek_ns }).is_err() {
+            tracing::debug!("the player is behind: a request of a viewer is not followed");
+            return before.state();
+        }
+        let after = Shown { status, speed, time_ns: seek_ns.unwrap_or(before.time_ns) };
+        PlaybackState { did_seek: seek_ns.is_some(), ..after.state() }
+    }
+
+    /// Somebody has come.
+    pub(super) fn on_viewer(&self) {
+        self.tell(Order::Begin);
+    }
+
+    /// Somebody wants to see more.
+    pub(super) fn on_subscribe(&self) {
+        self.tell(Order::Refresh);
+    }
+
+    /// A player that has so much to do shows everything anew anyhow.
+    fn tell(&self, order: Order) {
+        match self.orders.try_send(order) {
+            Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
+        }
+    }
+}
+
+pub(super) fn lock(shown: &Mutex<Shown>) -> MutexGuard<'_, Shown> {
+    shown.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn request(command: PlaybackCommand, speed: f32, seek: Option<u64>) -> PlaybackControlRequest {
+        PlaybackControlRequest {
+            playback_command: command,
+            playback_speed: speed,
+            seek_time: seek,
+            request_id: "1".to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_time_outside_the_recording_is_its_end() {
+        let (playback, orders, _) = Playback::new((100, 200), 1.0);
+        for (asked, expected) in [(0, 100), (150, 150), (u64::MAX, 200)] {
+            let state = playback.control(&request(PlaybackCommand::Pause, 2.0, Some(asked)));
+            assert!(state.did_seek && state.status == PlaybackStatus::Paused);
+            assert_eq!(state.current_time, expected);
+            let Ok(Order::Control { seek_ns, .. }) = orders.try_recv() else { panic!("an order") };
+            assert_eq!(seek_ns, Some(expected as i64));
+        }
+    }
+
+    #[test]
+    fn a_speed_that_is_none_changes_nothing() {
+        let (playback, _orders, _) = Playback::new((100, 200), 3.0);
+        for speed in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            let state = playback.control(&request(PlaybackCommand::Play, speed, None));
+            assert!((state.playback_speed - 3.0).abs() < f32::EPSILON && !state.did_seek);
+        }
+    }
+
+    #[test]
+    fn who_plays_on_from_the_end_begins_again() {
+        let (playback, _orders, shown) = Playback::new((100, 200), 1.0);
+        *lock(&shown) = Shown { status: PlaybackStatus::Ended, time_ns: 200, speed: 1.0 };
+        let state = playback.control(&request(PlaybackCommand::Play, 1.0, None));
+        assert_eq!((state.current_time, state.did_seek), (100, true));
+        let state = playback.control(&request(PlaybackCommand::Pause, 1.0, None));
+        assert_eq!((state.current_time, state.did_seek), (200, false));
+    }
+
+    #[test]
+    fn a_player_that_does_not_answer_fills_no_memory() {
+        let (playback, _orders, _) = Playback::new((100, 200), 1.0);
+        for _ in 0..MAX_WAITING {
+            playback.on_subscribe();
+        }
+        let state = playback.control(&request(PlaybackCommand::Play, 1.0, Some(150)));
+        assert_eq!((state.status, state.did_seek), (PlaybackStatus::Paused, false));
+    }
+}

@@ -1,0 +1,331 @@
+//! Plays a recording to viewers: at a speed, from any time on, measured by the parameters that they set.
+//!
+//! A jump begins anew: new workers, which know nothing of before. So what is shown of a frame depends on the recording
+//! and the parameters alone, not on how a viewer came there.
+
+use std::{
+    sync::{
+        Arc, Mutex,
+        mpsc::{Receiver, RecvTimeoutError},
+    },
+    thread,
+    time::{Duration, Instant},
+};
+
+use crate::{
+    bag::{BagReader, player::Pacer},
+    live::{PlaybackStatus, Server, ViewError},
+    node::{
+        fan_out::FanOut,
+        replay::{Replay, ReplayError, Stage},
+        stop::Stop,
+    },
+    ros::parameters::Parameters,
+};
+
+use super::{
+    camera::PREVIEW_GAP,
+    lanes::{Camera, Lane, Lanes},
+    playback::{Order, Shown, lock},
+    recording::{Passed, Reader, last_time_ns},
+};
+
+/// How often a player that has nothing to do looks whether it is to end.
+const IDLE: Duration = Duration::from_millis(50);
+/// What came so long before a frame may tell where it was taken; what comes so long after it, too. Nanoseconds.
+const AROUND_NS: i64 = 500_000_000;
+/// Viewers forget what they show when they hear of a jump. They hear of it on another way than of messages.
+const JUMP_PAUSE: Duration = Duration::from_millis(20);
+/// Wishes that come so close together are one.
+const TOGETHER: Duration = Duration::from_millis(10);
+/// Time is told so often at most.
+const TIME_GAP: Duration = Duration::from_millis(20);
+
+/// A player. It ends when its orders do, or at the wish to stop.
+pub(super) struct Player {
+    pub(super) replay: Replay,
+    pub(super) server: Arc<Server>,
+    pub(super) cameras: Vec<Camera>,
+    pub(super) passed: Passed,
+    pub(super) orders: Receiver<Order>,
+    pub(super) shown: Arc<Mutex<Shown>>,
+    pub(super) range_ns: (i64, i64),
+    pub(super) stop: Stop,
+    /// Whether it ends with the recording.
+    pub(super) ends: bool,
+    /// Whether somebody has looked, or chosen what to see.
+    pub(super) has_begun: bool,
+    /// An order that came while others were awaited.
+    pub(super) pending: Option<Order>,
+}
+
+/// What comes after a part was played.
+enum Next {
+    /// Another part, from that time on.
+    From(i64),
+    Nothing,
+}
+
+/// A part of the recording that is being played.
+struct Act<'a> {
+    lanes: Lanes<'a>,
+    reader: Reader,
+    pacer: Option<Pacer>,
+    clock: Instant,
+    time_told: Instant,
+}
+
+impl Player {
+    /// Plays until it is to end.
+    ///
+    /// # Errors
+    /// What is to be shown cannot be measured or served.
+    pub(super) fn run(mut self) -> Result<(), PlayError> {
+        let mut from_ns = self.range_ns.0;
+        while let Next::From(next_ns) = self.play_from(from_ns)? {
+            from_ns = next_ns;
+        }
+        Ok(())
+    }
+
+    fn play_from(&mut self, from_ns: i64) -> Result<Next, PlayError> {
+        let stages = self.replay.stages()?;
+        for (camera, stage) in self.cameras.iter_mut().zip(&stages) {
+            camera.serve(&self.server, stage)?;
+        }
+        thread::scope(|scope| {
+            let fan_out = |(camera, stage): (&Camera, &Stage)| {
+                FanOut::start(scope, vec![camera.outlet()], stage.topics.len())
+            };
+            let fan_outs: Vec<_> = self.cameras.iter().zip(&stages).map(fan_out).collect();
+            let cameras = self.cameras.iter().zip(&fan_outs);
+            let lane = |(stage, (camera, fan_out))| Lane::new(stage, camera, fan_out);
+            let lanes = Lanes::new(stages.into_iter().zip(cameras).map(lane).collect());
+            let before_ns = if lanes.is_empty() || lanes.has_side_topics() { AROUND_NS } else { 0 };
+            let topics: Vec<_> = self.topics().collect();
+            let reader = Reader::new(self.bag(), &topics, from_ns.saturating_sub(before_ns));
+            let (clock, time_told) = (Instant::now(), Instant::now());
+            let mut act = Act { lanes, reader, pacer: None, clock, time_told };
+            if !self.show_frame(&mut act, from_ns) {
+                return self.behind_the_last(from_ns);
+            }
+            Ok(self.play(&mut act))
+        })
+    }
+
+    fn bag(&self) -> &BagReader {
+        // There is one: whoever makes a player has made sure.
+        &self.replay.bags()[0]
+    }
+
+    fn topics(&self) -> impl Iterator<Item = String> {
+        let measured = self.replay.image_topics().map(|topic| topic.name.clone());
+        let side = self.replay.side_topics();
+        measured.chain(side).chain(self.passed.topics().cloned())
+    }
+
+    /// Shows the first frame at or after a time and what belongs to it. Without cameras, the messages just before that
+    /// time. Returns whether there is anything.
+    fn show_frame(&self, act: &mut Act<'_>, from_ns: i64) -> bool {
+        let mut is_there = act.lanes.is_empty();
+        while let Some(next) = act.reader.peek() {
+            let time_ns = next.log_time_ns;
+            if act.lanes.is_empty() && time_ns > from_ns {
+                break;
+            }
+            let is_image = act.lanes.is_image(&next.topic.name);
+            if time_ns >= from_ns || act.lanes.is_empty() {
+                self.show_next(act, Duration::ZERO);
+                if is_image {
+                    is_there = true;
+                    break;
+                }
+            } else if let Some(message) = act.reader.take() {
+                act.lanes.take_side(&message);
+            }
+        }
+        if act.lanes.is_empty() {
+            lock(&self.shown).time_ns = from_ns;
+        }
+        self.show_what_belongs(act);
+        let shown = *lock(&self.shown);
+        self.server.tell_time(shown.time_ns);
+        self.server.tell_playback(shown.state());
+        is_there
+    }
+
+    /// The frame of every other camera; and a frame may wait for a position after it.
+    fn show_what_belongs(&self, act: &mut Act<'_>) {
+        let time_ns = lock(&self.shown).time_ns;
+        let until_ns = time_ns.saturating_add(AROUND_NS);
+        while let Some(next) = act.reader.peek() {
+            let has_images = act.lanes.have_images();
+            let is_enough = has_images
+                && (act.lanes.is_image(&next.topic.name) || !act.lanes.has_side_topics());
+            if is_enough || next.log_time_ns > until_ns {
+                break;
+            }
+            self.show_next(act, Duration::ZERO);
+        }
+        // A later look begins with the same frame.
+        lock(&self.shown).time_ns = time_ns;
+    }
+
+    /// Behind the last frame the last frame is shown.
+    fn behind_the_last(&self, from_ns: i64) -> Result<Next, PlayError> {
+        let images: Vec<_> = self.replay.image_topics().map(|topic| topic.name.clone()).collect();
+        match last_time_ns(self.bag(), &images) {
+            Some(last_ns) if last_ns < from_ns => Ok(Next::From(last_ns)),
+            _ => Err(PlayError::NoFrames(images.join(", "))),
+        }
+    }
+
+    /// Shows the next message; pictures at least `min_gap` apart.
+    fn show_next(&self, act: &mut Act<'_>, min_gap: Duration) {
+        let Some(message) = act.reader.take() else { return };
+        let time_ns = message.log_time_ns;
+        self.passed.pass(&message);
+        act.lanes.take_side(&message);
+        if act.lanes.is_empty() || act.lanes.is_image(&message.topic.name) {
+            lock(&self.shown).time_ns = time_ns;
+            act.lanes.take_image(message, min_gap);
+        }
+        if act.time_told.elapsed() >= TIME_GAP {
+            act.time_told = Instant::now();
+            self.server.tell_time(time_ns);
+        }
+    }
+
+    fn play(&mut self, act: &mut Act<'_>) -> Next {
+        self.set_pace(act);
+        while !self.stop.is_raised() {
+            let wait = Self::wait(act);
+            match self.next_order(wait.unwrap_or_default().min(IDLE)) {
+                Ok(order) => {
+                    if let Some(from_ns) = self.obey(order, act) {
+                        return Next::From(from_ns);
+                    }
+                }
+                Err(RecvTimeoutError::Disconnected) => return Next::Nothing,
+                Err(RecvTimeoutError::Timeout) if wait.is_some() => {}
+                Err(RecvTimeoutError::Timeout) => self.show_next(act, PREVIEW_GAP),
+            }
+            if self.is_playing() && act.reader.peek().is_none() {
+                self.end(act);
+                if self.ends {
+                    return Next::Nothing;
+                }
+            }
+        }
+        Next::Nothing
+    }
+
+    fn next_order(&mut self, timeout: Duration) -> Result<Order, RecvTimeoutError> {
+        match self.pending.take() {
+            Some(order) => Ok(order),
+            None => self.orders.recv_timeout(timeout),
+        }
+    }
+
+    /// Who opens a layout wants a dozen topics at once: one look at the frame is enough for all.
+    fn await_others(&mut self) {
+        while let Ok(order) = self.orders.recv_timeout(TOGETHER) {
+            if !matches!(order, Order::Refresh) {
+                self.pending = Some(order);
+                return;
+            }
+        }
+    }
+
+    /// How long until the next message is due; `None`: it is. Paused, for ever.
+    fn wait(act: &mut Act<'_>) -> Option<Duration> {
+        let (Some(pacer), Some(next)) = (&mut act.pacer, act.reader.peek()) else {
+            return Some(IDLE);
+        };
+        let now_ns = i64::try_from(act.clock.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        pacer.wait(next.log_time_ns, now_ns)
+    }
+
+    fn is_playing(&self) -> bool {
+        lock(&self.shown).status == PlaybackStatus::Playing
+    }
+
+    /// From now on at the speed that was chosen.
+    fn set_pace(&self, act: &mut Act<'_>) {
+        let Shown { status, time_ns, speed } = *lock(&self.shown);
+        act.pacer = match status {
+            PlaybackStatus::Playing => Pacer::new(f64::from(speed)).ok(),
+            _ => None,
+        };
+        if let Some(pacer) = &mut act.pacer {
+            let now_ns = i64::try_from(act.clock.elapsed().as_nanos()).unwrap_or(i64::MAX);
+            _ = pacer.wait(time_ns, now_ns);
+        }
+    }
+
+    /// Follows an order; the time from which to play anew, where that is needed.
+    fn obey(&mut self, order: Order, act: &mut Act<'_>) -> Option<i64> {
+        match order {
+            Order::Control { status, speed, seek_ns } => {
+                self.has_begun = true;
+                {
+                    let shown = &mut *lock(&self.shown);
+                    (shown.status, shown.speed) = (status, speed);
+                }
+                self.set_pace(act);
+                seek_ns.inspect(|_| thread::sleep(JUMP_PAUSE))
+            }
+            Order::Begin => {
+                if !std::mem::replace(&mut self.has_begun, true) {
+                    lock(&self.shown).status = PlaybackStatus::Playing;
+                    self.set_pace(act);
+                }
+                self.server.tell_playback(lock(&self.shown).state());
+                None
+            }
+            Order::Refresh => {
+                self.await_others();
+                let Shown { status, time_ns, .. } = *lock(&self.shown);
+                (status != PlaybackStatus::Playing).then_some(time_ns)
+            }
+            Order::Set(values, reply) => {
+                let set = self.measure_by(&values);
+                let is_set = set.is_ok();
+                // Whoever asked may have given up waiting.
+                drop(reply.try_send(set));
+                is_set.then(|| lock(&self.shown).time_ns)
+            }
+        }
+    }
+
+    fn measure_by(&mut self, values: &Parameters) -> Result<(), String> {
+        if self.cameras.is_empty() {
+            return Err("nothing is measured here: the recording holds no images".to_owned());
+        }
+        self.replay.measure_by(values).map_err(|error| error.to_string())
+    }
+
+    /// The last frame was shown: open scans end.
+    fn end(&self, act: &mut Act<'_>) {
+        act.lanes.finish();
+        act.pacer = None;
+        let mut shown = lock(&self.shown);
+        shown.status = PlaybackStatus::Ended;
+        self.server.tell_time(shown.time_ns);
+        self.server.tell_playback(shown.state());
+    }
+}
+
+/// Why nothing more is played.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum PlayError {
+    /// The parameters in force do not fit any more: a file has changed.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// The server.
+    #[error(transparent)]
+    View(#[from] ViewError),
+    /// The topics are there, but nothing is on them, or nothing that can be read.
+    #[error("no frame could be read from {0}")]
+    NoFrames(String),
+}

@@ -1,0 +1,235 @@
+//! The view of a recording.
+
+use std::{
+    sync::{Arc, mpsc},
+    thread::{self, JoinHandle},
+    time::Duration,
+};
+
+use thiserror::Error;
+
+use crate::{
+    bag::{BagReader, Topic},
+    live::{PlaybackStatus, Server, Settings, ViewError},
+    node::{
+        input::InputError,
+        parameter_server::{OnChange, ParameterStore},
+        replay::{Replay, ReplayError, ReplayRequest},
+        stop::Stop,
+        topics::Output,
+    },
+    ros::{node_params::NodeParams, parameters::Parameters},
+};
+
+use super::{
+    ViewRequest,
+    camera::CameraView,
+    desk::NodeDesk,
+    lanes::Camera,
+    playback::{Order, Playback, lock},
+    player::{PlayError, Player},
+    recording::Passed,
+};
+
+/// How long a viewer who sets a parameter waits for the player.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Why a recording cannot be seen.
+#[derive(Debug, Error)]
+pub enum ReplayViewError {
+    /// The recording or the parameters.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// The server.
+    #[error(transparent)]
+    View(#[from] ViewError),
+    /// More than one recording has no common time line.
+    #[error("--view shows one recording, but {0} were given")]
+    Several(usize),
+    /// Nothing to show.
+    #[error("{0} holds no messages: there is nothing to see")]
+    Empty(String),
+    /// The topics of the images are there, but nothing that can be read is on them.
+    #[error("no frame could be read from {0}")]
+    NoFrames(String),
+    /// The system refuses a thread.
+    #[error("--view: {0}")]
+    Thread(#[source] std::io::Error),
+}
+
+impl ReplayViewError {
+    /// Whether what was asked for is to blame.
+    pub const fn is_usage(&self) -> bool {
+        match self {
+            Self::Replay(error) => error.is_usage(),
+            Self::View(error) => error.is_usage(),
+            Self::Several(_) => true,
+            Self::Empty(_) | Self::NoFrames(_) | Self::Thread(_) => false,
+        }
+    }
+}
+
+/// Whether the view ends with the recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AtEnd {
+    /// It stays: viewers may play again.
+    Stay,
+    /// It plays at once, whether anybody looks or not, and ends.
+    Exit,
+}
+
+/// A recording that is being shown.
+pub struct ReplayView {
+    server: Arc<Server>,
+    player: JoinHandle<Result<(), PlayError>>,
+}
+
+impl ReplayView {
+    /// Serves a recording and plays it from its beginning, as soon as somebody looks. Where it holds no images, what it
+    /// holds is shown.
+    ///
+    /// # Errors
+    /// The first thing that is not as it should be.
+    pub fn start(
+        request: ReplayRequest,
+        view: ViewRequest,
+        at_end: AtEnd,
+        stop: Stop,
+    ) -> Result<Self, ReplayViewError> {
+        let speed = request.rate.unwrap_or(1.0) as f32;
+        let paths: Vec<_> = request.bags.iter().map(|bag| bag.display().to_string()).collect();
+        let (mut replay, values) = Replay::open(request)?;
+        let [bag] = replay.bags() else { return Err(ReplayViewError::Several(paths.len())) };
+        let range_ns = bag.time_range_ns().ok_or_else(|| ReplayViewError::Empty(paths.join("")))?;
+        let notes = bag.notes().join("\n");
+        let unmeasured = unmeasured(replay.measure_by(&values))?;
+        let desk = Arc::new(NodeDesk::default());
+        let name = replay.names().fully_qualified();
+        let settings = Settings { name, time_range_ns: Some(range_ns) };
+        let asked = Arc::clone(&desk);
+        let server = Arc::new(Server::start(view.address, settings, asked)?);
+        let cameras = cameras(&server, &replay, &values, view)?;
+        let own = |name: &str| {
+            cameras.iter().any(|camera| camera.publishes(name))
+                || replay.image_topics().any(|images| images.name == name)
+        };
+        let passed = Passed::open(&server, &replay.bags()[0], view.images, own)?;
+        let (playback, orders, shown) = Playback::new(range_ns, speed);
+        let store = ParameterStore::new(values, on_change(&playback)).map_err(ReplayError::from)?;
+        let is_uncalibrated = !cameras.iter().any(|camera| camera.has(Output::Profile));
+        tell(&server, "recording", &notes);
+        if let Some(why) = unmeasured {
+            tell(&server, "images", &why);
+        } else if is_uncalibrated {
+            let why = "no calibration_file: centrelines only, no profile, points or height map";
+            tell(&server, "calibration", why);
+        }
+        let has_begun = at_end == AtEnd::Exit;
+        if has_begun {
+            lock(&shown).status = PlaybackStatus::Playing;
+        }
+        let ends = has_begun;
+        let player = Player {
+            replay,
+            server: Arc::clone(&server),
+            cameras,
+            passed,
+            orders,
+            shown,
+            range_ns,
+            stop,
+            ends,
+            has_begun,
+            pending: None,
+        };
+        desk.set_parameters_of(Arc::new(store));
+        desk.set_playback(playback);
+        let thread = thread::Builder::new().name("view player".to_owned());
+        let player = thread.spawn(move || player.run()).map_err(ReplayViewError::Thread)?;
+        Ok(Self { server, player })
+    }
+
+    /// Where viewers find it.
+    pub fn address(&self) -> std::net::SocketAddr {
+        self.server.address()
+    }
+
+    /// Whether it has ended by itself.
+    pub fn is_finished(&self) -> bool {
+        self.player.is_finished()
+    }
+
+    /// Waits for its end; how many messages viewers were given.
+    ///
+    /// # Errors
+    /// It ended because something could not be shown any more.
+    pub fn join(self) -> Result<u64, ReplayViewError> {
+        let played = self.player.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        played.map_err(|error| match error {
+            PlayError::Replay(error) => ReplayViewError::Replay(error),
+            PlayError::View(error) => ReplayViewError::View(error),
+            PlayError::NoFrames(topics) => ReplayViewError::NoFrames(topics),
+        })?;
+        Ok(self.server.num_sent())
+    }
+}
+
+fn tell(server: &Server, key: &str, text: &str) {
+    if !text.is_empty() {
+        tracing::warn!("{text}");
+        server.note(key, text);
+    }
+}
+
+/// Why nothing is measured, where that is only because the recording holds no images.
+fn unmeasured(chosen: Result<(), ReplayError>) -> Result<Option<String>, ReplayError> {
+    match chosen {
+        Ok(()) => Ok(None),
+        Err(error @ ReplayError::Input { source: InputError::NoImages(_), .. }) => {
+            Ok(Some(format!("{error}; what it holds is shown, nothing is measured")))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+fn cameras(
+    server: &Server,
+    replay: &Replay,
+    values: &Parameters,
+    view: ViewRequest,
+) -> Result<Vec<Camera>, ReplayViewError> {
+    let params = NodeParams::new(values).map_err(ReplayError::from)?.cameras;
+    let mut cameras = Vec::new();
+    for stage in replay.stages()? {
+        let limit = params.iter().find(|camera| camera.name == stage.camera);
+        let limit = limit.map_or(0, |camera| camera.max_frame_bytes);
+        let named = (stage.camera.as_str(), limit);
+        let pictures = CameraView::open(server, replay.names(), named, view.images)?;
+        if let Some(topic) = recorded(replay, &stage.images.name) {
+            pictures.serve_full(server, topic)?;
+        }
+        let mut camera = Camera::new(Arc::new(pictures));
+        camera.serve(server, &stage)?;
+        cameras.push(camera);
+    }
+    Ok(cameras)
+}
+
+fn recorded<'a>(replay: &'a Replay, name: &str) -> Option<&'a Topic> {
+    let mut topics = replay.bags().iter().flat_map(BagReader::topics);
+    topics.find(|topic| topic.name == name).map(|topic| &**topic)
+}
+
+/// Has the player measure by other parameters.
+fn on_change(playback: &Playback) -> OnChange {
+    let orders = playback.orders();
+    Box::new(move |_, values| {
+        let (reply, answer) = mpsc::sync_channel(1);
+        let ended = |_| "the view has ended".to_owned();
+        orders.send(Order::Set(Box::new(values.clone()), reply)).map_err(ended)?;
+        match answer.recv_timeout(PATIENCE) {
+            Ok(set) => set,
+            Err(_late) => Err("the player is busy: try again".to_owned()),
+        }
+    })
+}

@@ -1,0 +1,152 @@
+//! A middleware that viewers look through: what the node publishes, the images it takes and the services it offers.
+//!
+//! All that ROS users see of a node passes [`Transport`], so a viewer sees the same, in the same bytes, and the node
+//! knows nothing of it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::{
+    bag::Topic,
+    live::{Channel, Server, ServiceDescription},
+    msg::{foxglove_msgs::ImageAnnotations, rcl_interfaces::ParameterEvent, schema::Message},
+    ros::transport::{
+        GraphTopic, OnArrival, OnRequest, Publication, Server as ServiceServer, ServiceEndpoint,
+        Subscription, TopicEndpoint, Transport, TransportError,
+    },
+};
+
+use super::{camera::CameraView, live::LiveCamera, serve};
+
+/// Types of the services that have buttons in a viewer: parameters have a panel, and the lifecycle has `ros2`.
+const SERVED: [&str; 2] = ["std_srvs/srv/Trigger", "std_srvs/srv/SetBool"];
+
+/// A middleware and its viewers.
+pub(super) struct Viewed {
+    pub(super) inner: Arc<dyn Transport>,
+    pub(super) server: Arc<Server>,
+    pub(super) cameras: Arc<[LiveCamera]>,
+}
+
+impl Viewed {
+    /// Serves a topic, or tells why viewers lack it: that keeps nothing from being published.
+    fn channel(&self, topic: &TopicEndpoint) -> Option<Arc<Channel>> {
+        let served = serve(&self.server, topic);
+        served.inspect_err(|error| tracing::warn!("{} is not viewed: {error}", topic.name)).ok()
+    }
+}
+
+impl Transport for Viewed {
+    fn name(&self) -> &'static str {
+        self.inner.name()
+    }
+
+    fn max_reliable_bytes(&self) -> Option<usize> {
+        self.inner.max_reliable_bytes()
+    }
+
+    fn advertise(&self, topic: &TopicEndpoint) -> Result<Box<dyn Publication>, TransportError> {
+        let inner = self.inner.advertise(topic)?;
+        let camera = self.cameras.iter().find(|camera| camera.annotations == topic.name);
+        Ok(Box::new(ViewedPublication {
+            inner,
+            channel: self.channel(topic),
+            camera: camera
+                .filter(|_| topic.kind.name == ImageAnnotations::TYPE.name)
+                .map(|camera| Arc::clone(&camera.view)),
+            tells_parameters: (topic.kind.name == ParameterEvent::TYPE.name)
+                .then(|| Arc::clone(&self.server)),
+        }))
+    }
+
+    fn subscribe(
+        &self,
+        topic: &TopicEndpoint,
+        limit_bytes: usize,
+        on_arrival: OnArrival,
+    ) -> Result<Box<dyn Subscription>, TransportError> {
+        let Some(camera) = self.cameras.iter().find(|camera| camera.takes(&topic.name)) else {
+            return self.inner.subscribe(topic, limit_bytes, on_arrival);
+        };
+        let recorded = Topic::new(topic.name.as_str(), topic.kind, topic.qos);
+        if let Err(error) = camera.view.serve_full(&self.server, &recorded) {
+            tracing::warn!("{} is not viewed: {error}", topic.name);
+        }
+        let on_arrival = camera.tap(topic, on_arrival);
+        self.inner.subscribe(topic, limit_bytes, on_arrival)
+    }
+
+    fn serve(
+        &self,
+        service: &ServiceEndpoint,
+        on_request: OnRequest,
+    ) -> Result<Box<dyn ServiceServer>, TransportError> {
+        if !SERVED.contains(&service.kind.name) {
+            return self.inner.serve(service, on_request);
+        }
+        let shared = Arc::new(Mutex::new(on_request));
+        let answer = |shared: Arc<Mutex<OnRequest>>| {
+            move |request: &[u8]| {
+                let mut on_request = shared.lock().unwrap_or_else(PoisonError::into_inner);
+                (*on_request)(request)
+            }
+        };
+        let inner = self.inner.serve(service, Box::new(answer(Arc::clone(&shared))))?;
+        let (request, response) = service.kind.text.split_once("---\n").unwrap_or_default();
+        let (name, type_name) = (service.name.as_str(), service.kind.name);
+        let description = ServiceDescription { name, type_name, request, response };
+        if let Err(error) = self.server.serve(description, answer(shared)) {
+            tracing::warn!("{name} is not viewed: {error}");
+        }
+        let (name, server) = (service.name.clone(), Arc::clone(&self.server));
+        Ok(Box::new(ViewedService { _inner: inner, name, server }))
+    }
+
+    fn topics(&self) -> Vec<GraphTopic> {
+        self.inner.topics()
+    }
+}
+
+/// A publisher that viewers hear, too.
+struct ViewedPublication {
+    inner: Box<dyn Publication>,
+    channel: Option<Arc<Channel>>,
+    /// Whose centrelines these are.
+    camera: Option<Arc<CameraView>>,
+    /// Of the events of parameters: whose viewers are told.
+    tells_parameters: Option<Arc<Server>>,
+}
+
+impl Publication for ViewedPublication {
+    fn publish(&mut self, data: &Arc<[u8]>, source_time_ns: i64) -> Result<(), TransportError> {
+        let published = self.inner.publish(data, source_time_ns);
+        if let Some(camera) = &self.camera {
+            camera.annotate(data, source_time_ns);
+        }
+        if let Some(channel) = &self.channel {
+            channel.send(data, source_time_ns);
+        }
+        if let Some(server) = &self.tells_parameters {
+            server.tell_parameters();
+        }
+        published
+    }
+
+    fn num_matched(&self) -> usize {
+        self.inner.num_matched()
+    }
+}
+
+/// A service with a button.
+struct ViewedService {
+    _inner: Box<dyn ServiceServer>,
+    name: String,
+    server: Arc<Server>,
+}
+
+impl ServiceServer for ViewedService {}
+
+impl Drop for ViewedService {
+    fn drop(&mut self) {
+        self.server.withdraw(&self.name);
+    }
+}

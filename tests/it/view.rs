@@ -1,0 +1,223 @@
+//! The live view, seen by a viewer that is not Foxglove's: `tests/interop/check_view.py`.
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read},
+    net::TcpListener,
+    path::Path,
+    process::{Child, Command, Stdio},
+    thread::{self, JoinHandle},
+};
+
+use serde_json::Value as Json;
+
+use crate::{
+    interop::{interop, python},
+    program::{Ended, content, end, laser_profiler, replay},
+    recordings::record_images,
+};
+
+const FILM: &[&str] =
+    &["bags/film_defects", "--params-file", "bags/film_defects.params.yaml", "--view=0"];
+/// Frames of the recording.
+const FILM_FRAMES: u64 = 147;
+
+/// A process with a view. It is killed when dropped.
+struct Viewed {
+    process: Child,
+    url: String,
+    stderr: Option<JoinHandle<String>>,
+}
+
+impl Viewed {
+    /// Starts a command with `--view=0` and waits until the view listens.
+    fn start(command: &mut Command) -> Self {
+        let piped = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut process = piped.spawn().unwrap();
+        let mut lines = BufReader::new(process.stderr.take().unwrap());
+        let mut told = String::new();
+        let url = loop {
+            let start = told.len();
+            assert!(lines.read_line(&mut told).unwrap() > 0, "it ended without a view: {told}");
+            if let Some((_, rest)) = told[start..].split_once("the view is at ") {
+                break rest.split(": ").next().unwrap().to_owned();
+            }
+        };
+        let rest = move || {
+            lines.read_to_string(&mut told).unwrap();
+            told
+        };
+        Self { process, url, stderr: Some(thread::spawn(rest)) }
+    }
+
+    fn replay(arguments: &[&str]) -> Self {
+        Self::start(laser_profiler(&["replay"]).args(arguments))
+    }
+
+    /// Waits for its end; standard error from its first line.
+    fn wait(mut self) -> Ended {
+        let mut stdout = String::new();
+        self.process.stdout.take().unwrap().read_to_string(&mut stdout).unwrap();
+        let code = self.process.wait().unwrap().code();
+        Ended { code, stdout, stderr: self.stderr.take().unwrap().join().unwrap() }
+    }
+
+    /// Ends it as Ctrl-C does.
+    fn interrupt(self) -> Ended {
+        let process = self.process.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &process]).status().unwrap().success());
+        self.wait()
+    }
+}
+
+impl Drop for Viewed {
+    fn drop(&mut self) {
+        // It has ended where the test has not failed.
+        _ = self.process.kill();
+        _ = self.process.wait();
+    }
+}
+
+/// The viewer looks, and tells what it found.
+fn look(python: &Path, url: &str, arguments: &[&str]) -> Json {
+    let mut command = Command::new(python);
+    let ended = end(command.arg(interop("check_view.py")).arg(url).args(arguments));
+    assert_eq!(ended.code, Some(0), "{arguments:?}\n{}\n{}", ended.stdout, ended.stderr);
+    serde_json::from_str(ended.stdout.lines().last().unwrap()).unwrap()
+}
+
+/// What the view of the film's recording shows.
+fn looks_at_the_film(arguments: &[&str]) -> Option<Json> {
+    let python = python()?;
+    let viewed = Viewed::replay(FILM);
+    let found = look(python, &viewed.url, arguments);
+    let ended = viewed.interrupt();
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    Some(found)
+}
+
+/// The results of the film's recording, to compare with.
+fn film_results(place: &Path) -> String {
+    let results = place.join("results");
+    replay(Path::new(FILM[0]), &results, 3, &FILM[1..3]);
+    results.join("results_0.mcap").to_str().unwrap().to_owned()
+}
+
+#[test]
+fn every_topic_is_there_with_its_schema() {
+    looks_at_the_film(&["topics"]);
+}
+
+#[test]
+fn the_line_lies_on_the_stripe_of_its_picture() {
+    looks_at_the_film(&["overlay"]);
+}
+
+#[test]
+fn any_frame_is_shown_as_the_results_have_it() {
+    let place = tempfile::tempdir().unwrap();
+    let found = looks_at_the_film(&["jumps", &film_results(place.path())]);
+    assert!(found.is_none_or(|found| found["frames"] == FILM_FRAMES));
+}
+
+#[test]
+fn a_recording_is_played_at_a_speed_to_its_end_and_again() {
+    let Some(found) = looks_at_the_film(&["plays"]) else { return };
+    assert_eq!(found["frames"], FILM_FRAMES);
+    let (seconds, recorded) =
+        (found["seconds"].as_f64().unwrap(), found["recorded"].as_f64().unwrap());
+    assert!(seconds >= 0.09 * recorded, "ten times as fast, not more: {seconds} of {recorded} s");
+}
+
+#[test]
+fn a_parameter_changes_the_paused_frame_and_a_wrong_one_is_refused() {
+    looks_at_the_film(&["tuning"]);
+}
+
+#[test]
+fn an_old_viewer_is_told_of_once_and_others_see_all() {
+    let Some(python) = python() else { return };
+    let viewed = Viewed::replay(FILM);
+    look(python, &viewed.url, &["old"]);
+    let ended = viewed.interrupt();
+    assert_eq!(ended.stderr.matches("handshake failed").count(), 1, "{}", ended.stderr);
+}
+
+#[test]
+fn a_recording_without_images_is_shown_as_it_is() {
+    let Some(python) = python() else { return };
+    let place = tempfile::tempdir().unwrap();
+    let results = film_results(place.path());
+    let viewed = Viewed::replay(&[&results, "--view=0"]);
+    let found = look(python, &viewed.url, &["as_recorded", &results]);
+    assert_eq!(found["frames"], FILM_FRAMES);
+    assert_eq!(viewed.interrupt().code, Some(0));
+}
+
+#[test]
+fn viewers_who_read_nothing_cost_no_byte_of_the_results() {
+    let Some(python) = python() else { return };
+    let place = tempfile::tempdir().unwrap();
+    let alone = film_results(place.path());
+    let seen = place.path().join("seen").join("results");
+    fs::create_dir(seen.parent().unwrap()).unwrap();
+    let more = ["--view-exit", "--view-image=full", "--json", "-o", seen.to_str().unwrap()];
+    let viewed = Viewed::replay(&[FILM, &more].concat());
+    let mut slow = Command::new(python);
+    let slow = slow.arg(interop("check_view.py")).args([&viewed.url, "slow", "60"]);
+    let mut slow = slow.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let ended = viewed.wait();
+    slow.kill().unwrap();
+    slow.wait().unwrap();
+    assert_eq!(ended.code, Some(3), "{ended:?}");
+    let summary: Json = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(summary["frames"]["processed"], FILM_FRAMES);
+    assert_eq!(summary["frames"]["dropped"], 0);
+    let alone = content(Path::new(&alone).parent().unwrap());
+    assert!(alone == content(&seen), "the same bytes");
+}
+
+#[test]
+fn nothing_is_made_for_a_view_that_nobody_looks_at() {
+    let ended = Viewed::replay(&[FILM, &["--view-exit", "--rate", "100"]].concat()).wait();
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert!(ended.stderr.contains("the view gave viewers 0 messages"), "{}", ended.stderr);
+}
+
+#[test]
+fn a_port_that_is_taken_is_named() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let arguments = [FILM[0], &format!("--view={port}")];
+    let ended = end(laser_profiler(&["replay"]).args(arguments));
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    let words = format!("port {port} of 127.0.0.1 is taken");
+    assert!(ended.stderr.contains(&words) && ended.stderr.contains("--view="), "{ended:?}");
+}
+
+#[test]
+fn only_this_machine_may_look() {
+    for (address, words) in [("0.0.0.0:8765", "ssh -L"), ("here", "HOST:PORT")] {
+        let view = format!("--view={address}");
+        let ended = end(laser_profiler(&["replay", FILM[0]]).arg(&view));
+        assert_eq!(ended.code, Some(2), "{ended:?}");
+        assert!(ended.stderr.contains(words), "{ended:?}");
+    }
+    let ended = end(laser_profiler(&["replay", FILM[0], FILM[0]]).arg("--view=0"));
+    assert_eq!(ended.code, Some(2), "{ended:?}");
+    assert!(ended.stderr.contains("shows one recording"), "{ended:?}");
+}
+
+#[test]
+fn a_recording_without_a_frame_is_a_failure() {
+    let place = tempfile::tempdir().unwrap();
+    let bag = place.path().join("bag");
+    record_images(&bag, &[b"no image".to_vec()]);
+    let ended = end(laser_profiler(&["replay", "--view=0", "--view-exit"]).arg(&bag));
+    assert_eq!(ended.code, Some(0), "what is there is shown: {ended:?}");
+    let empty = place.path().join("empty");
+    record_images(&empty, &[]);
+    let ended = end(laser_profiler(&["replay", "--view=0"]).arg(&empty));
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert!(ended.stderr.contains("holds no messages"), "{ended:?}");
+}
