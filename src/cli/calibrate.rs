@@ -7,10 +7,12 @@ mod steps;
 #[cfg(feature = "calibrate")]
 mod vision;
 #[cfg(not(feature = "calibrate"))]
-#[path = "calibrate/without_vision.rs"]
-mod vision;
+mod without_vision;
 
 use std::io::Write;
+
+#[cfg(not(feature = "calibrate"))]
+use without_vision as vision;
 
 use super::Outcome;
 use crate::ros::arguments::RosArguments;

@@ -29,7 +29,7 @@ A region is x0,y0,x1,y1 in the frame of the point cloud: x along the stripe, y a
 the answer are metres with --json, else as they are labelled; each has one standard deviation and a half width that contains the
 truth in 95 %. It comes from the scatter of the points and, where the
 calibration in the recording states its covariance, from that of the calibration (`sigma_calibration`): everything is measured again
-with a calibration one standard deviation off. Neighbours that deviate together, as after smoothing or by waviness, count as so many
+with a calibration one standard deviation off, its axis included. Neighbours that deviate together, as after smoothing or by waviness, count as so many
 independent points as the correlation of the residuals leaves (`effective`).
 
 --json prints one object:

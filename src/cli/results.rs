@@ -3,7 +3,7 @@
 mod cloud;
 mod positions;
 
-use std::{fmt::Write as _, path::Path};
+use std::path::Path;
 
 use anyhow::{bail, ensure};
 use nalgebra::Point3;
@@ -227,15 +227,16 @@ impl Read {
 }
 
 fn where_is(region: &Region, [low_m, high_m]: [f64; 2]) -> String {
-    let mut told = String::new();
-    if *region != Region::ALL {
-        let ([x0, y0], [x1, y1]) = (region.from_m, region.to_m);
-        _ = write!(told, " in the region x {x0} to {x1} m, y {y0} to {y1} m");
+    let ([x0, y0], [x1, y1]) = (region.from_m, region.to_m);
+    let place = if *region == Region::ALL {
+        String::new()
+    } else {
+        format!(" in the region x {x0} to {x1} m, y {y0} to {y1} m")
+    };
+    if [low_m, high_m] == ANY_HEIGHT_M {
+        return place;
     }
-    if [low_m, high_m] != ANY_HEIGHT_M {
-        _ = write!(told, " at heights from {low_m} to {high_m} m");
-    }
-    told
+    format!("{place} at heights from {low_m} to {high_m} m")
 }
 
 fn choose_topic(bag: &BagReader, wanted: Option<&str>, path: &Path) -> anyhow::Result<String> {

@@ -66,7 +66,7 @@ mod tests {
     #[test]
     fn the_scatter_of_rows_is_found_and_its_uncertainty_is_true() {
         let truth = 3e-6_f64.hypot(2e-6 / 60.0_f64.sqrt());
-        let covered = share(200, |seed| {
+        let covered = share(100, |seed| {
             let surface = jumping(seed);
             let found = of(&surface, &plane::fit(&surface).unwrap()).unwrap();
             assert_eq!(found.num_profiles, 50);
