@@ -54,6 +54,8 @@ def look(client, options):
     patiently(lambda: client.set_time("stamp", timestamp=at, play_state="paused"))
     time.sleep(3)
     patiently(lambda: client.save_screenshot(str(options.picture)))
+    # Colours of a table make it small enough for a document.
+    Image.open(options.picture).convert("RGB").quantize(256).save(options.picture, optimize=True)
     seen = {}
     with tempfile.TemporaryDirectory() as place:
         for view in patiently(client.get_state).views:

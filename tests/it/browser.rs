@@ -3,21 +3,21 @@
 //! The pictures that it takes stay in `target/browser`.
 
 use std::{
+    collections::HashSet,
     env, fs,
     path::{Path, PathBuf},
     process::Command,
     sync::OnceLock,
 };
 
-use serde_json::Value as Json;
+use serde_json::{Value as Json, json};
 
 use crate::{
-    program::{Ended, end, replay, skip},
+    program::{Ended, end, laser_profiler, replay, skip},
     recordings::bundled,
 };
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-const LAYOUT: &str = "launch_configs/viewers/foxglove_layout.json";
 
 /// What the checks run with.
 #[derive(Debug)]
@@ -95,14 +95,21 @@ pub(crate) fn check(tools: &Tools, script: &str, arguments: &[(&str, &Path)]) ->
     end(&mut command)
 }
 
+/// What is shipped for the viewers.
+fn viewers() -> PathBuf {
+    Path::new(ROOT).join("launch_configs/viewers")
+}
+
 /// Plays a recording in Foxglove for some seconds of its time and tells what is seen.
-fn foxglove(tools: &Tools, source: &Path, seconds: &str, picture: &Path) -> Json {
-    let layout = Path::new(ROOT).join(LAYOUT);
+fn foxglove(tools: &Tools, source: &Path, seconds: &str, name: &str) -> Json {
+    let is_live = source.starts_with("ws:");
+    let layout = if is_live { "foxglove_live_layout.json" } else { "foxglove_layout.json" };
+    let (layout, picture) = (viewers().join(layout), picture(name));
     let arguments = [
         ("source", source),
         ("layout", &layout),
         ("seconds", Path::new(seconds)),
-        ("picture", picture),
+        ("picture", &picture),
     ];
     let ended = check(tools, "foxglove.mjs", &arguments);
     assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
@@ -115,7 +122,7 @@ fn pixels(seen: &Json, panel: &str, hues: &[u32]) -> u64 {
     hues.map(|count| count.as_u64().unwrap_or(0)).sum()
 }
 
-/// The command of the documentation's picture: the height map is there before the recording ends.
+/// The results of the bundled film, as a file.
 fn results(output: &Path, arguments: &[&str]) -> PathBuf {
     let parameters = ["--params-file", "bags/film_defects.params.yaml"];
     // Exit code 3: the recording lacks frames on purpose.
@@ -130,7 +137,7 @@ fn foxglove_shows_a_results_bag() {
     let arguments =
         ["--with-images", "--ros-args", "-p", "slice.profiles:=10", "-p", "scan.max_profiles:=110"];
     let bag = results(&directory.path().join("results"), &arguments);
-    let seen = foxglove(tools, &bag, "5.2", &picture("foxglove.png"));
+    let seen = foxglove(tools, &bag, "5.2", "foxglove.png");
 
     assert_eq!(seen["problems"], 0, "{seen}");
     assert_eq!(seen["errors"], Json::Array(Vec::new()), "{seen}");
@@ -165,10 +172,67 @@ fn without_images_foxglove_says_so_and_shows_the_rest() {
     let Some(tools) = tools() else { return };
     let directory = tempfile::tempdir().unwrap();
     let bag = results(&directory.path().join("results"), &[]);
-    let seen = foxglove(tools, &bag, "2.6", &picture("foxglove_without_images.png"));
+    let seen = foxglove(tools, &bag, "2.6", "foxglove_without_images.png");
     assert!(seen["topics"].get("/camera/image_raw").is_none(), "{seen}");
     let overlay = seen["panels"]["ImageViewPanel!overlay"]["text"].as_str().unwrap();
     assert!(overlay.contains("/camera/image_raw"), "{overlay}");
     assert!(pixels(&seen, "ImageViewPanel!overlay", &[120]) < 20, "{seen}");
     assert!(pixels(&seen, "3D!cloud", &[60, 90]) > 500, "{seen}");
+}
+
+/// The page that `report` writes: no complaint, nothing asked of the network, and the sections follow the pointer.
+#[test]
+fn the_report_follows_the_pointer() {
+    let Some(tools) = tools() else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let bag = results(&directory.path().join("results"), &["--with-images"]);
+    let page = directory.path().join("report.html");
+    let mut command = laser_profiler(&["report", "-o"]);
+    let ended = end(command.arg(&page).arg(&bag));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let ended = check(tools, "report.mjs", &[("page", &page), ("picture", &picture("report.png"))]);
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let seen: Json = serde_json::from_str(&ended.stdout).unwrap();
+
+    assert_eq!(seen["errors"], Json::Array(Vec::new()), "{seen}");
+    assert_eq!((&seen["drawn"], &seen["requests"]), (&"yes".into(), &1.into()), "{seen}");
+    let points = seen["points"].as_array().unwrap();
+    let told = |key: &str| {
+        let all: HashSet<_> = points.iter().map(|point| point[key].to_string()).collect();
+        all.len()
+    };
+    assert!(told("readout") > points.len() / 2, "{seen}");
+    assert!(told("sections") > points.len() / 2, "{seen}");
+    // The highest place is the bubble of 0.8 mm that the scenario puts at (-6, 17) mm; pointed at every 2 to 3 mm.
+    let heights = points.iter().map(|point| millimetres(point["readout"].as_str().unwrap()));
+    let [x, y, z] = heights.max_by(|a, b| a[2].total_cmp(&b[2])).unwrap();
+    assert!((x + 6.0).abs() < 3.0 && (y - 17.0).abs() < 3.0, "{x} {y} {z}");
+    assert!((6.5..7.1).contains(&z), "{z}");
+}
+
+/// Three lengths out of `x 1.2 mm · y 3.4 mm · z 5.6 mm · …`.
+fn millimetres(readout: &str) -> [f64; 3] {
+    let words: Vec<_> = readout.split(' ').collect();
+    let length = |axis: &str| {
+        let at = words.iter().position(|word| *word == axis).unwrap();
+        assert_eq!(words[at + 2], "mm", "{readout}");
+        words[at + 1].parse().unwrap()
+    };
+    ["x", "y", "z"].map(length)
+}
+
+/// What the two layouts have in common stays common.
+#[test]
+fn the_live_layout_differs_in_the_image_and_the_open_tab() {
+    let layout = |name: &str| -> Json {
+        let text = fs::read_to_string(viewers().join(name));
+        serde_json::from_str(&text.unwrap()).unwrap()
+    };
+    let mut expected = layout("foxglove_layout.json");
+    expected["configById"]["Image!overlay"]["imageMode"] = json!({
+        "imageTopic": "/laser_profiler/preview",
+        "annotations": { "/laser_profiler/preview_annotations": { "visible": true } },
+    });
+    expected["configById"]["Tab!state"]["activeTabIdx"] = 2.into();
+    assert_eq!(layout("foxglove_live_layout.json"), expected);
 }
