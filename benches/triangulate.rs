@@ -28,6 +28,7 @@ const RIG: VerticalIncidence = VerticalIncidence {
     base_row_px: 1024.0,
     center_column_px: 1295.5,
     height_sign: -1,
+    quality: None,
 };
 
 /// The same rig with a lens that bends.

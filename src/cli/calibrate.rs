@@ -1,38 +1,18 @@
 //! `laser_profiler calibrate`: from recordings to the file that makes pixels metres.
 
 mod args;
+mod level;
 mod line;
 mod steps;
 #[cfg(feature = "calibrate")]
-mod axis;
-#[cfg(feature = "calibrate")]
-mod axis_answer;
-#[cfg(feature = "calibrate")]
-mod axis_distance;
-#[cfg(feature = "calibrate")]
-mod boards;
-#[cfg(feature = "calibrate")]
-mod camera;
-#[cfg(feature = "calibrate")]
-mod file;
-#[cfg(feature = "calibrate")]
-mod joint;
-#[cfg(feature = "calibrate")]
-mod plane;
-#[cfg(feature = "calibrate")]
-mod plane_answer;
-#[cfg(feature = "calibrate")]
-mod rejected;
-#[cfg(feature = "calibrate")]
-mod report;
-#[cfg(feature = "calibrate")]
-mod report_charts;
-#[cfg(feature = "calibrate")]
-mod stripes;
-#[cfg(feature = "calibrate")]
-mod views;
+mod vision;
+#[cfg(not(feature = "calibrate"))]
+mod without_vision;
 
 use std::io::Write;
+
+#[cfg(not(feature = "calibrate"))]
+use without_vision as vision;
 
 use super::Outcome;
 use crate::ros::arguments::RosArguments;
@@ -47,10 +27,12 @@ Examples:
                                                        the rotary axis, from markers that turn with the part
   laser_profiler calibrate steps base.png=0mm low.png=2mm high.png=5mm top.png=9mm --lateral 22um -o calibration.yaml
                                                        known heights, for users without a board
+  laser_profiler calibrate level results -o level.yaml --region=-30mm,-30mm,30mm,30mm
+                                                       the part's frame laid on a flat that was scanned
 
 Each has --help of its own.";
 
-/// Calibrates from recordings or pictures: camera, laser plane and axis, or known heights.
+/// Calibrates from recordings or pictures: camera, laser plane, axis and level, or known heights.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct CalibrateArgs {
@@ -64,6 +46,7 @@ enum What {
     Plane(args::PlaneArgs),
     Axis(args::AxisArgs),
     Steps(steps::StepsArgs),
+    Level(level::LevelArgs),
 }
 
 /// Calibrates and tells on `out` how well.
@@ -72,27 +55,10 @@ enum What {
 /// [`Usage`](super::Usage) when the request cannot be followed, else whatever cannot be read, calibrated or written.
 pub fn run(args: CalibrateArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     match args.what {
-        #[cfg(feature = "calibrate")]
-        What::Camera(args) => camera::run(&args, ros, out),
-        #[cfg(feature = "calibrate")]
-        What::Plane(args) => plane::run(&args, ros, out),
-        #[cfg(feature = "calibrate")]
-        What::Axis(args) => axis::run(&args, ros, out),
+        What::Camera(args) => vision::camera(&args, ros, out),
+        What::Plane(args) => vision::plane(&args, ros, out),
+        What::Axis(args) => vision::axis(&args, ros, out),
         What::Steps(args) => steps::run(&args, ros, out),
-        #[cfg(not(feature = "calibrate"))]
-        What::Camera(_) => without("camera"),
-        #[cfg(not(feature = "calibrate"))]
-        What::Plane(_) => without("plane"),
-        #[cfg(not(feature = "calibrate"))]
-        What::Axis(_) => without("axis"),
+        What::Level(args) => level::run(&args, out),
     }
-}
-
-/// The node's own build stays small.
-#[cfg(not(feature = "calibrate"))]
-fn without(what: &str) -> anyhow::Result<Outcome> {
-    anyhow::bail!(
-        "this program was built without `calibrate {what}`: build it with \
-         `cargo build --release --features calibrate`"
-    )
 }

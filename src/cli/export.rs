@@ -20,7 +20,7 @@ use super::{
     Outcome, Usage,
     length::positive_m,
     measure::{edges, region},
-    results::{Read, Results, ResultsArgs},
+    results::{ANY_HEIGHT_M, Read, Results, ResultsArgs},
 };
 use crate::metrology::{
     height_map::{CellState, GridLayout, RegularHeightMap, Resampler, fill_gaps},
@@ -154,7 +154,7 @@ pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     }
     let results = Results::open(&args.results)?;
     let region = args.region.unwrap_or(Region::ALL);
-    let heights_m = args.heights.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let heights_m = args.heights.unwrap_or(ANY_HEIGHT_M);
     let motion = motion(args, &results, &region)?;
     let placing = Placing { region, heights_m, motion };
     let (outline, mut read) = outline::of(&results, &placing)?;
@@ -179,13 +179,9 @@ fn motion(
     if !args.is_leveled() {
         return Ok(None);
     }
-    let (mut surface, _) = results.surface(args.level_on.as_ref().unwrap_or(region))?;
-    if let Some([low, high]) = args.heights {
-        for point in surface.points.iter_mut().filter(|p| !(low..=high).contains(&p.z)) {
-            point.z = f64::NAN;
-        }
-    }
-    let plane = plane::fit(&surface).context("--level")?;
+    let region = args.level_on.as_ref().unwrap_or(region);
+    let scanned = results.surface(region, args.heights.unwrap_or(ANY_HEIGHT_M))?;
+    let plane = plane::fit(&scanned.surface).context("--level")?;
     Ok(Some(plane::leveling(&plane)))
 }
 

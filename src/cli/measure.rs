@@ -18,6 +18,7 @@ use crate::metrology::surface::Region;
 const HELP: &str = "\
 Examples:
   laser_profiler measure plane results --region 0,0,20mm,30mm      how flat, how inclined
+  laser_profiler measure plane results --region=-50mm,-50mm,50mm,50mm --heights=-1mm,1mm     without what stands on it
   laser_profiler measure step results --region 0,0,20mm,5mm        a ridge or groove across the profiles, ISO 5436-1 type A1
   laser_profiler measure step results --edges 8mm,12mm --direction y --json
   laser_profiler measure sphere results --region 5mm,5mm,15mm,15mm
@@ -28,13 +29,15 @@ A region is x0,y0,x1,y1 in the frame of the point cloud: x along the stripe, y a
 the answer are metres with --json, else as they are labelled; each has one standard deviation and a half width that contains the
 truth in 95 %. It comes from the scatter of the points and, where the
 calibration in the recording states its covariance, from that of the calibration (`sigma_calibration`): everything is measured again
-with a calibration one standard deviation off. Neighbours that deviate together, as after smoothing or by waviness, count as so many
+with a calibration one standard deviation off, its axis included. Neighbours that deviate together, as after smoothing or by waviness, count as so many
 independent points as the correlation of the residuals leaves (`effective`).
 
 --json prints one object:
   tool, topic, profiles, points, rejected (clouds), calibration (text of the file in the recording; null without),
   calibration_unknown (why it has no share in the uncertainties)
-  plane:   tilt_rad, normal, center_m, height_m, scatter_m, flatness_d95_m, peak_to_valley_m, outliers, effective
+  plane:   tilt_rad, normal, center_m, height_m, scatter_m, flatness_d95_m, peak_to_valley_m, outliers, effective;
+           profiles_sigma_m (scatter of the profiles' mean heights over the plane, which says how well a height repeats),
+           profiles_compared (those with half as many points as usual, or more; without two of them both are missing)
   step:    height_m, edges_m, profile_sigma_m, profiles_used, profiles_rejected, effective
   sphere:  center_x_m, center_y_m, center_z_m, radius_m, scatter_m, form_d95_m, peak_to_valley_m, outliers, effective
   spheres: distance_m, spheres: [sphere, sphere]
@@ -67,6 +70,9 @@ enum Tool {
 struct Common {
     #[command(flatten)]
     results: ResultsArgs,
+    /// Only heights from LOW to HIGH.
+    #[arg(long, value_name = "LOW,HIGH", value_parser = edges, allow_hyphen_values = true)]
+    heights: Option<[f64; 2]>,
     /// One JSON object on standard output; see `measure --help`.
     #[arg(long)]
     json: bool,

@@ -1,6 +1,7 @@
 //! The point clouds of a results' recording, profile after profile.
 
 mod cloud;
+mod positions;
 
 use std::path::Path;
 
@@ -22,6 +23,8 @@ use crate::{
 
 /// A message may hold a slice of 2^26 points.
 pub(super) const RECORD_LIMIT_BYTES: usize = (1 << 30) + (16 << 20);
+/// Of any height.
+pub(super) const ANY_HEIGHT_M: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 /// Most points of a surface in memory: 1.5 GiB.
 const MAX_POINTS: usize = 1 << 26;
 
@@ -45,6 +48,15 @@ pub(super) struct Results {
     /// The slices of the scan that is meant, by number; those without an account belong to the last scan.
     slices: std::ops::Range<u64>,
     accounts: Vec<Account>,
+}
+
+/// The points of a region.
+pub(super) struct Scanned {
+    /// Row after row; without those that have no point there.
+    pub(super) surface: Surface,
+    /// Number of each row among the scan's profiles.
+    pub(super) rows: Vec<usize>,
+    pub(super) read: Read,
 }
 
 /// How reading went.
@@ -96,9 +108,20 @@ impl Results {
 
     /// Whether the stripe ran from top to bottom, by the parameters that the recording carries.
     pub(super) fn is_vertical(&self) -> bool {
+        self.has_parameter("stripe_direction: vertical")
+    }
+
+    /// Whether positions were poses, by the parameters that the recording carries.
+    pub(super) fn is_posed(&self) -> bool {
+        self.has_parameter("motion.source: tf")
+    }
+
+    fn has_parameter(&self, line: &str) -> bool {
         let mut parameters = self.bag.metadata().flatten().filter_map(|record| {
             let text = record.entries.get("parameters")?;
-            (record.name == "laser_profiler").then(|| text.contains("stripe_direction: vertical"))
+            let mut lines = text.lines();
+            (record.name == "laser_profiler")
+                .then(|| lines.any(|found| found.trim_end().ends_with(line)))
         });
         parameters.next().unwrap_or(false)
     }
@@ -140,21 +163,28 @@ impl Results {
         Ok(read)
     }
 
-    /// The points of a region as a surface, rows without any left out.
+    /// The points of a region from the lower to the higher of two heights, metres, as a surface, rows without any left out.
     ///
     /// # Errors
-    /// No point in the region, more points than memory should hold.
-    pub(super) fn surface(&self, region: &Region) -> anyhow::Result<(Surface, Read)> {
+    /// No such point, more points than memory should hold.
+    pub(super) fn surface(
+        &self,
+        region: &Region,
+        [low_m, high_m]: [f64; 2],
+    ) -> anyhow::Result<Scanned> {
         let mut surface = Surface::default();
+        let (mut rows, mut number) = (Vec::new(), 0);
         let nowhere = Point3::new(f64::NAN, f64::NAN, f64::NAN);
         let read = self.profiles(|profile| {
             let inside = |point: &Point| {
                 let [x, y, z, _] = point.map(f64::from);
-                z.is_finite() && region.contains(x, y)
+                z.is_finite() && (low_m..=high_m).contains(&z) && region.contains(x, y)
             };
+            number += 1;
             if !profile.iter().any(inside) {
                 return Ok(());
             }
+            rows.push(number - 1);
             ensure!(
                 surface.points.is_empty() || surface.width == profile.len(),
                 "profiles of {} and of {} points in one scan",
@@ -172,8 +202,12 @@ impl Results {
             }));
             Ok(())
         })?;
-        ensure!(!surface.points.is_empty(), "no point was measured{}", where_is(region));
-        Ok((surface, read))
+        ensure!(
+            !surface.points.is_empty(),
+            "no point was measured{}",
+            where_is(region, [low_m, high_m])
+        );
+        Ok(Scanned { surface, rows, read })
     }
 }
 
@@ -192,12 +226,17 @@ impl Read {
     }
 }
 
-fn where_is(region: &Region) -> String {
-    if *region == Region::ALL {
-        return String::new();
-    }
+fn where_is(region: &Region, [low_m, high_m]: [f64; 2]) -> String {
     let ([x0, y0], [x1, y1]) = (region.from_m, region.to_m);
-    format!(" in the region x {x0} to {x1} m, y {y0} to {y1} m")
+    let place = if *region == Region::ALL {
+        String::new()
+    } else {
+        format!(" in the region x {x0} to {x1} m, y {y0} to {y1} m")
+    };
+    if [low_m, high_m] == ANY_HEIGHT_M {
+        return place;
+    }
+    format!("{place} at heights from {low_m} to {high_m} m")
 }
 
 fn choose_topic(bag: &BagReader, wanted: Option<&str>, path: &Path) -> anyhow::Result<String> {
@@ -233,6 +272,7 @@ fn choose_topic(bag: &BagReader, wanted: Option<&str>, path: &Path) -> anyhow::R
 #[derive(Clone, Copy, Debug, Default)]
 struct Account {
     frames: [u64; 2],
+    profiles: u32,
     is_last: bool,
 }
 
@@ -242,7 +282,11 @@ fn accounts(bag: &BagReader, topic: &str) -> Vec<Account> {
     let infos = format!("{prefix}slice_info");
     let read = |message: RawMessage| {
         let info: SliceInfo<'_> = cdr::decode(&message.data).ok()?;
-        Some(Account { frames: [info.first_frame, info.last_frame], is_last: info.last_slice })
+        Some(Account {
+            frames: [info.first_frame, info.last_frame],
+            profiles: info.frames_accepted,
+            is_last: info.last_slice,
+        })
     };
     let messages = bag.messages(&Filter::topics([infos.as_str()]));
     messages.map(|message| message.ok().and_then(read).unwrap_or_default()).collect()

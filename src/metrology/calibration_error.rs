@@ -1,16 +1,21 @@
 //! What a calibration that is not known exactly does to measured points.
 
-use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, SymmetricEigen, Unit, Vector3};
+mod axes;
+mod rig;
+
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::surface::Surface;
 use crate::scanner::{
-    axis::AxisKind,
-    calibration::{Calibration, CameraAndPlane},
-    camera::{Camera, Distortion},
+    axis::{Axis, AxisKind},
+    calibration::{AxisQuality, Calibration, CameraAndPlane, VerticalIncidence},
     params::StripeDirection,
 };
+use axes::axes;
+use rig::Rig;
 
-/// An axis that leans so far from the laser plane's normal that profiles shift against one another.
+/// An axis that leans no more from the laser plane's normal shifts profiles so little against one another that the
+/// position is y.
 const LARGEST_LEAN: f64 = 0.05;
 
 /// The calibration, one standard deviation off along one of its independent directions.
@@ -21,29 +26,43 @@ pub struct Perturbation(Map);
 enum Map {
     /// From points of the laser plane to points, by way of the image.
     Projective(Matrix3<f64>),
-    /// By way of the camera's rays.
-    Rays(Box<Rays>),
+    /// By way of the image, as it is and as it might be.
+    Vertical(Box<[VerticalIncidence; 2]>),
+    /// By way of the camera's rays, as they are and as they might be.
+    Rays(Box<[Rig; 2]>),
 }
 
-#[derive(Clone, Debug)]
-struct Rays {
-    camera_from_laser: Isometry3<f64>,
-    camera: Camera,
-    other: CameraAndPlane,
-    other_laser_from_camera: Isometry3<f64>,
+/// Whether a scan's points tell what the calibration adds only together with the positions of its profiles: its axis turns
+/// the part, or leans, or the part's frame was laid on a flat.
+#[must_use]
+pub fn needs_positions(calibration: &Calibration) -> bool {
+    let Calibration::CameraAndPlane(geometry) = calibration else { return false };
+    let leans = geometry.axis.is_some_and(|axis| {
+        let lean = axis.direction.cross(&geometry.plane.normal).norm();
+        axis.kind == AxisKind::Revolute || lean > LARGEST_LEAN
+    });
+    leans || geometry.part.is_some()
 }
 
 /// All independent directions in which the calibration may be off, each by one standard deviation: the principal axes of
-/// its covariance. Their effects on any figure add up as squares. Camera and plane are taken as independent.
+/// its covariance. Their effects on any figure add up as squares. Camera, plane and axis are taken as independent; where
+/// the axis is, it moves by its direction, its place and its scale.
 ///
 /// # Errors
-/// Why it is not known: the file states no covariance, or the part turned.
+/// Why it is not known: the file states no covariance.
 pub fn perturbations(
     calibration: &Calibration,
     direction: StripeDirection,
 ) -> Result<Vec<Perturbation>, &'static str> {
-    match calibration {
-        Calibration::VerticalIncidence(_) => Err("a vertical_incidence file states no uncertainty"),
+    let maps: Vec<Map> = match calibration {
+        Calibration::VerticalIncidence(geometry) => {
+            let quality =
+                geometry.quality.as_ref().filter(|quality| quality.covariance.len() == 16);
+            let quality = quality.ok_or("the file states no covariance of a, b and β")?;
+            let others = axes(4, &quality.covariance).into_iter();
+            let others = others.map(|axis| geometry.moved([axis[0], axis[1], axis[2], axis[3]]));
+            others.map(|other| Map::Vertical(Box::new([geometry.clone(), other]))).collect()
+        }
         Calibration::Projective(map) => {
             let quality = map.quality.as_ref().filter(|quality| quality.covariance.len() == 81);
             let quality = quality.ok_or("the file states no covariance of its homography")?;
@@ -51,34 +70,28 @@ pub fn perturbations(
             let inverse = nominal.try_inverse().ok_or("the homography has no inverse")?;
             let maps = axes(9, &quality.covariance).into_iter();
             let moved = |axis: Vec<f64>| (nominal + Matrix3::from_row_slice(&axis)) * inverse;
-            Ok(maps.map(|axis| Perturbation(Map::Projective(moved(axis)))).collect())
+            maps.map(|axis| Map::Projective(moved(axis))).collect()
         }
-        Calibration::CameraAndPlane(geometry) => of_camera(geometry, direction),
-    }
+        Calibration::CameraAndPlane(geometry) => {
+            let nominal = Rig::new(geometry, direction);
+            let others = others(geometry)?.into_iter();
+            let rays = |other| Map::Rays(Box::new([nominal.clone(), Rig::new(&other, direction)]));
+            others.map(rays).collect()
+        }
+    };
+    Ok(maps.into_iter().map(Perturbation).collect())
 }
 
-fn of_camera(
-    geometry: &CameraAndPlane,
-    direction: StripeDirection,
-) -> Result<Vec<Perturbation>, &'static str> {
-    let normal = geometry.plane.normal;
-    if let Some(axis) = &geometry.axis {
-        if axis.kind == AxisKind::Revolute {
-            return Err("it is not propagated through a rotation");
-        }
-        if axis.direction.cross(&normal).norm() > LARGEST_LEAN {
-            return Err(
-                "it is not propagated along an axis that leans from the laser plane's normal",
-            );
-        }
-    }
+/// The rigs that are one standard deviation off.
+fn others(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static str> {
     let plane = geometry.plane_quality.as_ref().and_then(|quality| quality.covariance);
     let plane = plane.ok_or("the file states no covariance of its laser plane")?;
     let mut others = Vec::new();
     let tangents = geometry.plane.tangents();
     for axis in axes(3, &plane) {
         let mut other = geometry.clone();
-        let turned = normal.into_inner() + axis[0] * tangents[0] + axis[1] * tangents[1];
+        let turned =
+            other.plane.normal.into_inner() + axis[0] * tangents[0] + axis[1] * tangents[1];
         other.plane.normal = Unit::new_normalize(turned);
         other.plane.distance_m += axis[2];
         others.push(other);
@@ -89,103 +102,83 @@ fn of_camera(
             for axis in axes(num, &quality.covariance) {
                 let mut other = geometry.clone();
                 for (name, by) in quality.parameters.iter().zip(axis) {
-                    shift(&mut other.camera, name, by);
+                    if let Some(value) = other.camera.value_mut(name) {
+                        *value += by;
+                    }
                 }
                 others.push(other);
             }
         }
     }
-    let rays = |other: CameraAndPlane| Rays {
-        camera_from_laser: geometry.camera_from_laser(direction),
-        camera: geometry.camera,
-        other_laser_from_camera: other.camera_from_laser(direction).inverse(),
-        other,
+    others.extend(other_axes(geometry)?);
+    Ok(others)
+}
+
+/// The rigs whose axis is one standard deviation off.
+fn other_axes(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static str> {
+    let Some(axis) = geometry.axis else { return Ok(Vec::new()) };
+    let stated = geometry.axis_quality.as_ref();
+    let sigma = |of: fn(&AxisQuality) -> Option<f64>| {
+        stated.and_then(of).ok_or("the file states no uncertainty of its axis")
     };
-    Ok(others.into_iter().map(|other| Perturbation(Map::Rays(Box::new(rays(other))))).collect())
-}
-
-/// Moves a value of the camera by its name in the file.
-fn shift(camera: &mut Camera, name: &str, by: f64) {
-    let value = match name {
-        "fx" => Some(&mut camera.fx_px),
-        "fy" => Some(&mut camera.fy_px),
-        "cx" => Some(&mut camera.cx_px),
-        "cy" => Some(&mut camera.cy_px),
-        "tau_x" => Some(&mut camera.tilt_rad[0]),
-        "tau_y" => Some(&mut camera.tilt_rad[1]),
-        _ => coefficient(&mut camera.distortion, name),
-    };
-    if let Some(value) = value {
-        *value += by;
-    }
-}
-
-fn coefficient<'a>(distortion: &'a mut Distortion, name: &str) -> Option<&'a mut f64> {
-    match distortion {
-        Distortion::None => None,
-        Distortion::PlumbBob { k1, k2, p1, p2, k3 } => match name {
-            "k1" => Some(k1),
-            "k2" => Some(k2),
-            "k3" => Some(k3),
-            "p1" => Some(p1),
-            "p2" => Some(p2),
-            _ => None,
-        },
-        Distortion::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 } => match name {
-            "k1" => Some(k1),
-            "k2" => Some(k2),
-            "k3" => Some(k3),
-            "k4" => Some(k4),
-            "k5" => Some(k5),
-            "k6" => Some(k6),
-            "p1" => Some(p1),
-            "p2" => Some(p2),
-            _ => None,
-        },
-    }
-}
-
-/// The principal axes of a covariance, each as long as one standard deviation along it; those of rounding left out. The
-/// values have different units: they are scaled to their own standard deviations first.
-fn axes(num: usize, covariance: &[f64]) -> Vec<Vec<f64>> {
-    let matrix = DMatrix::from_row_slice(num, num, covariance);
-    let sigmas: Vec<f64> = (0..num).map(|i| matrix[(i, i)].max(0.0).sqrt()).collect();
-    let scaled = DMatrix::from_fn(num, num, |i, j| {
-        let scale = sigmas[i] * sigmas[j];
-        if scale > 0.0 { matrix[(i, j)] / scale } else { 0.0 }
+    let across = across(&axis.direction);
+    let direction_rad = sigma(|quality| quality.direction_sigma_rad)?;
+    let turned = across.map(|to| {
+        let direction = axis.direction.into_inner() + direction_rad * to;
+        Axis { direction: Unit::new_normalize(direction), ..axis }
     });
-    let eigen = SymmetricEigen::new(scaled);
-    let kept = (0..num).filter(|i| eigen.eigenvalues[*i] > 1e-9);
-    kept.map(|i| {
-        let length = eigen.eigenvalues[i].sqrt();
-        (0..num).map(|j| length * eigen.eigenvectors[(j, i)] * sigmas[j]).collect()
-    })
-    .collect()
+    let mut all = turned.to_vec();
+    if axis.kind == AxisKind::Revolute {
+        let point_m = sigma(|quality| quality.point_sigma_m)?;
+        let shifted = across.map(|to| Axis { point_m: axis.point_m + point_m * to, ..axis });
+        all.extend(shifted);
+    }
+    let scale = axis.scale + sigma(|quality| quality.scale_sigma)?;
+    all.push(Axis { scale, ..axis });
+    let rig = |axis| CameraAndPlane { axis: Some(axis), ..geometry.clone() };
+    Ok(all.into_iter().map(rig).collect())
+}
+
+/// Two unit vectors at right angles to a direction and to each other.
+fn across(direction: &Unit<Vector3<f64>>) -> [Vector3<f64>; 2] {
+    let start = if direction.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let first = (start - direction.into_inner() * direction.dot(&start)).normalize();
+    [first, direction.cross(&first)]
 }
 
 impl Perturbation {
     /// Where the points would have been measured with the other calibration; those that it does not see are NaN.
+    /// `positions` are those of the rows, in the unit of the axis; without any, y is the position.
     #[must_use]
-    pub fn apply(&self, surface: &Surface) -> Surface {
+    pub fn apply(&self, surface: &Surface, positions: &[f64]) -> Surface {
         let nowhere = Point3::new(f64::NAN, f64::NAN, f64::NAN);
-        let points = surface.points.iter().map(|point| self.point(point).unwrap_or(nowhere));
-        Surface { width: surface.width, points: points.collect() }
+        let mut points = Vec::with_capacity(surface.points.len());
+        for (number, row) in surface.rows().enumerate() {
+            let moved = self.row(row, positions.get(number).copied());
+            points.extend(moved.into_iter().map(|point| point.unwrap_or(nowhere)));
+        }
+        Surface { width: surface.width, points }
     }
 
-    fn point(&self, point: &Point3<f64>) -> Option<Point3<f64>> {
+    fn row(&self, row: &[Point3<f64>], position: Option<f64>) -> Vec<Option<Point3<f64>>> {
         match &self.0 {
-            Map::Projective(map) => {
-                let moved = map * Vector3::new(point.x, point.z, 1.0);
-                (moved.z > 0.0).then(|| Point3::new(moved.x / moved.z, point.y, moved.y / moved.z))
-            }
-            Map::Rays(rays) => {
-                let seen = rays.camera_from_laser * Point3::new(point.x, 0.0, point.z);
-                let ray = rays.other.camera.ray(rays.camera.project(seen)?)?;
-                let moved = rays.other_laser_from_camera * rays.other.plane.meet(ray)?;
-                Some(Point3::new(moved.x, point.y, moved.z))
-            }
+            Map::Projective(map) => row.iter().map(|point| through(map, point)).collect(),
+            Map::Vertical(both) => row.iter().map(|point| vertical(both, point)).collect(),
+            Map::Rays(both) => rig::row(both, row, position),
         }
     }
+}
+
+fn through(map: &Matrix3<f64>, point: &Point3<f64>) -> Option<Point3<f64>> {
+    let moved = map * Vector3::new(point.x, point.z, 1.0);
+    (moved.z > 0.0).then(|| Point3::new(moved.x / moved.z, point.y, moved.y / moved.z))
+}
+
+fn vertical(both: &[VerticalIncidence; 2], point: &Point3<f64>) -> Option<Point3<f64>> {
+    let [nominal, other] = both;
+    let (along_px, across_px) = nominal.project(point.x, point.z)?;
+    let z_m = other.height(across_px)?.z_m;
+    Some(Point3::new(other.lateral(along_px, z_m), point.y, z_m))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ pub mod steps;
 pub mod surface;
 pub mod form;
 pub mod plane;
+pub mod between_profiles;
 pub mod sphere;
 pub mod step_height;
 pub mod height_map;

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Residuals beyond this many scales have no weight; 95 % efficiency on normal noise (Beaton and Tukey 1974).
-const TUKEY: f64 = 4.685;
+pub(super) const TUKEY: f64 = 4.685;
 /// Median magnitude of a normal variable of standard deviation 1.
 const MAD: f64 = 0.674_489_75;
 /// Draws of the start: with a third of outliers one of them is sound but for one case in 10^20 with three unknowns.

@@ -161,6 +161,7 @@ pub(super) fn calibration() -> Calibration {
         base_row_px: 16.0,
         center_column_px: 32.0,
         height_sign: -1,
+        quality: None,
     })
 }
 

@@ -73,10 +73,11 @@ impl CameraParams {
     /// The frame of the scan: its point clouds and height maps. Empty without a calibration.
     pub fn part_frame(&self, calibration: Option<&Calibration>) -> String {
         let Some(calibration) = calibration else { return String::new() };
-        match (self.moved.part_frame.as_str(), calibration.axis()) {
-            ("", None) => calibration.frame_id().to_owned(),
-            ("", Some(_)) => "part".to_owned(),
-            (chosen, _) => chosen.to_owned(),
+        let is_laser_plane = calibration.axis().is_none() && calibration.part().is_none();
+        match self.moved.part_frame.as_str() {
+            "" if is_laser_plane => calibration.frame_id().to_owned(),
+            "" => "part".to_owned(),
+            chosen => chosen.to_owned(),
         }
     }
 

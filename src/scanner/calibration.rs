@@ -13,7 +13,7 @@ use thiserror::Error;
 
 use super::{axis::Axis, camera::View, profile::Profile, stripe::Centerline};
 
-pub use camera_and_plane::{Alignment, CameraAndPlane};
+pub use camera_and_plane::{Alignment, CameraAndPlane, PartPose};
 pub use camera_calibration::CameraCalibration;
 pub use lines::Lines;
 pub use projective::Projective;
@@ -90,6 +90,14 @@ impl Calibration {
     pub const fn axis(&self) -> Option<&Axis> {
         match self {
             Self::CameraAndPlane(geometry) => geometry.axis.as_ref(),
+            Self::VerticalIncidence(_) | Self::Projective(_) => None,
+        }
+    }
+
+    /// The part's frame, where it was laid on a flat.
+    pub const fn part(&self) -> Option<&PartPose> {
+        match self {
+            Self::CameraAndPlane(geometry) => geometry.part.as_ref(),
             Self::VerticalIncidence(_) | Self::Projective(_) => None,
         }
     }

@@ -286,7 +286,11 @@ fn travel(params: &Params) -> Travel {
 
 fn placement(calibration: Option<&Calibration>, params: &Params) -> Placement {
     let axis = calibration.and_then(Calibration::axis).copied();
-    Placement::new(camera_from_laser(calibration, params), axis)
+    let placement = Placement::new(camera_from_laser(calibration, params), axis);
+    match calibration.and_then(Calibration::part) {
+        Some(part) => placement.with_part(&part.pose()),
+        None => placement,
+    }
 }
 
 fn camera_from_laser(calibration: Option<&Calibration>, params: &Params) -> Isometry3<f64> {

@@ -66,6 +66,7 @@ mod tests {
             base_row_px: 1024.0,
             center_column_px: 1295.5,
             height_sign,
+            quality: None,
         }
     }
 

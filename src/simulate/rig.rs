@@ -12,7 +12,7 @@ use serde::Deserialize;
 
 use super::{
     noise::{frame_rng, speckle},
-    scenario::{Laser, Motion, ScenarioError, check_range, range_error},
+    scenario::{Laser, Motion, ScenarioError, check_range, check_times, parsed, range_error},
     scene::{Picture, Scene},
     sensor::{BitDepth, Sensor},
     world::RenderedFrame,
@@ -125,6 +125,7 @@ impl Rig {
             },
             plane_quality: None,
             alignment: None,
+            part: None,
             axis: Some(Axis {
                 kind: AxisKind::Prismatic,
                 point_m: Point3::origin(),
@@ -178,22 +179,16 @@ impl RigScenario {
     /// # Errors
     /// A text that is not a scenario, or a value outside of its range; both name the key.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self =
-            serde_saphyr::from_str(text).map_err(|error| ScenarioError::Yaml(Box::new(error)))?;
+        let scenario: Self = parsed(text)?;
         scenario.check()?;
         Ok(scenario)
     }
 
     fn check(&self) -> Result<(), ScenarioError> {
         check_range("frames", f64::from(self.frames), 1.0, 100_000.0)?;
-        check_range("frame_rate_hz", self.frame_rate_hz, 0.01, 1e5)?;
-        check_range("start_time_ns", self.start_time_ns as f64, 0.0, 2e18)?;
-        check_range("motion.start_m", self.motion.start_m, -100.0, 100.0)?;
-        check_range("motion.step_m", self.motion.step_m, -1.0, 1.0)?;
-        check_range("laser.amplitude", self.laser.amplitude, 0.0, 1e6)?;
-        check_range("laser.sigma_px", self.laser.sigma_px, 0.1, 100.0)?;
-        check_range("laser.speckle_contrast", self.laser.speckle_contrast, 0.0, 1.0)?;
-        check_range("laser.speckle_sigma_px", self.laser.speckle_sigma_px, 0.0, 100.0)?;
+        check_times(self.frame_rate_hz, self.start_time_ns)?;
+        self.motion.check()?;
+        self.laser.check()?;
         self.rig.check()?;
         match (&self.gauge, &self.boards) {
             (Some(gauge), None) => gauge.check(),

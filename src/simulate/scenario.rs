@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use serde::Deserialize;
+use serde::{Deserialize, de::DeserializeOwned};
 use thiserror::Error;
 
 use super::{camera::Camera, clutter::Clutter, part::Part};
@@ -94,8 +94,7 @@ impl Scenario {
     /// # Errors
     /// A text that is not a scenario, or a value outside of its range; both name the key.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self =
-            serde_saphyr::from_str(text).map_err(|error| ScenarioError::Yaml(Box::new(error)))?;
+        let scenario: Self = parsed(text)?;
         scenario.check()?;
         Ok(scenario)
     }
@@ -118,15 +117,9 @@ impl Scenario {
 
     fn check(&self) -> Result<(), ScenarioError> {
         check_range("frames", f64::from(self.frames), 1.0, f64::from(MAX_FRAMES))?;
-        check_range("frame_rate_hz", self.frame_rate_hz, 0.01, 1e5)?;
-        // ROS counts seconds in 31 bits, to 2038; the longest scenario takes 10⁸ of them.
-        check_range("start_time_ns", self.start_time_ns as f64, 0.0, 2e18)?;
-        check_range("motion.start_m", self.motion.start_m, -100.0, 100.0)?;
-        check_range("motion.step_m", self.motion.step_m, -1.0, 1.0)?;
-        check_range("laser.amplitude", self.laser.amplitude, 0.0, 1e6)?;
-        check_range("laser.sigma_px", self.laser.sigma_px, 0.1, 100.0)?;
-        check_range("laser.speckle_contrast", self.laser.speckle_contrast, 0.0, 1.0)?;
-        check_range("laser.speckle_sigma_px", self.laser.speckle_sigma_px, 0.0, 100.0)?;
+        check_times(self.frame_rate_hz, self.start_time_ns)?;
+        self.motion.check()?;
+        self.laser.check()?;
         for (index, &frame) in self.dropped_frames.iter().enumerate() {
             let last = f64::from(self.frames - 1);
             check_range(&format!("dropped_frames[{index}]"), f64::from(frame), 0.0, last)?;
@@ -139,6 +132,34 @@ impl Scenario {
         self.part.check()?;
         self.camera.check_above(&self.part)?;
         self.clutter.check()
+    }
+}
+
+/// Reads a scenario of any kind; its values are not checked yet.
+pub(super) fn parsed<T: DeserializeOwned>(text: &str) -> Result<T, ScenarioError> {
+    serde_saphyr::from_str(text).map_err(|error| ScenarioError::Yaml(Box::new(error)))
+}
+
+/// Refuses frames at times that ROS cannot state.
+pub(super) fn check_times(frame_rate_hz: f64, start_time_ns: i64) -> Result<(), ScenarioError> {
+    check_range("frame_rate_hz", frame_rate_hz, 0.01, 1e5)?;
+    // ROS counts seconds in 31 bits, to 2038; the longest scenario takes 10⁸ of them.
+    check_range("start_time_ns", start_time_ns as f64, 0.0, 2e18)
+}
+
+impl Motion {
+    pub(super) fn check(&self) -> Result<(), ScenarioError> {
+        check_range("motion.start_m", self.start_m, -100.0, 100.0)?;
+        check_range("motion.step_m", self.step_m, -1.0, 1.0)
+    }
+}
+
+impl Laser {
+    pub(super) fn check(&self) -> Result<(), ScenarioError> {
+        check_range("laser.amplitude", self.amplitude, 0.0, 1e6)?;
+        check_range("laser.sigma_px", self.sigma_px, 0.1, 100.0)?;
+        check_range("laser.speckle_contrast", self.speckle_contrast, 0.0, 1.0)?;
+        check_range("laser.speckle_sigma_px", self.speckle_sigma_px, 0.0, 100.0)
     }
 }
 

@@ -33,7 +33,8 @@ fn normal(random: &mut impl Rng) -> f64 {
     StandardNormal.sample(random)
 }
 
-fn lens(values: &[f64]) -> Lens {
+/// A lens of focal lengths, centre, k1 and k2.
+pub(crate) fn lens(values: &[f64]) -> Lens {
     let &[fx, fy, cx, cy, k1, k2, ..] = values else { panic!("{values:?}") };
     let distortion = [k1, k2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     Lens { focal_px: [fx, fy], center_px: [cx, cy], distortion, tilt_rad: [0.0; 2] }
@@ -217,6 +218,7 @@ fn trial(number: u64) -> (f64, f64, f64) {
         plane,
         plane_quality: Some(plane_quality),
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: None,

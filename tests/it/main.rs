@@ -21,6 +21,8 @@ mod steps;
 mod measure;
 mod report;
 mod metrology;
+mod calibration_share;
+mod level;
 mod ambient;
 mod bright_scene;
 mod labelled_scenes;

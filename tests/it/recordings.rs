@@ -79,6 +79,16 @@ pub(crate) fn image_of(data: &[u8], number: usize, edit: impl FnOnce(&mut Image<
     bytes
 }
 
+/// CDR bytes of a picture in colour as frame `number`.
+pub(crate) fn image_of_file(path: &Path, number: usize) -> Vec<u8> {
+    let picture = image::open(path).unwrap().to_rgb8();
+    image_of(picture.as_raw(), number, |image| {
+        (image.width, image.height) = picture.dimensions();
+        image.step = 3 * image.width;
+        image.encoding = "rgb8".into();
+    })
+}
+
 pub(crate) fn good_images(num: usize) -> Vec<Vec<u8>> {
     (0..num).map(|number| image(number, |_| {})).collect()
 }

@@ -14,7 +14,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value as Json;
 
-use crate::program::{Ended, end, laser_profiler};
+use crate::{
+    program::{Ended, end, laser_profiler},
+    recordings::{image_of_file, record_images},
+};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 480;
@@ -109,6 +112,33 @@ fn four_pictures_calibrate_heights_and_with_a_scale_the_profile() {
         assert!((z_m - height_m).abs() < 2e-6, "{z_m} {height_m}");
         assert!((x_m - 280.5 * lateral_m).abs() < 5e-6, "{x_m} {}", 280.5 * lateral_m);
     }
+}
+
+/// Recordings serve as pictures do: the same pixels, the same heights.
+#[test]
+fn recordings_of_the_heights_say_the_same() {
+    let directory = tempfile::tempdir().unwrap();
+    let pictures = four_pictures(directory.path());
+    let bags: Vec<_> = HEIGHTS_MM
+        .iter()
+        .enumerate()
+        .map(|(i, mm)| {
+            let bag = directory.path().join(format!("bag_{i}"));
+            record_images(&bag, &[image_of_file(&directory.path().join(format!("{i}.png")), 0)]);
+            format!("{}={mm}mm", bag.display())
+        })
+        .collect();
+    let [of_pictures, of_bags] =
+        [&pictures, &bags].map(|sources| json(&calibrate(sources, &["--json"])));
+    let heights = |told: &Json| -> Vec<f64> {
+        let all = told["heights"].as_array().unwrap();
+        all.iter().map(|height| height["measured_m"].as_f64().unwrap()).collect()
+    };
+    assert_eq!(heights(&of_pictures), heights(&of_bags));
+    assert!(of_bags["rms_m"].as_f64().unwrap() < 1e-6, "{of_bags}");
+    let twice = [&bags[..3], &[bags[3].replace("=9mm", "=4mm")]].concat();
+    let refused = calibrate(&twice, &[]);
+    assert!(refused.code == Some(2) && refused.stderr.contains("steadily"), "{refused:?}");
 }
 
 #[test]

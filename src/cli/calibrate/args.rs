@@ -76,8 +76,8 @@ pub(super) struct PlaneArgs {
 const AXIS_HELP: &str = "\
 Markers lie on a turning table and turn with it, at least half a turn, once round is best. How far away they are comes from
 their side, where it is given, else from the laser's line on the table. A checkerboard that moves with the part gives a linear
-or a rotary axis, turned by less than a quarter from picture to picture. Positions come from sensor_msgs/JointState; pictures
-whose position lags are named and bend nothing.
+or a rotary axis, turned by less than a quarter from picture to picture. Positions come from sensor_msgs/JointState or
+laser_profiler_msgs/EncoderStamped (with motion.scale and motion.encoder_bits as in the node); pictures whose position lags are named and bend nothing.
 
 Examples:
   laser_profiler calibrate axis turning --calibration rig.yaml --markers aruco:4x4_50 -o scanner.yaml \\

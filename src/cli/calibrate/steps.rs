@@ -156,7 +156,7 @@ pub(super) fn run(
     let scale = scale(args, &found, &result, geometry.as_ref())?;
     if let (Some(path), Some(scale)) = (&args.output, scale) {
         let calibration = match &geometry {
-            Some(geometry) => vertical(args, &found, geometry),
+            Some(geometry) => vertical(args, &found, &result, geometry),
             None => projective(args, &found, &result, scale),
         };
         fs::write(path, calibration.to_yaml())
@@ -297,20 +297,24 @@ fn projective(
         lateral::homography(model, found.direction, found.middle_px(), scale)
     };
     let covariance = result.model.propagated(of);
-    let is_known = covariance.iter().all(|value| value.is_finite());
-    let quality = StepsQuality {
-        rms_m: result.rms_m,
-        heights_used: found.plateaus.len() as u32,
-        covariance: if is_known { covariance.iter().copied().collect() } else { Vec::new() },
-    };
     Calibration::Projective(Box::new(Projective {
         frame_id: args.frame_id.clone(),
         width_px: found.size_px.0,
         height_px: found.size_px.1,
         homography: of(&result.model),
-        quality: Some(quality),
+        quality: Some(quality(found, result, covariance.as_slice())),
         calibrated_at: Some(now()),
     }))
+}
+
+/// How well it is known; a covariance that the heights leave open is not stated.
+fn quality(found: &Found, result: &StepsCalibration, covariance: &[f64]) -> StepsQuality {
+    let is_known = covariance.iter().all(|value| value.is_finite());
+    StepsQuality {
+        rms_m: result.rms_m,
+        heights_used: found.plateaus.len() as u32,
+        covariance: if is_known { covariance.to_vec() } else { Vec::new() },
+    }
 }
 
 /// The time as `2026-11-22T12:00:00Z`.
@@ -318,7 +322,12 @@ fn now() -> String {
     jiff::Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
 }
 
-fn vertical(args: &StepsArgs, found: &Found, geometry: &VerticalGeometry) -> Calibration {
+fn vertical(
+    args: &StepsArgs,
+    found: &Found,
+    result: &StepsCalibration,
+    geometry: &VerticalGeometry,
+) -> Calibration {
     Calibration::VerticalIncidence(VerticalIncidence {
         frame_id: args.frame_id.clone(),
         image_distance_m: geometry.image_distance_m[0],
@@ -328,5 +337,6 @@ fn vertical(args: &StepsArgs, found: &Found, geometry: &VerticalGeometry) -> Cal
         base_row_px: geometry.base_px[0],
         center_column_px: found.middle_px(),
         height_sign: geometry.height_sign,
+        quality: Some(quality(found, result, geometry.covariance.as_slice())),
     })
 }

@@ -10,9 +10,10 @@ use super::{
 use crate::{
     cli::{
         Usage,
-        results::{Read, Results},
+        results::{ANY_HEIGHT_M, Read, Results, Scanned},
     },
     metrology::{
+        between_profiles::{self, BetweenProfiles},
         form::Form,
         height_map::{GridLayout, Resampler},
         plane::{self, PlaneFit},
@@ -25,22 +26,22 @@ use crate::{
 };
 
 /// The points of a region.
-fn points(common: &Common, region: &Region) -> anyhow::Result<(Surface, Results, Read)> {
+fn points(common: &Common, region: &Region) -> anyhow::Result<(Scanned, Results)> {
     let results = Results::open(&common.results)?;
-    let (surface, read) = results
-        .surface(region)
+    let scanned = results
+        .surface(region, common.heights.unwrap_or(ANY_HEIGHT_M))
         .with_context(|| format!("{}: {}", common.results.bag.display(), results.topic))?;
-    Ok((surface, results, read))
+    Ok((scanned, results))
 }
 
 /// The share of the calibration in each figure; in the answer, why it is not known.
 fn shares<const N: usize>(
     answer: &mut Answer,
     results: &Results,
-    surfaces: &[Surface],
+    scanned: &[&Scanned],
     measure: impl Fn(&[Surface]) -> anyhow::Result<[f64; N]>,
 ) -> [Option<f64>; N] {
-    match calibration::share(results, surfaces, measure) {
+    match calibration::share(results, scanned, measure) {
         Ok(sigmas) => sigmas.map(Some),
         Err(why) => {
             answer.text_line("calibration_unknown", "not in sigma: calibration", &why);
@@ -65,10 +66,10 @@ fn input(answer: &mut Answer, results: &Results, read: Read, num_points: usize) 
 
 pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let region = args.region.unwrap_or(Region::ALL);
-    let (surface, results, read) = points(&args.common, &region)?;
-    let plane = plane::fit(&surface)?;
+    let (scanned, results) = points(&args.common, &region)?;
+    let plane = plane::fit(&scanned.surface)?;
     let mut answer = Answer::new("plane");
-    input(&mut answer, &results, read, plane.num_points);
+    input(&mut answer, &results, scanned.read, plane.num_points);
     answer.hidden("normal", json!([plane.normal.x, plane.normal.y, plane.normal.z]));
     answer.place("center_m", "middle", plane.center_m.coords.as_slice());
     let [x_m, y_m] = [plane.center_m.x, plane.center_m.y];
@@ -76,8 +77,7 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
         let plane = plane::fit(&s[0])?;
         Ok([plane.height_m(x_m, y_m), plane.tilt_rad(), plane.flatness.d95_m])
     };
-    let surfaces = [surface];
-    let [by_height, by_tilt, by_form] = shares(&mut answer, &results, &surfaces, of_height);
+    let [by_height, by_tilt, by_form] = shares(&mut answer, &results, &[&scanned], of_height);
     let height = Figure::new(plane.center_m.z, plane.sigma_m / plane.normal.z.abs().max(1e-3));
     let height = height.with_calibration(by_height);
     answer.figure("height_m", "height in the middle", height, Unit::Millimetre);
@@ -88,6 +88,12 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     form(&mut answer, ("flatness_d95_m", "flatness D95 %"), plane.flatness, by_form);
     answer.count("outliers", "outliers", plane.num_outliers as u64);
     answer.number("effective", "independent points", plane.effective_points, Unit::None);
+    if let Some(profiles) = between_profiles::of(&scanned.surface, &plane) {
+        let BetweenProfiles { sigma_m, of_sigma_m, num_profiles } = profiles;
+        let told = Figure::new(sigma_m, of_sigma_m);
+        answer.figure("profiles_sigma_m", "profiles' heights, sigma", told, Unit::Micrometre);
+        answer.count("profiles_compared", "profiles compared", num_profiles as u64);
+    }
     Ok(answer)
 }
 
@@ -99,18 +105,17 @@ fn form(answer: &mut Answer, (key, label): (&str, &str), form: Form, calibration
 
 pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
     let region = args.region.unwrap_or(Region::ALL);
-    let (surface, results, read) = points(&args.common, &region)?;
-    let num_points = surface.num_measured();
-    let surface = if args.direction == "y" { surface.transposed() } else { surface };
-    let step = step_height::measure(&surface, args.edges)?;
+    let (scanned, results) = points(&args.common, &region)?;
+    let measured = |surface: &Surface, edges_m| {
+        let transposed = (args.direction == "y").then(|| surface.transposed());
+        step_height::measure(transposed.as_ref().unwrap_or(surface), edges_m)
+    };
+    let step = measured(&scanned.surface, args.edges)?;
     let mut answer = Answer::new("step");
-    input(&mut answer, &results, read, num_points);
+    input(&mut answer, &results, scanned.read, scanned.surface.num_measured());
     answer.text_line("direction", "profiles along", &args.direction);
-    let is_along_y = args.direction == "y";
-    let surfaces = [if is_along_y { surface.transposed() } else { surface }];
-    let [by_height] = shares(&mut answer, &results, &surfaces, |s| {
-        let surface = if is_along_y { s[0].transposed() } else { s[0].clone() };
-        Ok([step_height::measure(&surface, Some(step.edges_m))?.height_m])
+    let [by_height] = shares(&mut answer, &results, &[&scanned], |s| {
+        Ok([measured(&s[0], Some(step.edges_m))?.height_m])
     });
     let height = Figure::with_u95(step.height_m, step.sigma_m, step.u95_m);
     let height = height.with_calibration(by_height);
@@ -130,11 +135,11 @@ pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
 
 pub(super) fn sphere(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let region = args.region.unwrap_or(Region::ALL);
-    let (surface, results, read) = points(&args.common, &region)?;
-    let sphere = sphere::fit(&surface)?;
+    let (scanned, results) = points(&args.common, &region)?;
+    let sphere = sphere::fit(&scanned.surface)?;
     let mut answer = Answer::new("sphere");
-    input(&mut answer, &results, read, sphere.num_points);
-    let by = shares(&mut answer, &results, &[surface], |s| Ok(numbers(&sphere::fit(&s[0])?)));
+    input(&mut answer, &results, scanned.read, sphere.num_points);
+    let by = shares(&mut answer, &results, &[&scanned], |s| Ok(numbers(&sphere::fit(&s[0])?)));
     tell(&mut answer, &sphere, by);
     Ok(answer)
 }
@@ -165,11 +170,14 @@ pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
         return Err(Usage("two spheres are two --region".into()).into());
     };
     let mut answer = Answer::new("spheres");
-    let (one, results, read) = points(&args.common, &first)?;
-    let (other, ..) = points(&args.common, &second)?;
-    let fits = [sphere::fit(&one).context("sphere 1")?, sphere::fit(&other).context("sphere 2")?];
-    input(&mut answer, &results, read, fits[0].num_points + fits[1].num_points);
-    let by = shares(&mut answer, &results, &[one, other], |s| {
+    let (one, results) = points(&args.common, &first)?;
+    let (other, _) = points(&args.common, &second)?;
+    let fits = [
+        sphere::fit(&one.surface).context("sphere 1")?,
+        sphere::fit(&other.surface).context("sphere 2")?,
+    ];
+    input(&mut answer, &results, one.read, fits[0].num_points + fits[1].num_points);
+    let by = shares(&mut answer, &results, &[&one, &other], |s| {
         let fits = [sphere::fit(&s[0])?, sphere::fit(&s[1])?];
         let [a, b] = fits.each_ref().map(numbers);
         let mut all = [0.0; 11];
@@ -194,7 +202,8 @@ pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
-    let (surface, results, read) = points(&args.common, &Region::ALL)?;
+    let (scanned, results) = points(&args.common, &Region::ALL)?;
+    let surface = &scanned.surface;
     let region = args.region.unwrap_or_else(|| surface.extent());
     let is_reference = |x: f64, y: f64| match &args.reference[..] {
         [] => args.region.is_none() || !region.contains(x, y),
@@ -210,7 +219,7 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
         }
         plane::fit(&base)
     };
-    let plane = reference(&surface).context("the reference plane")?;
+    let plane = reference(surface).context("the reference plane")?;
     ensure!(
         plane.normal.z > 0.1,
         "the reference plane is inclined by {:.0} degrees: a volume over it has no meaning",
@@ -229,10 +238,10 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
         surface.rows().for_each(|row| resampler.push(row));
         volume::over_plane(&resampler.finish(), &region, plane, plane.scatter_m, effective)
     };
-    let found = over(&surface, &plane);
+    let found = over(surface, &plane);
     let mut answer = Answer::new("volume");
-    input(&mut answer, &results, read, num_inside);
-    let [by_volume] = shares(&mut answer, &results, &[surface], |s| {
+    input(&mut answer, &results, scanned.read, num_inside);
+    let [by_volume] = shares(&mut answer, &results, &[&scanned], |s| {
         Ok([over(&s[0], &reference(&s[0])?).volume_m3])
     });
     let figure = Figure::new(found.volume_m3, found.sigma_m3).with_calibration(by_volume);

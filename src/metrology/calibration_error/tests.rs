@@ -3,6 +3,7 @@ use crate::{
     metrology::noise::surface,
     scanner::{
         calibration::{PlaneQuality, Projective, StepsQuality},
+        camera::{Camera, Distortion},
         laser_plane::LaserPlane,
     },
 };
@@ -28,6 +29,7 @@ fn geometry(covariance: Option<[f64; 9]>) -> CameraAndPlane {
         },
         plane_quality: Some(PlaneQuality { rms_m: 0.0, boards_used: 20, covariance }),
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: None,
@@ -42,7 +44,7 @@ fn a_plane_at_another_distance_scales_the_scene() {
     let found = perturbations(&calibration, StripeDirection::Horizontal).unwrap();
     assert_eq!(found.len(), 1);
     let scene = surface(|x, _| 1e-3 + 0.2 * x, 0.0, 1, 0);
-    let moved = found[0].apply(&scene);
+    let moved = found[0].apply(&scene, &[]);
     for (before, after) in scene.points.iter().zip(&moved.points) {
         // Rays from the lens to a parallel plane a thousandth farther (or nearer) away.
         let ratio = [after.x / before.x, after.z / before.z];
@@ -68,7 +70,7 @@ fn a_homography_with_one_uncertain_entry_moves_along_it() {
     let found = perturbations(&calibration, StripeDirection::Horizontal).unwrap();
     assert_eq!(found.len(), 1);
     let scene = surface(|x, y| 1e-3 + x + y, 0.0, 1, 0);
-    for (before, after) in scene.points.iter().zip(&found[0].apply(&scene).points) {
+    for (before, after) in scene.points.iter().zip(&found[0].apply(&scene, &[]).points) {
         assert!((after.x - before.x).abs() < 1e-12);
         assert!(((after.z - before.z).abs() - 0.01 * before.z.abs()).abs() < 1e-12);
     }

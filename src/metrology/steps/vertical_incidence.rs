@@ -1,6 +1,6 @@
 //! The lengths and the angle of formula 6 from a map of heights and one length that a ruler or a data sheet knows.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use thiserror::Error;
 
 use super::Model;
@@ -27,6 +27,8 @@ pub struct VerticalGeometry {
     pub base_px: [f64; 2],
     /// -1: the stripe moves towards smaller positions when the surface rises.
     pub height_sign: i8,
+    /// Of a, b, β and the base line, in their units.
+    pub covariance: Matrix4<f64>,
 }
 
 /// Why the heights do not tell the geometry.
@@ -80,13 +82,16 @@ pub fn vertical_incidence(
         let cos = value * object_distance_m;
         return Err(VerticalIncidenceError::Contradiction { object_distance_m, cos });
     }
-    let sigmas = [0, 1, 2, 3].map(|i| spread(&|numbers| of(numbers)[i]));
+    let gradients = [0, 1, 2, 3].map(|i| gradient(&|numbers| of(numbers)[i], numbers, &covariance));
+    let covariance = Matrix4::from_fn(|i, j| gradients[i].dot(&(&covariance * &gradients[j])));
+    let sigmas: Vector4<f64> = covariance.diagonal().map(|square| square.max(0.0).sqrt());
     Ok(VerticalGeometry {
         image_distance_m: [a, sigmas[0]],
         object_distance_m: [b, sigmas[1]],
         beta_rad: [beta, sigmas[2]],
         base_px: [base, sigmas[3]],
         height_sign: if rises(numbers) { 1 } else { -1 },
+        covariance,
     })
 }
 
@@ -115,9 +120,19 @@ fn geometry([p, q, r]: [f64; 3], middle_px: f64, pitch_m: f64, known: Known) -> 
     [a, b, beta, base + middle_px]
 }
 
-/// One standard deviation of a function of the numbers, by differences.
+/// One standard deviation of a function of the numbers.
 fn propagated(value: &dyn Fn([f64; 3]) -> f64, at: [f64; 3], covariance: &DMatrix<f64>) -> f64 {
-    let gradient = DVector::from_iterator(
+    let gradient = gradient(value, at, covariance);
+    (gradient.transpose() * covariance * gradient)[(0, 0)].max(0.0).sqrt()
+}
+
+/// Derivatives of a function of the numbers, by differences.
+fn gradient(
+    value: &dyn Fn([f64; 3]) -> f64,
+    at: [f64; 3],
+    covariance: &DMatrix<f64>,
+) -> DVector<f64> {
+    DVector::from_iterator(
         3,
         (0..3).map(|i| {
             let step = 1e-3 * covariance[(i, i)].sqrt().max(1e-9 * at[i].abs());
@@ -126,6 +141,5 @@ fn propagated(value: &dyn Fn([f64; 3]) -> f64, at: [f64; 3], covariance: &DMatri
             high[i] += step;
             (value(high) - value(low)) / (2.0 * step)
         }),
-    );
-    (gradient.transpose() * covariance * gradient)[(0, 0)].max(0.0).sqrt()
+    )
 }

@@ -159,7 +159,7 @@ pub const CAMERA: &[Parameter] = &[
          An axis that stands still while exposing may be looked up where its position was taken."),
     text("motion.part_frame", "",
         "Frame of the point clouds and height maps. For tf: the frame that is scanned in, as in base_link; it must be set. \
-         Otherwise its name; empty: part where the calibration has an axis, else the laser plane's own frame."),
+         Otherwise its name; empty: part where the calibration has an axis or a level, else the laser plane's own frame."),
     text("motion.sensor_frame", "",
         "For tf: the frame whose pose is looked up. Empty: the frame of the images, the camera's optical frame. The laser \
          plane's frame may stand here, where somebody publishes it."),

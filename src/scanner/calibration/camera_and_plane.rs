@@ -2,7 +2,10 @@
 
 mod cuts;
 mod frame;
+mod part;
 mod uncertainty;
+
+pub use part::PartPose;
 
 use super::{AxisQuality, CalibrationError, CameraQuality, PlaneQuality, file::Id};
 use crate::scanner::{axis::Axis, camera::Camera, laser_plane::LaserPlane};
@@ -27,6 +30,8 @@ pub struct CameraAndPlane {
     pub plane_quality: Option<PlaneQuality>,
     /// Where the profiles' origin lies instead of where the optical axis meets the plane.
     pub alignment: Option<Alignment>,
+    /// Where the part's frame lies instead of where axis and laser plane put it: laid on a flat.
+    pub part: Option<PartPose>,
     /// The axis that moves the part.
     pub axis: Option<Axis>,
     /// How well the axis is known.
@@ -50,6 +55,9 @@ impl CameraAndPlane {
         id = id.numbers(self.plane.normal.iter().copied()).numbers([self.plane.distance_m]);
         if let Some(Alignment { origin_m, angle_rad }) = self.alignment {
             id = id.text("alignment").numbers(origin_m).numbers([angle_rad]);
+        }
+        if let Some(PartPose { origin_m, rotation_rad }) = self.part {
+            id = id.text("part").numbers(origin_m).numbers(rotation_rad);
         }
         if let Some(axis) = &self.axis {
             id = id.axis(axis);

@@ -44,6 +44,7 @@ impl VerticalIncidence {
             },
             plane_quality: None,
             alignment: None,
+            part: None,
             axis: None,
             axis_quality: None,
             calibrated_at: None,

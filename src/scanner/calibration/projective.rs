@@ -103,6 +103,7 @@ mod tests {
             base_row_px: row,
             center_column_px: column,
             height_sign: -1,
+            quality: None,
         };
         let (sin, cos) = beta.sin_cos();
         // s = (row - v) · pitch; h = s b / (a sin + s cos); x = (u - column) · pitch · b sin / (a sin + s cos).

@@ -57,7 +57,7 @@ pub struct AxisQuality {
     pub scale_sigma: Option<f64>,
 }
 
-/// Of a map from known heights.
+/// Of a map from known heights, or of formula 6 from them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StepsQuality {
@@ -65,7 +65,8 @@ pub struct StepsQuality {
     pub rms_m: f64,
     /// Known heights that took part.
     pub heights_used: u32,
-    /// Of the nine entries of the homography, row-major 9 x 9; or empty where it is not known.
+    /// Of the nine entries of the homography, row-major 9 x 9, or of
+    /// [`VerticalIncidence::VALUES`](super::VerticalIncidence::VALUES), 4 x 4; or empty where it is not known.
     #[serde(default)]
     pub covariance: Vec<f64>,
 }

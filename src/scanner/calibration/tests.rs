@@ -40,6 +40,7 @@ pub(super) fn rig() -> CameraAndPlane {
         },
         plane_quality: None,
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: None,
@@ -62,6 +63,7 @@ fn full() -> CameraAndPlane {
             covariance: Some([1e-8, 0.0, 0.0, 0.0, 1e-8, 0.0, 0.0, 0.0, 1e-9]),
         }),
         alignment: Some(Alignment { origin_m: [0.01, -0.25], angle_rad: 0.1 }),
+        part: Some(PartPose { origin_m: [0.01, -0.25, 1e-3], rotation_rad: [0.1, -0.2, 1e-3] }),
         axis: Some(Axis {
             kind: AxisKind::Revolute,
             point_m: Point3::new(0.017, 0.054, 0.417),
@@ -226,6 +228,9 @@ fn the_id_changes_with_every_value() {
     change(&|g| g.plane.normal = Unit::new_normalize(Vector3::new(0.911, -0.139, 0.388)));
     change(&|g| g.alignment = None);
     change(&|g| g.alignment = Some(Alignment { origin_m: [0.01, -0.25], angle_rad: 0.2 }));
+    change(&|g| g.part = None);
+    change(&|g| g.part.as_mut().unwrap().origin_m[2] += 1e-9);
+    change(&|g| g.part.as_mut().unwrap().rotation_rad[0] += 1e-9);
     change(&|g| g.axis = None);
     change(&|g| g.axis.as_mut().unwrap().point_m.z += 1e-9);
     change(&|g| g.axis.as_mut().unwrap().kind = AxisKind::Prismatic);
@@ -311,6 +316,7 @@ proptest! {
             base_row_px: 1024.0,
             center_column_px: 1295.5,
             height_sign,
+            quality: None,
         };
         let rays = formula.camera_and_plane(direction, (2592, 2592));
         let pose = Calibration::VerticalIncidence(formula.clone()).camera_from_laser(direction).unwrap();

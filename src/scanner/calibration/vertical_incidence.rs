@@ -1,6 +1,6 @@
 //! The camera of Yao et al. 2023: formula 6.
 
-use super::{CalibrationError, PlacedPoint, file::Id};
+use super::{CalibrationError, PlacedPoint, StepsQuality, file::Id};
 
 /// Vertical-incidence triangulation, formula 6 of Yao et al. 2023 (doi 10.3390/app13179831), after Figure 2 there:
 /// the laser plane is vertical; the camera's optical axis meets it at the base point under the angle β.
@@ -25,6 +25,8 @@ pub struct VerticalIncidence {
     pub center_column_px: f64,
     /// Which way the stripe moves in the image when the surface rises: -1 towards smaller rows (columns), 1 towards larger.
     pub height_sign: i8,
+    /// How well it is known; the covariance is that of [`VALUES`](Self::VALUES).
+    pub quality: Option<StepsQuality>,
 }
 
 /// A height and how fast it changes with the image position.
@@ -37,6 +39,22 @@ pub struct Height {
 }
 
 impl VerticalIncidence {
+    /// Names of the estimated values, in the order of the covariance.
+    pub const VALUES: [&str; 4] =
+        ["image_distance_m", "object_distance_m", "beta_rad", "base_row_px"];
+
+    /// The same with the estimated values changed, in their order.
+    #[must_use]
+    pub fn moved(&self, by: [f64; 4]) -> Self {
+        Self {
+            image_distance_m: self.image_distance_m + by[0],
+            object_distance_m: self.object_distance_m + by[1],
+            beta_rad: self.beta_rad + by[2],
+            base_row_px: self.base_row_px + by[3],
+            ..self.clone()
+        }
+    }
+
     /// Formula 6 at a position across the stripe, pixels; none behind the lens: where the ray never meets the plane.
     pub fn height(&self, position_px: f64) -> Option<Height> {
         let (sin, cos) = self.beta_rad.sin_cos();
@@ -128,6 +146,12 @@ impl VerticalIncidence {
         }
         if ![-1, 1].contains(&self.height_sign) {
             return wrong("height_sign", &self.height_sign, "-1 or 1");
+        }
+        let covariance = self.quality.as_ref().map_or(&[][..], |quality| &quality.covariance);
+        if ![0, 16].contains(&covariance.len()) || !covariance.iter().all(|c| c.is_finite()) {
+            let value = format!("{covariance:?}");
+            let allowed = "4 x 4 finite numbers, of a, b, beta and the base row, or none";
+            return wrong("steps_quality.covariance", &value, allowed);
         }
         if self.frame_id.is_empty() {
             return wrong("frame_id", &"\"\"", "a frame name, as in laser_plane");

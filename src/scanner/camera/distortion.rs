@@ -75,7 +75,7 @@ impl Distortion {
     }
 
     /// A coefficient by its name in the formula; `None` where the model has none of that name.
-    pub(in crate::scanner) fn coefficient_mut(&mut self, name: &str) -> Option<&mut f64> {
+    pub(crate) fn coefficient_mut(&mut self, name: &str) -> Option<&mut f64> {
         if *self == Self::None {
             *self = Self::PlumbBob { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
         }

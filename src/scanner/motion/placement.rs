@@ -10,8 +10,8 @@ use crate::scanner::axis::{Axis, AxisKind};
 /// Without an axis the part moves along the laser plane's normal: the part's frame is the laser plane's at position 0, and
 /// y is the position. Of a prismatic axis it is the laser plane's at position 0, and moves with the part. Of a revolute
 /// axis it turns with the part: z along the axis, towards the camera; its origin is the point of the axis nearest to the
-/// origin of the laser plane's frame, and x points there from the axis at position 0. Poses that were measured bring
-/// their own frame.
+/// origin of the laser plane's frame, and x points there from the axis at position 0. Where the calibration lays the part's
+/// frame on a flat, it is moved there. Poses that were measured bring their own frame.
 #[derive(Clone, Debug)]
 pub struct Placement {
     axis: Option<Axis>,
@@ -19,6 +19,8 @@ pub struct Placement {
     camera_from_laser: Isometry3<f64>,
     /// The camera's frame in the part's, at position 0.
     part_from_camera: Isometry3<f64>,
+    /// The frame that axis and laser plane give, in the part's.
+    part_from_unlaid: Isometry3<f64>,
     /// Whether poses that were measured are the laser plane's own, not the camera's.
     is_laser_tracked: bool,
     /// Where the laser plane's frame was in the part's in the scan's first frame, metres.
@@ -34,7 +36,22 @@ impl Placement {
             }
             _ => camera_from_laser.inverse(),
         };
-        Self { axis, camera_from_laser, part_from_camera, is_laser_tracked: false, start_m: None }
+        let (part_from_unlaid, start_m) = (Isometry3::identity(), None);
+        let is_laser_tracked = false;
+        Self {
+            axis,
+            camera_from_laser,
+            part_from_camera,
+            part_from_unlaid,
+            is_laser_tracked,
+            start_m,
+        }
+    }
+
+    /// The same with the part's frame there, in the frame that axis and laser plane give.
+    #[must_use]
+    pub fn with_part(self, unlaid_from_part: &Isometry3<f64>) -> Self {
+        Self { part_from_unlaid: unlaid_from_part.inverse(), ..self }
     }
 
     /// The same, where poses that are measured are the laser plane's, not the camera's.
@@ -46,7 +63,11 @@ impl Placement {
     /// The laser plane is found elsewhere in the camera's frame.
     #[must_use]
     pub fn with_camera_from_laser(self, camera_from_laser: Isometry3<f64>) -> Self {
-        Self { is_laser_tracked: self.is_laser_tracked, ..Self::new(camera_from_laser, self.axis) }
+        Self {
+            is_laser_tracked: self.is_laser_tracked,
+            part_from_unlaid: self.part_from_unlaid,
+            ..Self::new(camera_from_laser, self.axis)
+        }
     }
 
     /// Another scan begins.
@@ -67,13 +88,14 @@ impl Placement {
             position.value = (origin_m - *self.start_m.get_or_insert(origin_m)).norm();
             return part_from_laser;
         }
-        match &self.axis {
+        let unlaid_from_laser = match &self.axis {
             None => Translation3::new(0.0, position.value, 0.0).into(),
             Some(axis) => {
                 let at_0_from_now = axis.pose(position.value).inverse();
                 self.part_from_camera * at_0_from_now * self.camera_from_laser
             }
-        }
+        };
+        self.part_from_unlaid * unlaid_from_laser
     }
 }
 
@@ -163,6 +185,22 @@ mod tests {
         let mut placement = Placement::new(Isometry3::translation(1.0, 2.0, 3.0), None);
         let placed = placement.place(&mut Position::at(0.25)) * Point3::new(0.1, 0.0, 0.3);
         assert_eq!(placed, Point3::new(0.1, 0.25, 0.3), "to the last bit");
+    }
+
+    #[test]
+    fn a_frame_laid_on_a_flat_moves_every_profile_alike() {
+        let down = UnitVector3::new_unchecked(-Vector3::z());
+        let (kind, point_m) = (AxisKind::Revolute, Point3::new(0.0, 0.0, 1.0));
+        let axis = Axis { kind, point_m, direction: down, scale: 1.0 };
+        let mut plain = Placement::new(Isometry3::translation(0.2, 0.0, 1.0), Some(axis));
+        let pose = Isometry3::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.01, -0.02, 0.5));
+        let mut laid = plain.clone().with_part(&pose);
+        for angle in [0.0, 1.0, 2.5] {
+            let point_m = Point3::new(0.01, 0.0, 0.02);
+            let [was, is] = [&mut plain, &mut laid]
+                .map(|placement| placement.place(&mut Position::at(angle)) * point_m);
+            assert!((pose * is - was).norm() < 1e-12, "{was} {is}");
+        }
     }
 
     #[test]

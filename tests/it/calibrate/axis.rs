@@ -1,11 +1,18 @@
 //! The rotary axis, from rendered markers that turn.
 
-use std::fs;
+use std::{fs, path::PathBuf};
 
-use laser_profiler::scanner::{
-    axis::AxisKind,
-    calibration::{Calibration, CameraAndPlane},
-    laser_plane::LaserPlane,
+use laser_profiler::{
+    bag::{Compression, RecordOptions, Recorder, Times},
+    msg::{
+        builtin_interfaces::Time, cdr, laser_profiler_msgs::EncoderStamped, schema::Message as _,
+        sensor_msgs::Image, std_msgs::Header,
+    },
+    scanner::{
+        axis::AxisKind,
+        calibration::{Calibration, CameraAndPlane},
+        laser_plane::LaserPlane,
+    },
 };
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use tempfile::TempDir;
@@ -15,6 +22,7 @@ use super::{
     render::{self, Checkerboard, Renderer, Surface, pose, save},
     vector,
 };
+use crate::recordings::{image_of_file, stamp_ns, topic};
 
 /// Markers 0 to 3 of `DICT_4X4_50`, their bits row by row, 1 is white (OpenCV's `predefined_dictionaries.hpp`).
 const MARKERS: [u16; 4] = [0xb532, 0x0f9a, 0x332d, 0x9946];
@@ -103,6 +111,7 @@ fn with_rig() -> TempDir {
         plane: laser(),
         plane_quality: None,
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: None,
@@ -161,6 +170,50 @@ fn an_axis_that_runs_the_other_way_points_the_other_way() {
     let axis = vector(&reversed, "direction");
     assert!(axis.angle(&-direction()).to_degrees() < 0.1, "{axis}");
     assert_eq!(reversed["suspicious"], serde_json::json!([]));
+}
+
+/// The pictures as a recording, with an encoder of 16 bits that states 0.1 mrad a count and wraps on the way.
+fn recorded(scene: &TempDir, scale: f64) -> PathBuf {
+    let bag = scene.path().join(format!("bag_{scale}"));
+    let options = RecordOptions { compression: Compression::None, force: false };
+    let mut recorder = Recorder::create(&bag, &options).unwrap();
+    let topics = [("/image_raw", Image::TYPE), ("/table/encoder", EncoderStamped::TYPE)];
+    let [images, counts] =
+        topics.map(|(name, kind)| recorder.add_topic(&topic(name, kind)).unwrap());
+    for number in 0..FRAMES {
+        let at_ns = stamp_ns(number);
+        let times = Times { log_ns: at_ns, publish_ns: at_ns, sequence: number as u32 + 1 };
+        let header = Header { stamp: Time::from_ns(at_ns), frame_id: "".into() };
+        let turned = (1e4 * STEP_RAD * number as f64).round() as i64;
+        let sample = EncoderStamped {
+            header,
+            counts: (60_000 + turned) % 65_536,
+            scale,
+            ..EncoderStamped::default()
+        };
+        let mut bytes = Vec::new();
+        cdr::encode(&sample, &mut bytes).unwrap();
+        recorder.write(counts, times, &bytes).unwrap();
+        let picture = scene.path().join(format!("pictures/{number:02}.png"));
+        recorder.write(images, times, &image_of_file(&picture, number)).unwrap();
+    }
+    recorder.finish().unwrap();
+    bag
+}
+
+#[test]
+fn an_encoder_states_positions_too() {
+    let scene = scene(|_| 0.0);
+    let rig = scene.path().join("rig.yaml");
+    let axis = ["axis", "--calibration", rig.to_str().unwrap(), "--markers", "aruco:4x4_50"];
+    let ros = ["--ros-args", "-p", "stripe_direction:=vertical", "-p", "motion.encoder_bits:=16"];
+    let arguments = [&axis[..], &ros].concat();
+    let found = calibrate(&arguments, &recorded(&scene, 1e-4), &scene.path().join("axis.yaml"));
+    let off = vector(&found, "direction").angle(&direction()).to_degrees();
+    assert!(off < 0.1, "{found}");
+    assert_eq!(found["suspicious"], serde_json::json!([]));
+    let silent = scene.path().join("silent.yaml");
+    refused(&arguments, &recorded(&scene, 0.0), &silent, &["motion.scale"]);
 }
 
 #[test]

@@ -99,6 +99,26 @@ fn a_mirrored_camera_is_calibrated_as_what_it_shows() {
     assert!((number(&found["intrinsics"], "cx") - wanted).abs() < 1.0, "{found}");
 }
 
+/// The rendered lens is narrow: a model with more terms than it shows is told, the usual one is not.
+#[test]
+fn a_lens_with_more_terms_than_it_shows_is_told() {
+    let pictures = rendered(&VIEWS);
+    let output = pictures.path().join("camera.yaml");
+    let model = ["--model", "rational_polynomial", "--force"];
+    let wide = run(&[&CAMERA[..], &model].concat(), pictures.path(), &output);
+    if wide.code == Some(1) {
+        // No covariance at all says the same.
+        assert!(wide.stderr.contains("do not determine"), "{wide:?}");
+    } else {
+        assert!(
+            wide.stderr.contains("--model plumb_bob") && wide.stdout.contains("k6"),
+            "{wide:?}"
+        );
+    }
+    let usual = run(&[&CAMERA[..], &["--force"]].concat(), pictures.path(), &output);
+    assert!(usual.code == Some(0) && !usual.stderr.contains("narrow"), "{usual:?}");
+}
+
 #[test]
 fn damaged_pictures_are_data_lost() {
     let pictures = rendered(&VIEWS);

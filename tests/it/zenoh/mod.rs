@@ -12,4 +12,5 @@ mod router;
 mod loss;
 mod volume;
 mod process;
+mod axis;
 mod sdk;

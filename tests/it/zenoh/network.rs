@@ -80,10 +80,14 @@ impl Network {
         open(&self.settings(Role::Node, ""))
     }
 
-    /// A command of `zenoh_peer.py` or, for `send` and `receive`, of `zenoh_images.py`.
+    /// A command of `zenoh_peer.py` or, for `send` and `receive`, of `zenoh_images.py`, for `encoder` and `tf`, of
+    /// `zenoh_axis.py`.
     pub(super) fn peer(&self, command: &str, arguments: &[&str]) -> Peer {
-        let is_load = ["send", "receive"].contains(&command);
-        let script = if is_load { "zenoh_images.py" } else { "zenoh_peer.py" };
+        let script = match command {
+            "send" | "receive" => "zenoh_images.py",
+            "encoder" | "tf" => "zenoh_axis.py",
+            _ => "zenoh_peer.py",
+        };
         let connect = format!("tcp/127.0.0.1:{}", self.port);
         let common = [command, "--connect", &connect, "--domain", &self.domain, "--topic", TOPIC]
             .into_iter();

@@ -102,7 +102,7 @@ impl CameraAndPlane {
 
 impl Camera {
     /// A value by its name in a covariance: fx, fy, cx, cy, the distortion's coefficients, `tau_x`, `tau_y`.
-    pub(in crate::scanner) fn value_mut(&mut self, name: &str) -> Option<&mut f64> {
+    pub(crate) fn value_mut(&mut self, name: &str) -> Option<&mut f64> {
         match name {
             "fx" => Some(&mut self.fx_px),
             "fy" => Some(&mut self.fy_px),

@@ -7,7 +7,7 @@ use crate::scanner::{
     axis::{Axis, AxisKind},
     calibration::{
         Alignment, AxisQuality, CalibrationError, CameraAndPlane, CameraCalibration, CameraQuality,
-        PlaneQuality,
+        PartPose, PlaneQuality,
     },
     camera::{Camera, Distortion},
     laser_plane::LaserPlane,
@@ -42,6 +42,7 @@ pub(super) struct CameraFile {
     laser_plane: Option<PlaneEntry>,
     plane_quality: Option<PlaneQuality>,
     alignment: Option<AlignmentEntry>,
+    part: Option<PartEntry>,
     axis: Option<AxisEntry>,
     axis_quality: Option<AxisQuality>,
     calibrated_at: Option<String>,
@@ -74,6 +75,13 @@ struct PlaneEntry {
 struct AlignmentEntry {
     origin_m: [f64; 2],
     angle_rad: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartEntry {
+    origin_m: [f64; 3],
+    rotation_rad: [f64; 3],
 }
 
 #[derive(Deserialize)]
@@ -112,6 +120,7 @@ impl CameraFile {
             plane: self.laser_plane.ok_or_else(|| missing("laser_plane"))?.plane()?,
             plane_quality: self.plane_quality,
             alignment: self.alignment.map(AlignmentEntry::alignment).transpose()?,
+            part: self.part.map(PartEntry::part).transpose()?,
             axis: self.axis.map(AxisEntry::axis).transpose()?,
             axis_quality: self.axis_quality,
             calibrated_at: self.calibrated_at,
@@ -227,6 +236,17 @@ impl AlignmentEntry {
             return Err(CalibrationError::value("alignment", value, FINITE));
         }
         Ok(Alignment { origin_m, angle_rad })
+    }
+}
+
+impl PartEntry {
+    fn part(self) -> Result<PartPose, CalibrationError> {
+        let Self { origin_m, rotation_rad } = self;
+        if !origin_m.iter().chain(&rotation_rad).all(|value| value.is_finite()) {
+            let value = format!("{origin_m:?}, {rotation_rad:?}");
+            return Err(CalibrationError::value("part", value, FINITE));
+        }
+        Ok(PartPose { origin_m, rotation_rad })
     }
 }
 

@@ -20,6 +20,7 @@ pub(super) struct VerticalFile {
     base_row_px: f64,
     center_column_px: f64,
     height_sign: i8,
+    steps_quality: Option<StepsQuality>,
     #[serde(rename = "id")]
     _id: Option<String>,
 }
@@ -35,6 +36,7 @@ impl VerticalFile {
             base_row_px: self.base_row_px,
             center_column_px: self.center_column_px,
             height_sign: self.height_sign,
+            quality: self.steps_quality,
         };
         geometry.check()?;
         Ok(Calibration::VerticalIncidence(geometry))

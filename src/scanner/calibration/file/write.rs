@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::scanner::{
     axis::{Axis, AxisKind},
     calibration::{
-        Calibration, CameraAndPlane, CameraCalibration, CameraQuality, Projective,
+        Calibration, CameraAndPlane, CameraCalibration, CameraQuality, PartPose, Projective,
         VerticalIncidence,
     },
     camera::Camera,
@@ -90,6 +90,7 @@ fn vertical(geometry: &VerticalIncidence) -> Yaml {
         .number("base_row_px", geometry.base_row_px)
         .number("center_column_px", geometry.center_column_px)
         .entry("height_sign", geometry.height_sign)
+        .structure("steps_quality", geometry.quality.as_ref())
 }
 
 fn projective(geometry: &Projective) -> Yaml {
@@ -121,6 +122,10 @@ fn camera_and_plane(geometry: &CameraAndPlane) -> Yaml {
             "alignment",
             format_args!("{{origin_m: {origin_m:?}, angle_rad: {angle_rad:?}}}"),
         );
+    }
+    if let Some(PartPose { origin_m, rotation_rad }) = &geometry.part {
+        let entry = format_args!("{{origin_m: {origin_m:?}, rotation_rad: {rotation_rad:?}}}");
+        yaml = yaml.entry("part", entry);
     }
     if let Some(axis) = &geometry.axis {
         yaml = axis_entry(yaml, axis);

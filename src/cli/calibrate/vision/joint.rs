@@ -1,12 +1,13 @@
-//! Positions of a joint, as a recording states them.
+//! Positions of a joint or an encoder, as a recording states them.
 
-use anyhow::{anyhow, bail};
+use anyhow::{anyhow, bail, ensure};
 
 use super::{args::AxisArgs, views::Views};
 use crate::{
     bag::RawMessage,
     cli::settings,
-    msg::{cdr, schema::Message, sensor_msgs::JointState},
+    msg::{cdr, laser_profiler_msgs::EncoderStamped, schema::Message, sensor_msgs::JointState},
+    scanner::{motion::counter::Counter, params::MotionParams},
 };
 
 /// Where the positions of pictures come from.
@@ -20,6 +21,10 @@ pub(super) enum Source {
 /// Positions by time.
 pub(super) struct Joint {
     name: Option<String>,
+    /// Of an encoder.
+    counter: Counter,
+    /// Metres or radians a count; 0: as the messages say.
+    count_scale: f64,
     stated: Vec<(i64, f64)>,
 }
 
@@ -31,17 +36,18 @@ pub(super) fn source(args: &AxisArgs, views: &Views) -> anyhow::Result<Source> {
     if let Some(step) = args.step {
         return Ok(Source::Step(step));
     }
-    let topics = views.topics_of(JointState::TYPE.name);
+    let mut topics = views.topics_of(JointState::TYPE.name);
+    topics.extend(views.topics_of(EncoderStamped::TYPE.name));
     match (&args.joint_topic, topics.as_slice()) {
         (Some(wanted), _) if topics.contains(wanted) => Ok(Source::Topic(wanted.clone())),
         (None, [only]) => Ok(Source::Topic(only.clone())),
         (Some(wanted), _) => Err(settings::usage(format!(
-            "no positions on {wanted}; topics of sensor_msgs/msg/JointState: {}",
+            "no positions on {wanted}; topics of sensor_msgs/msg/JointState and laser_profiler_msgs/msg/EncoderStamped: {}",
             listed(&topics)
         ))),
         (None, []) => Err(settings::usage(
-            "nothing states positions: no topic of sensor_msgs/msg/JointState. --step says how far it moves from picture \
-             to picture",
+            "nothing states positions: no topic of sensor_msgs/msg/JointState or laser_profiler_msgs/msg/EncoderStamped. \
+             --step says how far it moves from picture to picture",
         )),
         (None, _) => {
             Err(settings::usage(format!("--joint-topic must name one of {}", listed(&topics))))
@@ -54,16 +60,20 @@ fn listed(topics: &[String]) -> String {
 }
 
 impl Joint {
-    /// No positions yet, of the named joint or of the only one.
-    pub(super) fn new(name: Option<String>) -> Self {
-        Self { name, stated: Vec::new() }
+    /// No positions yet, of the named joint or of the only one; or of an encoder, whose counts are understood as by the node.
+    pub(super) fn new(name: Option<String>, motion: &MotionParams) -> Self {
+        let counter = Counter::new(motion.encoder_bits);
+        Self { name, counter, count_scale: motion.scale, stated: Vec::new() }
     }
 
     /// Takes a message.
     ///
     /// # Errors
-    /// Not a joint state, or none of the joint.
+    /// Neither a joint state nor an encoder's sample, or none that says where the axis is.
     pub(super) fn take(&mut self, message: &RawMessage) -> anyhow::Result<()> {
+        if message.topic.type_name == EncoderStamped::TYPE.name {
+            return self.take_counts(message);
+        }
         let state: JointState<'_> = cdr::decode(&message.data)?;
         let at = match &self.name {
             Some(name) => state.name.iter().position(|named| named == name),
@@ -79,6 +89,19 @@ impl Joint {
             };
         };
         self.stated.push((state.header.stamp.to_ns(), position));
+        Ok(())
+    }
+
+    fn take_counts(&mut self, message: &RawMessage) -> anyhow::Result<()> {
+        let sample: EncoderStamped<'_> = cdr::decode(&message.data)?;
+        ensure!(sample.error == 0, "the encoder reports error bits {:#x}", sample.error);
+        let scale = if self.count_scale == 0.0 { sample.scale } else { self.count_scale };
+        ensure!(
+            scale != 0.0 && scale.is_finite(),
+            "the encoder's scale is {scale} m a count, which says nothing: set motion.scale (-p motion.scale:=1e-6)"
+        );
+        let counts = self.counter.unwrap(sample.counts);
+        self.stated.push((sample.header.stamp.to_ns(), counts as f64 * scale));
         Ok(())
     }
 

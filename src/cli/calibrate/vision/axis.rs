@@ -90,7 +90,7 @@ enum Target {
 /// # Errors
 /// [`Usage`](crate::cli::Usage) for a request that cannot be followed; pictures that say too little; files that cannot be
 /// read or written.
-pub(super) fn run(
+pub(in crate::cli::calibrate) fn run(
     args: &AxisArgs,
     ros: RosArguments,
     out: &mut dyn Write,
@@ -117,6 +117,8 @@ pub(super) fn run(
     };
     let found = found.with_context(|| frames.told())?;
     geometry.axis = Some(found.axis);
+    // It lay in the frame of the axis before.
+    geometry.part = None;
     geometry.axis_quality = Some(found.quality.clone());
     geometry.calibrated_at = Some(file::now());
     file::write(&args.output, &Calibration::CameraAndPlane(Box::new(geometry)).to_yaml())?;
@@ -136,7 +138,7 @@ fn frames(
     let source = joint::source(args, views)?;
     let look = look(target)?;
     let stripes = Stripes::new(settings, &views.params);
-    let mut joint = Joint::new(args.joint.clone());
+    let mut joint = Joint::new(args.joint.clone(), &views.params.scanner.motion);
     let topic = match &source {
         Source::Topic(topic) => Some(topic.as_str()),
         Source::Step(_) => None,

@@ -55,7 +55,7 @@ pub(super) struct Lines {
 /// # Errors
 /// [`Usage`](crate::cli::Usage) for a request that cannot be followed; boards that say too little; files that cannot be
 /// read or written.
-pub(super) fn run(
+pub(in crate::cli::calibrate) fn run(
     args: &PlaneArgs,
     ros: RosArguments,
     out: &mut dyn Write,
@@ -185,6 +185,7 @@ fn geometry(args: &PlaneArgs, camera: CameraCalibration, fit: &PlaneFit) -> Came
             covariance: Some(covariance),
         }),
         alignment: None,
+        part: None,
         axis: None,
         axis_quality: None,
         calibrated_at: Some(file::now()),

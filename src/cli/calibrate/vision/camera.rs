@@ -25,7 +25,7 @@ const MIN_CORNERS: usize = 20;
 /// # Errors
 /// [`Usage`](crate::cli::Usage) for a request that cannot be followed; views that say too little; files that cannot be
 /// read or written.
-pub(super) fn run(
+pub(in crate::cli::calibrate) fn run(
     args: &CameraArgs,
     ros: RosArguments,
     out: &mut dyn Write,
@@ -49,6 +49,9 @@ pub(super) fn run(
     }
     let calibration = file::of_camera(&args.camera_name, &fit, boards.rejected.len());
     file::write(&args.output, &calibration.to_yaml())?;
+    if let Some(advice) = advice(args, &fit) {
+        tracing::warn!("{advice}");
+    }
     if let Some(path) = &args.output.report {
         report_charts::camera(path, &boards, &fit)?;
     }
@@ -68,6 +71,27 @@ pub(super) fn parameters(fit: &CameraFit) -> Vec<(&'static str, f64)> {
         [("fx", camera.fx_px), ("fy", camera.fy_px), ("cx", camera.cx_px), ("cy", camera.cy_px)];
     let lens = file::coefficients(&camera.distortion).into_iter();
     pinhole.into_iter().chain(file::COEFFICIENTS.into_iter().zip(lens)).collect()
+}
+
+/// Terms of the lens that are less well known than they are large: the views do not tell them.
+fn undetermined(fit: &CameraFit) -> Vec<&'static str> {
+    let is_lost = |(name, value): &(&str, f64)| {
+        name.starts_with('k') && fit.uncertainty.sigma(name).is_none_or(|sigma| sigma > value.abs())
+    };
+    parameters(fit).into_iter().filter(is_lost).map(|(name, _)| name).collect()
+}
+
+/// What to do about a lens with more terms than it shows.
+fn advice(args: &CameraArgs, fit: &CameraFit) -> Option<String> {
+    let lost = undetermined(fit);
+    let is_wide = args.model == "rational_polynomial";
+    (is_wide && lost.iter().any(|name| ["k4", "k5", "k6"].contains(name))).then(|| {
+        format!(
+            "the views do not tell {}: they are less well known than they are large, and stand for one another. A lens this \
+             narrow needs no rational_polynomial: --model plumb_bob",
+            lost.join(", ")
+        )
+    })
 }
 
 fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
@@ -93,6 +117,7 @@ fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
         "distortion_model": args.model,
         "distortion": object(&all[4..]),
         "uncertainties": sigmas.collect::<Map<_, _>>(),
+        "undetermined": undetermined(fit),
         "view_scatter": fit.uncertainty.view_scatter,
     })
 }

@@ -1,0 +1,132 @@
+//! `laser_profiler calibrate level`: the part's frame, laid on a flat.
+
+use std::{fs, io::Write, path::PathBuf};
+
+use anyhow::{Context, bail};
+use nalgebra::Isometry3;
+use serde_json::json;
+
+use crate::{
+    cli::{
+        Outcome,
+        measure::{edges, region},
+        results::{ANY_HEIGHT_M, Results, ResultsArgs},
+    },
+    metrology::{
+        plane::{self, PlaneFit},
+        surface::Region,
+    },
+    scanner::calibration::{Calibration, CameraAndPlane, PartPose},
+};
+
+const HELP: &str = "\
+Scan a flat (the empty table, a plate, a flat of the part), then lay the part's frame on it: scans with the new file come out
+level, with the flat at height 0 and x and y where they were. The calibration is the one that the results carry; a level
+that it has already is carried on. The flat is fitted without outliers; --region and --heights keep out what stands on it.
+
+Examples:
+  laser_profiler calibrate level results -o level.yaml
+  laser_profiler calibrate level results -o level.yaml --region=-30mm,-30mm,30mm,30mm --heights=-50mm,-40mm
+
+--json prints one object: output, id, points, outliers, tilt_rad, tilt_sigma_rad and height_m, height_sigma_m (of the flat, before),
+  flatness_d95_m, part: {origin_m, rotation_rad}";
+
+/// Lays the part's frame on a flat that was scanned: later scans come out level.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub(super) struct LevelArgs {
+    #[command(flatten)]
+    results: ResultsArgs,
+    /// The flat is in x0,y0,x1,y1.
+    #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
+    region: Option<Region>,
+    /// Only heights from LOW to HIGH.
+    #[arg(long, value_name = "LOW,HIGH", value_parser = edges, allow_hyphen_values = true)]
+    heights: Option<[f64; 2]>,
+    /// The calibration, a YAML file.
+    #[arg(short, long, value_name = "FILE.yaml")]
+    output: PathBuf,
+    /// Replaces a file that is there already.
+    #[arg(long)]
+    force: bool,
+    /// One JSON object on standard output (see below).
+    #[arg(long)]
+    json: bool,
+}
+
+/// Fits the flat, writes the file and tells on `out` how the flat lay.
+///
+/// # Errors
+/// Results without a calibration of a camera and a plane, or placed by poses; no flat; a file that is there or cannot be
+/// written.
+pub(super) fn run(args: &LevelArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    if args.output.exists() && !args.force {
+        bail!("{} is there already: --force replaces it", args.output.display());
+    }
+    let results = Results::open(&args.results)?;
+    let bag = args.results.bag.display();
+    let mut geometry = geometry(&results).with_context(|| bag.to_string())?;
+    let scanned = results
+        .surface(&args.region.unwrap_or(Region::ALL), args.heights.unwrap_or(ANY_HEIGHT_M))
+        .with_context(|| format!("{bag}: {}", results.topic))?;
+    let flat = plane::fit(&scanned.surface)?;
+    let unlaid_from_part = geometry.part.map_or(Isometry3::identity(), |part| part.pose());
+    let part = PartPose::new(&(unlaid_from_part * plane::leveling(&flat).inverse()));
+    geometry.part = Some(part);
+    geometry.calibrated_at =
+        Some(jiff::Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string());
+    let calibration = Calibration::CameraAndPlane(Box::new(geometry));
+    fs::write(&args.output, calibration.to_yaml())
+        .with_context(|| format!("cannot write {}", args.output.display()))?;
+    let text = told(args, &calibration.id(), &flat, part);
+    crate::cli::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    Ok(scanned.read.outcome())
+}
+
+/// The calibration that the results carry.
+fn geometry(results: &Results) -> anyhow::Result<CameraAndPlane> {
+    let text = results.calibration().context(
+        "the results carry no calibration: replay with a calibration_file, which is then laid level",
+    )?;
+    if results.is_posed() {
+        bail!("profiles were placed by poses (motion.source: tf): their frame is that of tf");
+    }
+    match Calibration::from_yaml(&text).context("the calibration in the results")? {
+        Calibration::CameraAndPlane(geometry) => Ok(*geometry),
+        _ => bail!(
+            "the results were measured by known heights or formula 6: a level needs a calibration of type camera_and_plane; \
+             `export --level` lays a single scan level"
+        ),
+    }
+}
+
+fn told(args: &LevelArgs, id: &str, flat: &PlaneFit, part: PartPose) -> String {
+    let [about_x, about_y] = flat.tilt_sigma_rad;
+    let tilt_sigma_rad = about_x.hypot(about_y) / 2.0_f64.sqrt();
+    let output = args.output.display();
+    if args.json {
+        let object = json!({
+            "output": args.output,
+            "id": id,
+            "points": flat.num_points,
+            "outliers": flat.num_outliers,
+            "tilt_rad": flat.tilt_rad(),
+            "tilt_sigma_rad": tilt_sigma_rad,
+            "height_m": flat.center_m.z,
+            "height_sigma_m": flat.sigma_m / flat.normal.z.abs().max(1e-3),
+            "flatness_d95_m": flat.flatness.d95_m,
+            "part": {"origin_m": part.origin_m, "rotation_rad": part.rotation_rad},
+        });
+        return format!("{object}\n");
+    }
+    format!(
+        "{output}: laid on a flat of {} points, {} of them outliers\n  it was inclined by {:.3} ± {:.3} mrad and lay at {:.4} ± \
+         {:.4} mm (one standard deviation)\n",
+        flat.num_points,
+        flat.num_outliers,
+        1e3 * flat.tilt_rad(),
+        1e3 * tilt_sigma_rad,
+        1e3 * flat.center_m.z,
+        1e3 * flat.sigma_m
+    )
+}

@@ -1,0 +1,22 @@
+//! What needs the feature `calibrate`: boards and markers, found in pictures.
+
+mod axis;
+mod axis_answer;
+mod axis_distance;
+mod boards;
+mod camera;
+mod file;
+mod joint;
+mod plane;
+mod plane_answer;
+mod rejected;
+mod report;
+mod report_charts;
+mod stripes;
+mod views;
+
+pub(super) use axis::run as axis;
+pub(super) use camera::run as camera;
+pub(super) use plane::run as plane;
+
+use super::args;

@@ -1,0 +1,57 @@
+//! From a point of the part to the image by one rig, and back by another.
+
+use nalgebra::{Isometry3, Point3};
+
+use crate::scanner::{
+    calibration::CameraAndPlane,
+    motion::{Position, placement::Placement},
+    params::StripeDirection,
+};
+
+/// A rig, and where it places what it sees.
+#[derive(Clone, Debug)]
+pub(super) struct Rig {
+    geometry: CameraAndPlane,
+    camera_from_laser: Isometry3<f64>,
+    placement: Placement,
+}
+
+impl Rig {
+    pub(super) fn new(geometry: &CameraAndPlane, direction: StripeDirection) -> Self {
+        let camera_from_laser = geometry.camera_from_laser(direction);
+        let plain = Placement::new(camera_from_laser, geometry.axis);
+        let placement = match &geometry.part {
+            Some(part) => plain.with_part(&part.pose()),
+            None => plain,
+        };
+        Self { geometry: geometry.clone(), camera_from_laser, placement }
+    }
+
+    /// The laser plane's frame in the part's at a position.
+    fn part_from_laser(&self, position: f64) -> Isometry3<f64> {
+        self.placement.clone().place(&mut Position::at(position))
+    }
+}
+
+/// A profile's points, measured with the second rig instead of the first. Without a position y is the position, and stays.
+pub(super) fn row(
+    [nominal, other]: &[Rig; 2],
+    row: &[Point3<f64>],
+    position: Option<f64>,
+) -> Vec<Option<Point3<f64>>> {
+    let poses = position.map(|position| {
+        (nominal.part_from_laser(position).inverse(), other.part_from_laser(position))
+    });
+    let other_laser_from_camera = other.camera_from_laser.inverse();
+    let moved = |point: &Point3<f64>| {
+        let in_laser = poses.map_or(*point, |(laser_from_part, _)| laser_from_part * point);
+        let in_camera = nominal.camera_from_laser * Point3::new(in_laser.x, 0.0, in_laser.z);
+        let ray = other.geometry.camera.ray(nominal.geometry.camera.project(in_camera)?)?;
+        let found = other_laser_from_camera * other.geometry.plane.meet(ray)?;
+        Some(match poses {
+            Some((_, part_from_laser)) => part_from_laser * found,
+            None => Point3::new(found.x, point.y, found.z),
+        })
+    };
+    row.iter().map(moved).collect()
+}
