@@ -100,7 +100,8 @@ impl BagReader {
     pub fn time_range_ns(&self) -> Option<(i64, i64)> {
         let parts = self.files.iter().flat_map(|(_, layout)| &layout.parts);
         let ends = parts
-            .filter(|part| !matches!(part.kind, PartKind::Damage(_)))
+            // A chunk without messages has no times: 0.
+            .filter(|part| !matches!(part.kind, PartKind::Damage(_)) && part.end_time > 0)
             .map(|part| (part.start_time, part.end_time));
         let (start, end) =
             ends.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)))?;

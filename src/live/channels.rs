@@ -28,7 +28,7 @@ pub struct ChannelDescription {
 /// A topic that is served. Dropping it takes it away from viewers.
 pub struct Channel {
     raw: Arc<RawChannel>,
-    num_kept: usize,
+    topic: ChannelDescription,
     kept: Mutex<VecDeque<(u64, Arc<[u8]>)>>,
     /// Of all channels together.
     num_sent: Arc<AtomicU64>,
@@ -43,9 +43,9 @@ impl Channel {
     /// Hands CDR bytes to those who want them. `time_ns`: when they were received, nanoseconds since the epoch.
     pub fn send(&self, data: &Arc<[u8]>, time_ns: i64) {
         let time = time_of(time_ns);
-        if self.num_kept > 0 {
+        if self.topic.num_kept > 0 {
             let mut kept = self.kept();
-            if kept.len() == self.num_kept {
+            if kept.len() == self.topic.num_kept {
                 kept.pop_front();
             }
             kept.push_back((time, Arc::clone(data)));
@@ -101,19 +101,23 @@ impl Channels {
         Self { context: Context::new(), by_id: Mutex::default(), num_sent: Arc::default() }
     }
 
-    /// Serves a topic.
+    /// Serves a topic. Publishers of the same topic share its channel: cameras that tell of themselves on `/diagnostics`.
     pub(super) fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
-        let schema = Schema::new(topic.type_name, "ros2msg", topic.schema);
-        let raw = ChannelBuilder::new(topic.name)
+        let mut by_id = self.lock();
+        by_id.retain(|_, channel| channel.strong_count() > 0);
+        let mut served = by_id.values().filter_map(Weak::upgrade);
+        if let Some(channel) = served.find(|channel| channel.topic == topic) {
+            return Ok(channel);
+        }
+        let schema = Schema::new(topic.type_name.as_str(), "ros2msg", topic.schema.clone());
+        let raw = ChannelBuilder::new(topic.name.as_str())
             .context(&self.context)
             .message_encoding("cdr")
             .schema(schema)
             .build_raw()?;
         let id = u64::from(raw.id());
-        let (num_kept, num_sent) = (topic.num_kept, Arc::clone(&self.num_sent));
-        let channel = Arc::new(Channel { raw, num_kept, kept: Mutex::default(), num_sent });
-        let mut by_id = self.lock();
-        by_id.retain(|_, channel| channel.strong_count() > 0);
+        let (kept, num_sent) = (Mutex::default(), Arc::clone(&self.num_sent));
+        let channel = Arc::new(Channel { raw, topic, kept, num_sent });
         by_id.insert(id, Arc::downgrade(&channel));
         Ok(channel)
     }
@@ -133,5 +137,44 @@ impl Channels {
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Weak<Channel>>> {
         self.by_id.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn topic(name: &str) -> ChannelDescription {
+        ChannelDescription {
+            name: name.to_owned(),
+            type_name: "std_msgs/msg/String".to_owned(),
+            schema: b"string data".to_vec(),
+            num_kept: 2,
+        }
+    }
+
+    #[test]
+    fn publishers_of_one_topic_share_it_and_the_last_takes_it_away() {
+        let channels = Channels::new();
+        let first = channels.open(topic("/a")).unwrap();
+        let second = channels.open(topic("/a")).unwrap();
+        assert!(Arc::ptr_eq(&first, &second));
+        assert!(!Arc::ptr_eq(&first, &channels.open(topic("/b")).unwrap()));
+        let id = first.raw.id();
+        drop((first, second));
+        assert_ne!(channels.open(topic("/a")).unwrap().raw.id(), id, "it was closed");
+    }
+
+    #[test]
+    fn the_last_messages_are_kept_and_nothing_is_sent_to_nobody() {
+        let channels = Channels::new();
+        let channel = channels.open(topic("/a")).unwrap();
+        for number in 1..=3 {
+            channel.send(&Arc::from([number]), i64::from(number));
+        }
+        let kept: Vec<_> = channel.kept().iter().map(|(time, data)| (*time, data[0])).collect();
+        assert_eq!(kept, [(2, 2), (3, 3)]);
+        assert!(!channel.is_wanted());
+        assert_eq!(channels.num_sent(), 0);
     }
 }
