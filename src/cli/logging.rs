@@ -210,7 +210,7 @@ mod tests {
                 error.to_string(),
                 format!(
                     "--log-level {name}:=debug: no logger is called {name:?}, allowed is laser_profiler, rustdds, \
-                     ros2_client, zenoh"
+                     ros2_client, zenoh, foxglove"
                 )
             );
         }

@@ -94,7 +94,7 @@ fn viewers_who_read_nothing_cost_the_node_no_frame() {
         camera.shoot();
         rig.results("centerline", number);
     }
-    assert!(view.num_sent() > 5 * MANY_FRAMES as u64, "they were given what they wanted");
+    assert!(view.num_sent() > MANY_FRAMES as u64, "they were given what they wanted");
     let counts = counts(rig.end());
     assert_eq!((counts.received, counts.processed), (MANY_FRAMES as u64, MANY_FRAMES as u64));
     drop(viewers);
