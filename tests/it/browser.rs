@@ -101,7 +101,7 @@ fn viewers() -> PathBuf {
 }
 
 /// Plays a recording in Foxglove for some seconds of its time and tells what is seen.
-fn foxglove(tools: &Tools, source: &Path, seconds: &str, name: &str) -> Json {
+pub(crate) fn foxglove(tools: &Tools, source: &Path, seconds: &str, name: &str) -> Json {
     let is_live = source.starts_with("ws:");
     let layout = if is_live { "foxglove_live_layout.json" } else { "foxglove_layout.json" };
     let (layout, picture) = (viewers().join(layout), picture(name));
@@ -117,7 +117,7 @@ fn foxglove(tools: &Tools, source: &Path, seconds: &str, name: &str) -> Json {
 }
 
 /// Pixels of a panel in the colours within 15 degrees of some hues.
-fn pixels(seen: &Json, panel: &str, hues: &[u32]) -> u64 {
+pub(crate) fn pixels(seen: &Json, panel: &str, hues: &[u32]) -> u64 {
     let hues = hues.iter().map(|hue| &seen["panels"][panel]["hues"][hue.to_string()]);
     hues.map(|count| count.as_u64().unwrap_or(0)).sum()
 }

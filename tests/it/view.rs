@@ -12,6 +12,7 @@ use std::{
 use serde_json::Value as Json;
 
 use crate::{
+    browser::{self, foxglove, pixels},
     interop::{interop, python},
     program::{Ended, content, end, laser_profiler, replay},
     recordings::record_images,
@@ -220,4 +221,24 @@ fn a_recording_without_a_frame_is_a_failure() {
     let ended = end(laser_profiler(&["replay", "--view=0"]).arg(&empty));
     assert_eq!(ended.code, Some(1), "{ended:?}");
     assert!(ended.stderr.contains("holds no messages"), "{ended:?}");
+}
+
+/// The live socket in a real browser. Foxglove 1.48 knows the protocol by an earlier name: `tests/browser/subprotocol.mjs`.
+#[test]
+fn foxglove_shows_a_live_view() {
+    let Some(tools) = browser::tools() else { return };
+    // Slowly, so that a page drawn without a graphics card is there before the end.
+    let slices = ["--rate", "0.2", "--ros-args", "-p", "slice.profiles:=10"];
+    let viewed = Viewed::replay(&[FILM, &slices].concat());
+    let seen = foxglove(tools, Path::new(&viewed.url), "9", "foxglove_live.png");
+    assert_eq!(viewed.interrupt().code, Some(0));
+    let topics = &seen["topics"];
+    assert_eq!(topics["/laser_profiler/preview"], "sensor_msgs/msg/Image", "{seen}");
+    assert_eq!(topics["/laser_profiler/profile"], "laser_profiler_msgs/msg/Profile", "{seen}");
+    // The centreline is green, the profile blue; the cell and its film are of several colours.
+    assert!(pixels(&seen, "ImageViewPanel!overlay", &[120]) > 500, "{seen}");
+    assert!(pixels(&seen, "Plot!profile", &[210]) > 500, "{seen}");
+    assert!(pixels(&seen, "3D!cloud", &[30, 60, 90, 120]) > 500, "{seen}");
+    let parameters = seen["panels"]["Parameters!parameters"]["text"].as_str().unwrap();
+    assert!(parameters.contains("use_sim_time"), "{parameters}");
 }
