@@ -14,7 +14,7 @@ pub struct BetweenProfiles {
 }
 
 /// Compares the profiles' mean distances from their common plane, without its outliers. Profiles with less than half as
-/// many points as the middle one saw another part of the plane and stay out. None: fewer than two profiles remain.
+/// many points as the middle one saw another part of the plane and stay out. None: fewer than three profiles remain.
 ///
 /// The plane may be inclined and may turn: only what it does not explain counts.
 #[must_use]
@@ -34,12 +34,13 @@ pub fn of(surface: &Surface, plane: &PlaneFit) -> Option<BetweenProfiles> {
     let taken = profiles.iter().filter(|(num, _)| 2 * num >= usual);
     let means: Vec<f64> = taken.map(|(_, mean)| *mean).collect();
     let num_profiles = means.len();
-    if num_profiles < 2 {
+    if num_profiles < 3 {
         return None;
     }
     let middle = means.iter().sum::<f64>() / num_profiles as f64;
     let squares: f64 = means.iter().map(|mean| (mean - middle).powi(2)).sum();
-    let freedom = (num_profiles - 1) as f64;
+    // The plane has taken the mean of all, and an inclination from the first to the last.
+    let freedom = (num_profiles - 2) as f64;
     let sigma_m = (squares / freedom).sqrt();
     // Of a normal sample: the standard deviation of a standard deviation, to first order.
     Some(BetweenProfiles { sigma_m, of_sigma_m: sigma_m / (2.0 * freedom).sqrt(), num_profiles })
@@ -66,14 +67,14 @@ mod tests {
     #[test]
     fn the_scatter_of_rows_is_found_and_its_uncertainty_is_true() {
         let truth = 3e-6_f64.hypot(2e-6 / 60.0_f64.sqrt());
-        let covered = share(100, |seed| {
+        let covered = share(300, |seed| {
             let surface = jumping(seed);
             let found = of(&surface, &plane::fit(&surface).unwrap()).unwrap();
             assert_eq!(found.num_profiles, 50);
             (found.sigma_m - truth).abs() < 1.96 * found.of_sigma_m
         });
-        // The plane takes a little of the jumps.
-        assert!((0.90..=0.99).contains(&covered), "{covered}");
+        // 94 %: the interval is as wide as the estimate, which is too small as often as too large.
+        assert!((0.90..=0.98).contains(&covered), "{covered}");
     }
 
     #[test]
