@@ -11,6 +11,8 @@ import { renamed } from "./subprotocol.mjs";
 
 /** Longest wait for the page or the recording, milliseconds: software rendering on a busy machine. */
 const PATIENCE_MS = 120_000;
+/** How often a recording is opened until the panels have something to show. */
+const ATTEMPTS = 3;
 
 /**
  * The layout in the words of 1.48, which calls the image panel and its settings otherwise. Newer versions translate in
@@ -51,6 +53,39 @@ async function play(page, seconds) {
   await page.locator("body").press("Space");
 }
 
+/** Opens a source and closes the side bar; what that listed. */
+async function arrive(page, address) {
+  await page.goto(address);
+  await page.getByText("sensor_msgs/msg/Image").or(page.getByText(/^Problems\s*\d+$/)).first().waitFor();
+  const seen = { topics: await topics(page), problems: await page.getByText(/^Problems\s*\d+$/).count() };
+  // What is left is what the layout is about.
+  await page.getByTitle("Data source").click();
+  return seen;
+}
+
+/** Whether nothing has come through to a panel whose topic every recording has. */
+async function isWaiting(page) {
+  const health = page.locator('[data-testid="panel-mouseenter-container DiagnosticSummary!health"]');
+  return (await health.innerText()).includes("Waiting for");
+}
+
+/**
+ * Plays a recording from its start. On a busy machine 1.48 may let the time run and hand on nothing: then the recording is
+ * opened anew.
+ */
+async function playThrough(page, address, seconds) {
+  for (let attempt = 1; ; attempt += 1) {
+    const seen = await arrive(page, address);
+    await play(page, seconds);
+    // What was read last is drawn.
+    await page.waitForTimeout(1500);
+    if (attempt === ATTEMPTS || !(await isWaiting(page))) {
+      return seen;
+    }
+    await page.evaluate(() => localStorage.clear());
+  }
+}
+
 /** Text and colours of the panels that are visible. */
 async function panels(page) {
   const found = {};
@@ -77,18 +112,14 @@ const { browser, page, errors } = await open(chosen);
 try {
   page.setDefaultTimeout(PATIENCE_MS);
   const [kind, url] = live ? ["foxglove-websocket", live.url] : ["remote-file", `${server.origin}/recording.mcap`];
-  await page.goto(`${server.origin}/page/studio.html?${new URLSearchParams({ ds: kind, "ds.url": url })}`);
-  const isThere = page.getByText("sensor_msgs/msg/Image").or(page.getByText(/^Problems\s*\d+$/)).first();
-  await isThere.waitFor();
-  const seen = { topics: await topics(page), problems: await page.getByText(/^Problems\s*\d+$/).count() };
-  // The side bar closes: what is left is what the layout is about.
-  await page.getByTitle("Data source").click();
+  const address = `${server.origin}/page/studio.html?${new URLSearchParams({ ds: kind, "ds.url": url })}`;
+  const seconds = Number(chosen.seconds);
+  let seen;
   if (live) {
-    await page.waitForTimeout(1000 * Number(chosen.seconds));
+    seen = await arrive(page, address);
+    await page.waitForTimeout(1000 * seconds);
   } else {
-    await play(page, Number(chosen.seconds));
-    // What was read last is drawn.
-    await page.waitForTimeout(1500);
+    seen = await playThrough(page, address, seconds);
   }
   await page.mouse.move(0, 899);
   await page.screenshot({ path: chosen.picture });
