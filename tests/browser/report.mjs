@@ -29,9 +29,13 @@ try {
     for (let column = 0; column < PLACES; column++) {
       const position = { x: ((column + 0.5) * width) / PLACES, y: ((row + 0.5) * height) / PLACES };
       await map.hover({ position });
-      points.push(await told());
+      points.push({ ...(await told()), position });
     }
   }
+  // The picture is of the highest place.
+  const height_mm = ({ readout }) => Number(/z ([-\d.]+)/.exec(readout)?.[1] ?? -Infinity);
+  const highest = points.reduce((a, b) => (height_mm(b) > height_mm(a) ? b : a));
+  await map.hover({ position: highest.position });
   await page.screenshot({ path: chosen.picture, fullPage: true });
   const drawn = await page.evaluate(() => document.documentElement.dataset.drawn);
   const seen = { drawn, errors, requests: requests.length, map: await hues(page, map), points };
