@@ -155,6 +155,14 @@ class Node:
             time.sleep(0.02)
         raise SystemExit(f"no subscriber of {topic} within {seconds} s")
 
+    def wait_for_route(self, publisher, seconds=30):
+        """Until what is published goes to somebody: a token may come before the route to its owner."""
+        deadline = time.monotonic() + seconds
+        while not publisher.matching_status.matching:
+            if time.monotonic() > deadline:
+                raise SystemExit(f"no route to a subscriber of {publisher.key_expr} within {seconds} s")
+            time.sleep(0.01)
+
 
 def image(number, width, height, stamp_ns, encoding="mono8", frame_id="camera", is_stripe=False):
     """sensor_msgs/Image in CDR; byte i of image n is (i + n) % 251, or the image is a laser stripe in the dark."""

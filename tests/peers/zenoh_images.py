@@ -18,6 +18,7 @@ def send(arguments, node):
     kind = (arguments.type, arguments.hash)
     publisher = node.publisher(arguments.topic, kind, reliable=arguments.reliable)
     node.wait_for_subscribers(arguments.topic, kind, arguments.subscribers)
+    node.wait_for_route(publisher)
     count = arguments.count or int(arguments.seconds * arguments.fps)
     start = time.monotonic()
     for number in range(count):
