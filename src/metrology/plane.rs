@@ -14,8 +14,6 @@ use super::{
 const MAX_ROUNDS: usize = 20;
 /// A plane that turns by less stands still, radians.
 const STANDSTILL_RAD: f64 = 1e-9;
-/// The same after all rounds: among scattered points the weights may change with every turn, and leave so much open.
-const UNREST_RAD: f64 = 0.05;
 const MIN_POINTS: usize = 20;
 
 /// A plane and what is known of it.
@@ -114,10 +112,15 @@ pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
             .collect();
         let solved = robust::solve(&equations).ok_or_else(degenerate)?;
         let [height, along, across] = [solved.x[0], solved.x[1], solved.x[2]];
-        let limit_rad = if round < MAX_ROUNDS { STANDSTILL_RAD } else { UNREST_RAD };
         normal = (normal - along * directions[0] - across * directions[1]).normalize();
-        if along.hypot(across) < limit_rad {
-            return Ok(finish(surface, &solved, normal, middle + height * normal));
+        let turn_rad = along.hypot(across);
+        if turn_rad < STANDSTILL_RAD || round == MAX_ROUNDS {
+            let fit = finish(surface, &solved, normal, middle + height * normal);
+            // Among scattered points the weights may change with every turn: no more may stay open than the fit states.
+            let [about_x, about_y] = fit.tilt_sigma_rad;
+            if turn_rad < STANDSTILL_RAD.max(about_x.hypot(about_y)) {
+                return Ok(fit);
+            }
         }
     }
     Err(degenerate())
