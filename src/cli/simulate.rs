@@ -90,7 +90,7 @@ fn read_scenario(path: &Path) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::scenario::tests::SMALL;
+    use crate::simulate::scenario::EXAMPLE;
 
     /// Runs the command on a file with that text.
     fn simulate(text: &str, flags: &[&str]) -> Result<String> {
@@ -106,10 +106,10 @@ mod tests {
 
     #[test]
     fn the_summary_counts_frames() {
-        let line = simulate(SMALL, &[]).unwrap();
+        let line = simulate(EXAMPLE, &[]).unwrap();
         assert!(line.contains("38 images, 2 of 40 frames dropped"), "{line}");
         let json: serde_json::Value =
-            serde_json::from_str(&simulate(SMALL, &["--json"]).unwrap()).unwrap();
+            serde_json::from_str(&simulate(EXAMPLE, &["--json"]).unwrap()).unwrap();
         assert_eq!(
             (&json["frames"], &json["images"], &json["dropped"]),
             (&40.into(), &38.into(), &2.into())
@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn a_wrong_scenario_is_wrong_usage_and_named() {
-        let error = simulate(&SMALL.replace("frames: 40", "frames: 0"), &[]).unwrap_err();
+        let error = simulate(&EXAMPLE.replace("frames: 40", "frames: 0"), &[]).unwrap_err();
         assert!(error.is::<Usage>(), "{error}");
         assert!(
             error.to_string().ends_with("scenario.yaml: frames is 0: allowed is 1 to 1000000"),

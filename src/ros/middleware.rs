@@ -10,7 +10,7 @@ use super::{
     node_params::ServiceMapping,
     transport::{NodeIdentity, Transport, TransportError},
 };
-use crate::scanner::params::named_enum;
+use laser_triangulation::named_enum;
 
 named_enum! {
     /// A middleware of ROS 2.

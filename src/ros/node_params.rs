@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::scanner::params::named_enum;
+use laser_triangulation::named_enum;
 
 use super::{
     camera_params::CameraParams,

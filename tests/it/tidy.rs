@@ -24,8 +24,8 @@ const MAY_USE: [(&str, &[&str]); 12] = [
     ("report", &["msg", "scanner"]),
     ("ros", &["msg", "scanner"]),
     ("bag", &["msg"]),
-    ("live", &["msg"]),
-    ("node", &["ros", "bag", "live", "msg", "scanner"]),
+    ("foxglove", &["msg"]),
+    ("node", &["ros", "bag", "foxglove", "msg", "scanner"]),
     (
         "cli",
         &[
@@ -99,9 +99,16 @@ fn shipped(path: &Path) -> String {
     own.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
 }
 
-/// The files of `src/<module>` and `src/<module>.rs`.
+fn is_source(path: &Path) -> bool {
+    path.starts_with("src") || path.starts_with("laser_triangulation/src")
+}
+
+/// The files of a module, in whichever crate it is.
 fn source_of(module: &str) -> Vec<PathBuf> {
-    let parts = [format!("src/{module}/"), format!("src/{module}.rs")];
+    let crates = ["src", "laser_triangulation/src"];
+    let parts =
+        crates.map(|sources| [format!("{sources}/{module}/"), format!("{sources}/{module}.rs")]);
+    let parts = parts.concat();
     let files = files_ending_in(".rs").into_iter();
     files.filter(|path| parts.iter().any(|part| path.to_string_lossy().starts_with(part))).collect()
 }
@@ -164,9 +171,11 @@ fn dependencies_point_one_way() {
 
 #[test]
 fn every_module_has_its_rule() {
-    let declared = text(Path::new("src/lib.rs"));
+    let declared =
+        ["src/lib.rs", "laser_triangulation/src/lib.rs"].map(|path| text(Path::new(path)));
     let declared: Vec<_> = declared
-        .lines()
+        .iter()
+        .flat_map(|text| text.lines())
         .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'))
         .collect();
     assert!(MAY_USE.iter().all(|(name, _)| declared.contains(name)), "{declared:?}");
@@ -197,7 +206,7 @@ fn files_are_short_and_finished() {
         if text.lines().count() > MAX_LINES {
             complaints.push(format!("{}: more than {MAX_LINES} lines", path.display()));
         }
-        let is_shipped = path.starts_with("src") && !shipped(&path).is_empty();
+        let is_shipped = is_source(&path) && !shipped(&path).is_empty();
         let code = if is_shipped { shipped(&path) } else { text.replace("eprintln!", "") };
         for word in FORBIDDEN.iter().filter(|word| code.contains(**word)) {
             complaints.push(format!("{}: {word}", path.display()));
@@ -211,7 +220,7 @@ fn files_are_short_and_finished() {
 /// `rustc` does not look for files that nobody names: their tests would never run.
 #[test]
 fn every_file_is_a_module_of_its_parent() {
-    let is_module = |path: &PathBuf| path.starts_with("src") || path.starts_with("tests/it");
+    let is_module = |path: &PathBuf| is_source(path) || path.starts_with("tests/it");
     let is_root = |path: &PathBuf| path.ends_with("lib.rs") || path.ends_with("main.rs");
     let mut complaints = Vec::new();
     for path in files_ending_in(".rs").into_iter().filter(|path| is_module(path) && !is_root(path))
@@ -256,8 +265,10 @@ fn documents_name_what_exists() {
         for span in text.split('`').skip(1).step_by(2) {
             let (path, function) = span.split_once("::").unwrap_or((span, ""));
             let place = path.split('/').next().unwrap_or_default();
-            let is_path = ["src", "tests", "bags", "benches", "docs", "msgs"].contains(&place)
-                && !path.contains(['*', '$', ' ', '\n']);
+            let is_path =
+                ["src", "laser_triangulation", "tests", "bags", "benches", "docs", "msgs"]
+                    .contains(&place)
+                    && !path.contains(['*', '$', ' ', '\n']);
             if !is_path || !path.contains('/') {
                 continue;
             }

@@ -44,11 +44,11 @@ pub fn nearest(known: &[KnownDefect], center_m: [f64; 2], reach_m: f64) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::scenario::tests::SMALL;
+    use crate::simulate::scenario::EXAMPLE;
 
     #[test]
     fn defects_are_known_by_their_middle_on_the_scan() {
-        let known = known_defects(&Scenario::from_yaml(SMALL).unwrap());
+        let known = known_defects(&Scenario::from_yaml(EXAMPLE).unwrap());
         // The scan begins 5 mm before the cell.
         let name = |x_mm, y_mm| {
             nearest(&known, [x_mm * 1e-3, y_mm * 1e-3], 1e-3).map(|defect| defect.name)

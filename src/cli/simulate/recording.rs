@@ -260,7 +260,7 @@ mod tests {
     use super::*;
     use crate::{
         bag::{BagReader, Filter, RawMessage, ReadOptions},
-        simulate::scenario::{Scenario, tests::SMALL},
+        simulate::scenario::{EXAMPLE, Scenario},
     };
 
     /// The recording of the small scenario in `directory`, and its messages on `topic`.
@@ -278,7 +278,7 @@ mod tests {
         let counts = [(IMAGE_TOPIC, 38), (TRUTH_TOPIC, 38), (AXIS_TOPIC, 40)];
         for (topic, count) in counts {
             let directory = tempfile::tempdir().unwrap();
-            let (summary, messages) = small(directory.path(), SMALL, topic);
+            let (summary, messages) = small(directory.path(), EXAMPLE, topic);
             assert_eq!((summary.frames, summary.images, summary.dropped), (40, 38, 2));
             let sequences: Vec<u32> = messages.iter().map(|message| message.sequence).collect();
             let all: Vec<u32> = (1..=40).filter(|n| count == 40 || ![8, 9].contains(n)).collect();
@@ -292,8 +292,8 @@ mod tests {
     #[test]
     fn images_truth_and_axis_are_those_of_the_scenario() {
         let directory = tempfile::tempdir().unwrap();
-        let scenario = Scenario::from_yaml(SMALL).unwrap();
-        let (_, images) = small(directory.path(), SMALL, IMAGE_TOPIC);
+        let scenario = Scenario::from_yaml(EXAMPLE).unwrap();
+        let (_, images) = small(directory.path(), EXAMPLE, IMAGE_TOPIC);
         let mut rendered = RenderedFrame::default();
         scenario.render(30, &mut rendered);
         let image: Image<'_> = cdr::decode(&images[28].data).unwrap();
@@ -302,7 +302,7 @@ mod tests {
         assert_eq!(image.header.stamp.to_ns(), scenario.stamp_ns(30));
 
         let directory = tempfile::tempdir().unwrap();
-        let (_, truths) = small(directory.path(), SMALL, TRUTH_TOPIC);
+        let (_, truths) = small(directory.path(), EXAMPLE, TRUTH_TOPIC);
         let truth: Centerline<'_> = cdr::decode(&truths[28].data).unwrap();
         let lit: Vec<(f32, f32)> = (rendered.truth.iter().enumerate())
             .filter(|(_, section)| section.center_px.is_finite())
@@ -314,14 +314,14 @@ mod tests {
         assert_eq!((truth.trace.frame_number, &truth.stripe_start[..1]), (30, &[0][..]));
 
         let directory = tempfile::tempdir().unwrap();
-        let (_, axis) = small(directory.path(), SMALL, AXIS_TOPIC);
+        let (_, axis) = small(directory.path(), EXAMPLE, AXIS_TOPIC);
         let joint: JointState<'_> = cdr::decode(&axis[30].data).unwrap();
         assert!((joint.position[0] - 0.010).abs() < 1e-15);
     }
 
     #[test]
     fn a_vertical_stripe_of_12_bits_is_mono16_and_its_truth_has_whole_rows() {
-        let yaml = SMALL
+        let yaml = EXAMPLE
             .replace("width_px: 160", "width_px: 96\n  stripe_direction: vertical\n  bit_depth: 12")
             .replace("height_px: 96", "height_px: 160");
         let directory = tempfile::tempdir().unwrap();
@@ -342,7 +342,7 @@ mod tests {
     fn the_same_scenario_gives_the_same_bytes_and_explains_itself() {
         let directories = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let files = directories.each_ref().map(|directory| {
-            small(directory.path(), SMALL, IMAGE_TOPIC);
+            small(directory.path(), EXAMPLE, IMAGE_TOPIC);
             ["bag_0.mcap", "metadata.yaml", "calibration.yaml"]
                 .map(|name| fs::read(directory.path().join("bag").join(name)).unwrap())
         });
@@ -351,16 +351,16 @@ mod tests {
             BagReader::open(&directories[0].path().join("bag"), &ReadOptions::default()).unwrap();
         let attachments: Vec<_> = reader.attachments().map(Result::unwrap).collect();
         assert_eq!(attachments[0].data, files[0][2]);
-        assert_eq!(attachments[1].data, SMALL.as_bytes());
+        assert_eq!(attachments[1].data, EXAMPLE.as_bytes());
     }
 
     #[test]
     fn an_existing_output_is_kept_unless_forced() {
         let directory = tempfile::tempdir().unwrap();
-        let scenario = Scenario::from_yaml(SMALL).unwrap();
+        let scenario = Scenario::from_yaml(EXAMPLE).unwrap();
         let again = |force| {
             let options = RecordOptions { force, ..RecordOptions::default() };
-            record(&scenario, SMALL, &directory.path().join("bag"), options)
+            record(&scenario, EXAMPLE, &directory.path().join("bag"), options)
         };
         again(false).unwrap();
         assert!(again(false).unwrap_err().to_string().contains("--force"));

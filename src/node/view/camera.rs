@@ -8,7 +8,7 @@ use std::{
 
 use crate::{
     bag::Topic,
-    live::{Channel, Server, ViewError},
+    foxglove::{Channel, Server, ViewError},
     msg::{
         builtin_interfaces::Time,
         cdr::{self, CdrError},

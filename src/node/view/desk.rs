@@ -3,7 +3,9 @@
 use std::sync::{Arc, OnceLock};
 
 use crate::{
-    live::{Desk, Parameter, ParameterType, ParameterValue, PlaybackControlRequest, PlaybackState},
+    foxglove::{
+        Desk, Parameter, ParameterType, ParameterValue, PlaybackControlRequest, PlaybackState,
+    },
     node::parameter_server::{ParameterHandle, ParameterStore},
     ros::{
         parameters::{Declared, Parameters},

@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use crate::{
     bag::RawMessage,
-    live::{Channel, Server, ViewError},
+    foxglove::{Channel, Server, ViewError},
     node::{
         fan_out::FanOut,
         publisher::{Halt, Publisher},

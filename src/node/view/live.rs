@@ -13,7 +13,7 @@ use std::{
 use thiserror::Error;
 
 use crate::{
-    live::{ConnectionGraph, Server, Settings, ViewError},
+    foxglove::{ConnectionGraph, Server, Settings, ViewError},
     msg::{schema::Message, sensor_msgs::CompressedImage},
     node::{
         input, live::LiveRequest, parameter_server::ParameterHandle, replay::NODE_NAME,

@@ -13,13 +13,13 @@ pub mod replay;
 pub mod live;
 mod transport;
 
-pub use crate::live::Address;
+pub use crate::foxglove::Address;
 
 use std::sync::Arc;
 
 use crate::{
     bag::Topic,
-    live::{Channel, ChannelDescription, Server, ViewError},
+    foxglove::{Channel, ChannelDescription, Server, ViewError},
     msg::{qos::Durability, schema::MessageType},
     ros::transport::TopicEndpoint,
 };

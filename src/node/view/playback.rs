@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use crate::{
-    live::{PlaybackCommand, PlaybackControlRequest, PlaybackState, PlaybackStatus},
+    foxglove::{PlaybackCommand, PlaybackControlRequest, PlaybackState, PlaybackStatus},
     ros::parameters::Parameters,
 };
 

@@ -14,7 +14,7 @@ use std::{
 
 use crate::{
     bag::{BagReader, player::Pacer},
-    live::{PlaybackStatus, Server, ViewError},
+    foxglove::{PlaybackStatus, Server, ViewError},
     node::{
         fan_out::FanOut,
         replay::{Replay, ReplayError, Stage},

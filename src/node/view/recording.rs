@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use crate::{
     bag::{BagReader, Filter, Messages, RawMessage},
-    live::{Channel, Server, ViewError},
+    foxglove::{Channel, Server, ViewError},
     msg::{
         schema::Message,
         sensor_msgs::{CompressedImage, Image},

@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use crate::{
     bag::{BagReader, Topic},
-    live::{PlaybackStatus, Server, Settings, ViewError},
+    foxglove::{PlaybackStatus, Server, Settings, ViewError},
     node::{
         input::InputError,
         parameter_server::{OnChange, ParameterStore},

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::{
     bag::Topic,
-    live::{Channel, Server, ServiceDescription},
+    foxglove::{Channel, Server, ServiceDescription},
     msg::{foxglove_msgs::ImageAnnotations, rcl_interfaces::ParameterEvent, schema::Message},
     ros::transport::{
         GraphTopic, OnArrival, OnRequest, Publication, Server as ServiceServer, ServiceEndpoint,

@@ -260,10 +260,10 @@ fn check_cap(key: &str, cap: (&str, f64, f64, f64, f64)) -> Result<(), ScenarioE
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::scenario::{Scenario, tests::SMALL};
+    use crate::simulate::scenario::{EXAMPLE, Scenario};
 
     fn part() -> Part {
-        Scenario::from_yaml(SMALL).unwrap().part
+        Scenario::from_yaml(EXAMPLE).unwrap().part
     }
 
     /// Height over table, film and warp, metres.

@@ -7,6 +7,9 @@ use thiserror::Error;
 
 use super::{camera::Camera, clutter::Clutter, part::Part};
 
+/// An example: a film with a bubble, a pit and a fold on a cell, 40 frames of 160 x 96 pixels.
+pub const EXAMPLE: &str = include_str!("example.scenario.yaml");
+
 /// Most frames of a scenario.
 const MAX_FRAMES: u32 = 1_000_000;
 /// Most entries of any list in a scenario.
@@ -189,45 +192,14 @@ pub(crate) mod tests {
     use super::*;
 
     /// A small scene: a cell with a film and one of each defect.
-    pub(crate) const SMALL: &str = "
-frames: 40
-frame_rate_hz: 22.0
-start_time_ns: 1767225600000000000
-seed: 1
-dropped_frames: [7, 8]
-motion: {start_m: -0.005, step_m: 0.0005}
-laser: {amplitude: 183.0, sigma_px: 2.3}
-camera:
-  width_px: 160
-  height_px: 96
-  image_distance_m: 0.026
-  object_distance_m: 0.3
-  beta_rad: 0.5235987755982988
-  pixel_pitch_m: 9.6e-6
-  base_row_px: 75.0
-  center_column_px: 79.5
-  height_sign: -1
-part:
-  table_reflectance: 0.5
-  cell: {width_m: 0.012, length_m: 0.010, height_m: 0.004, reflectance: 0.8}
-  film:
-    margin_m: 0.001
-    thickness_m: 0.0002
-    reflectance: 1.0
-    warp: {bow_x_m: 0.0001, bow_y_m: 0.00005, twist_m: 0.00002}
-    bubbles: [{x_m: 0.002, y_m: 0.005, radius_m: 0.001, height_m: 0.0004}]
-    pits: [{x_m: -0.0035, y_m: 0.007, radius_m: 0.0005, depth_m: 0.0003}]
-    folds: [{from_m: [-0.003, 0.002], to_m: [-0.001, 0.008], half_width_m: 0.0004, height_m: 0.0003}]
-";
-
     fn refusal(from: &str, to: &str) -> String {
-        assert!(SMALL.contains(from), "{from}");
-        Scenario::from_yaml(&SMALL.replacen(from, to, 1)).unwrap_err().to_string()
+        assert!(EXAMPLE.contains(from), "{from}");
+        Scenario::from_yaml(&EXAMPLE.replacen(from, to, 1)).unwrap_err().to_string()
     }
 
     #[test]
     fn stamps_and_positions_are_even() {
-        let scenario = Scenario::from_yaml(SMALL).unwrap();
+        let scenario = Scenario::from_yaml(EXAMPLE).unwrap();
         assert_eq!(scenario.stamp_ns(0), 1_767_225_600_000_000_000);
         assert_eq!(scenario.stamp_ns(22), 1_767_225_600_999_999_990, "22 periods of 45454545 ns");
         assert!((scenario.position_m(30) - 0.010).abs() < 1e-15);

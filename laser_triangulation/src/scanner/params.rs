@@ -1,38 +1,15 @@
 //! Chosen values: everything about the measurement that a user may set.
 //!
 //! Names, units, ranges, defaults and descriptions of the ROS parameters stand in one table,
-//! [`ros::parameters`](crate::ros); these are the values after that table has checked them.
+//! `ros::parameters`; these are the values after that table has checked them.
 
 mod motion;
 
 pub use motion::{AxisChoice, MotionParams, MotionSource, ScanDirection};
 
+use crate::named_enum;
+
 use super::{image::PixelFormat, pipeline::FrameError, scan::ScanLimits};
-
-/// Declares an enum whose variants are known to users by name.
-macro_rules! named_enum {
-    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $name { $($(#[$vdoc])* $variant),+ }
-
-        impl $name {
-            /// Every name, in order of declaration.
-            pub const NAMES: &[&str] = &[$($text),+];
-
-            /// The value of that name.
-            pub fn from_name(name: &str) -> Option<Self> {
-                match name { $($text => Some(Self::$variant),)+ _ => None }
-            }
-
-            /// The name users know.
-            pub const fn name(self) -> &'static str {
-                match self { $(Self::$variant => $text),+ }
-            }
-        }
-    };
-}
-pub(crate) use named_enum;
 
 named_enum! {
     /// Which grey level a colour pixel contributes.

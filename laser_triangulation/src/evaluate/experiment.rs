@@ -9,7 +9,7 @@ use super::{
     trial::{self, Plan},
 };
 use crate::{
-    scanner::params::named_enum,
+    named_enum,
     simulate::{speckle::Speckle, stripe::StripeScene},
 };
 

@@ -199,10 +199,10 @@ fn direction<'de, D: Deserializer<'de>>(deserializer: D) -> Result<StripeDirecti
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::scenario::{Scenario, tests::SMALL};
+    use crate::simulate::scenario::{EXAMPLE, Scenario};
 
     fn scenario() -> Scenario {
-        Scenario::from_yaml(SMALL).unwrap()
+        Scenario::from_yaml(EXAMPLE).unwrap()
     }
 
     #[test]

@@ -80,11 +80,11 @@ impl Scenario {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{scanner::params::StripeDirection, simulate::scenario::tests::SMALL};
+    use crate::{scanner::params::StripeDirection, simulate::scenario::EXAMPLE};
 
     fn scenario(more: &[(&str, &str)]) -> Scenario {
         let text =
-            more.iter().fold(SMALL.to_owned(), |text, (from, to)| text.replacen(from, to, 1));
+            more.iter().fold(EXAMPLE.to_owned(), |text, (from, to)| text.replacen(from, to, 1));
         Scenario::from_yaml(&text).unwrap()
     }
 

@@ -1,6 +1,6 @@
 //! Chosen values: how the part moves, and how that is known.
 
-use super::named_enum;
+use crate::named_enum;
 
 named_enum! {
     /// Where the position of a profile along the scan comes from.

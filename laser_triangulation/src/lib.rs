@@ -1,0 +1,12 @@
+//! Laser triangulation: from the image of a laser stripe to sub-pixel centrelines, metric profiles, scans and height maps.
+//!
+//! Everything here computes: no file, socket, thread or clock.
+
+mod named_enum;
+
+pub mod scanner;
+pub mod metrology;
+pub mod simulate;
+pub mod evaluate;
+#[cfg(feature = "calibrate")]
+pub mod calibrate;
