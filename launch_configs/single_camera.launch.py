@@ -1,7 +1,7 @@
 """One camera, one laser: `ros2 launch laser_profiler single_camera.launch.py image_topic:=/camera/image_raw`.
 
-The turntable is another parameter file: params_file:=$(ros2 pkg prefix --share laser_profiler)/config/turntable.yaml.
-A binary that no ROS package knows: executable:=/usr/local/bin/laser_profiler params_file:=/etc/laser_profiler/cell.yaml.
+For the turntable use another parameter file: params_file:=$(ros2 pkg prefix --share laser_profiler)/config/turntable.yaml.
+For a binary outside of any ROS package: executable:=/usr/local/bin/laser_profiler params_file:=/etc/laser_profiler/cell.yaml.
 """
 
 from launch import LaunchDescription

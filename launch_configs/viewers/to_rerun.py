@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Turns a results bag of laser_profiler into a Rerun recording with its layout (blueprint).
 
-What it holds: the images in grey with the centreline on them, each profile, the points coloured by height in one cloud
-that grows, the height map, the quality of each frame (points, sigma of z) and the counters of the stream.
+The recording contains the images in grey with the centreline, each profile, the points coloured by height in one growing
+cloud, the height map, the quality of each frame (points, sigma of z) and the counters of the stream.
 """
 
 import argparse
@@ -20,7 +20,7 @@ Needs      pip install rerun-sdk==0.41.0 mcap-ros2-support==0.6.0 numpy
 Example    laser_profiler replay bags/film_defects -o film --with-images --params-file bags/film_defects.params.yaml
            python3 launch_configs/viewers/to_rerun.py film -o film.rrd --heights 5.2 7
            rerun film.rrd
-Live bags keep images apart from results: give both, `to_rerun.py results images -o scan.rrd`."""
+Live bags store images apart from results: pass both, `to_rerun.py results images -o scan.rrd`."""
 TIME = "stamp"
 GREEN, BLUE = (60, 230, 80), (78, 152, 226)
 # From low to high: dark blue, cyan, green, yellow, red.
@@ -37,7 +37,7 @@ def files(place):
 
 
 def at(header):
-    """What is logged next is of this time: the middle of the exposure."""
+    """Sets the time of the next log calls: the middle of the exposure."""
     rr.set_time(TIME, timestamp=np.datetime64(header.stamp.sec * 10**9 + header.stamp.nanosec, "ns"))
 
 
@@ -64,7 +64,7 @@ def profile(message):
 
 
 def pieces(points):
-    """Lines through neighbours, parted where points are missing and at steps."""
+    """Line segments through neighbouring points, split at missing points and at steps."""
     points = points[np.isfinite(points).all(axis=1)]
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     gaps = np.flatnonzero(steps > 4 * np.median(steps)) + 1 if len(steps) else []

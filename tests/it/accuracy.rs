@@ -229,7 +229,7 @@ fn deep_images_measure_the_same_thresholds() {
 }
 
 #[test]
-fn width_saturation_and_borders_are_told() {
+fn width_saturation_and_borders_are_reported() {
     // Full width at half maximum of a Gaussian: 2.3548 s.
     for (sigma_px, tolerance) in [(1.2_f64, 0.12), (2.3, 0.03), (4.0, 0.03)] {
         let centerline = extract(&SCENE(183.0, sigma_px, 0.0), paper());
@@ -251,7 +251,7 @@ fn width_saturation_and_borders_are_told() {
 }
 
 #[test]
-fn of_two_stripes_the_chosen_one_is_found_and_the_other_told() {
+fn of_two_stripes_the_selected_one_is_found_and_the_other_flagged() {
     let scene = StripeScene { width: 256, height: 128, ..StripeScene::default() };
     let (mut one, mut two) = (Vec::new(), Vec::new());
     render_stripe(&StripeScene { amplitude: 120.0, sigma_px: 3.5, ..scene }, |_| 30.2, &mut one);

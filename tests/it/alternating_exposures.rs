@@ -125,7 +125,7 @@ fn both_exposures_together_are_better_than_either() {
 }
 
 #[test]
-fn equal_exposures_are_left_alone_and_said_to_be() {
+fn equal_exposures_are_not_merged_and_a_warning_is_logged() {
     let alternating = measure("[1.0]", Exposure::Alternating);
     let single = measure("[1.0]", Exposure::Single);
     assert_eq!(alternating.errors_px, single.errors_px);

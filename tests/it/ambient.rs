@@ -30,7 +30,7 @@ fn lit() -> Vec<u8> {
 }
 
 #[test]
-fn what_is_there_without_laser_is_taken_off() {
+fn the_ambient_image_is_subtracted() {
     let directory = tempfile::tempdir().unwrap();
     let path = |name: &str| directory.path().join(name);
     let frames = |picture: &[u8]| (0..3).map(|n| image_of(picture, n, |_| {})).collect::<Vec<_>>();

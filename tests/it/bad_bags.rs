@@ -32,7 +32,7 @@ fn stamps(numbers: impl Iterator<Item = usize>) -> Vec<i64> {
 }
 
 #[test]
-fn what_is_no_recording_is_refused_by_name() {
+fn files_that_are_not_recordings_are_rejected_by_name() {
     let directory = tempfile::tempdir().unwrap();
     let path = |name: &str| directory.path().join(name);
     fs::write(path("empty.mcap"), b"").unwrap();
@@ -88,7 +88,7 @@ fn the_image_topic_must_be_clear() {
 }
 
 #[test]
-fn a_cut_recording_loses_only_what_was_cut() {
+fn a_truncated_recording_loses_only_its_missing_part() {
     let directory = tempfile::tempdir().unwrap();
     let (whole, ends) = recording(&directory);
     let input = directory.path().join("cut.mcap");
@@ -159,7 +159,7 @@ fn no_flipped_bit_anywhere_crashes_it() {
 }
 
 #[test]
-fn a_length_that_lies_is_not_believed() {
+fn false_lengths_are_rejected() {
     let directory = tempfile::tempdir().unwrap();
     let (whole, ends) = recording(&directory);
     let input = directory.path().join("lying.mcap").display().to_string();

@@ -40,7 +40,7 @@ fn an_output_that_is_there_is_kept() {
 }
 
 #[test]
-fn force_does_not_replace_what_is_no_bag() {
+fn force_replaces_only_bags() {
     let directory = tempfile::tempdir().unwrap();
     let input = input(directory.path());
     let thesis = directory.path().join("thesis");
@@ -84,7 +84,7 @@ fn an_output_that_cannot_be_made_is_named() {
 
 /// A limit on the size of a file fails a write in its middle as a full disk does, and needs no root.
 #[test]
-fn a_full_disk_is_told_and_what_was_written_can_be_read() {
+fn a_full_disk_is_an_error_and_leaves_a_readable_bag() {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("out");
     let input = bundled("film_defects").display().to_string();

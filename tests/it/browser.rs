@@ -168,7 +168,7 @@ fn foxglove_shows_a_results_bag() {
 
 /// The check sees what is missing, and so does a user: the panel names the topic.
 #[test]
-fn without_images_foxglove_says_so_and_shows_the_rest() {
+fn foxglove_reports_missing_images_and_shows_the_rest() {
     let Some(tools) = tools() else { return };
     let directory = tempfile::tempdir().unwrap();
     let bag = results(&directory.path().join("results"), &[]);

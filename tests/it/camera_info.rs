@@ -135,7 +135,7 @@ fn cropped(image: &Image<'_>) -> Vec<u8> {
 }
 
 #[test]
-fn a_part_of_the_sensor_is_measured_where_the_whole_is() {
+fn a_region_of_interest_is_measured_like_the_full_sensor() {
     let bags = Bags::new();
     let (rejected, _, whole) = bags.measured(&bags.path("whole"));
     assert_eq!((rejected, whole.len() as u64), (0, FRAMES));
@@ -194,7 +194,7 @@ fn another_camera_is_refused_with_its_reason() {
 }
 
 #[test]
-fn another_calibration_of_the_same_camera_is_told_and_not_used() {
+fn another_calibration_of_the_same_camera_is_logged_and_not_used() {
     let bags = Bags::new();
     let (_, _, whole) = bags.measured(&bags.path("whole"));
     let bag = bags.edited(

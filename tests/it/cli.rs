@@ -53,7 +53,7 @@ fn every_verb_explains_itself() {
 
 #[cfg(not(feature = "calibrate"))]
 #[test]
-fn what_is_not_built_in_says_how_to_build_it() {
+fn a_missing_transport_names_the_feature_to_build_with() {
     let board = ["--target", "checkerboard:8x6:0.040"];
     for (what, rest) in [
         ("camera", &board[..]),
@@ -178,7 +178,7 @@ fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
 }
 
 #[test]
-fn an_interrupted_replay_leaves_a_whole_bag() {
+fn an_interrupted_replay_leaves_a_complete_bag() {
     for signal in ["INT", "TERM"] {
         let directory = tempfile::tempdir().unwrap();
         let [input, output] = ["in", "out"].map(|name| directory.path().join(name));
@@ -216,7 +216,7 @@ fn an_interrupted_replay_leaves_a_whole_bag() {
 
 #[cfg(not(feature = "foxglove"))]
 #[test]
-fn a_build_without_the_view_says_how_to_build_one_with_it() {
+fn a_build_without_the_view_names_the_feature_to_build_with() {
     for arguments in [&["replay", "bag", "--view"] as &[_], &["run", "--view=9000"]] {
         let ended = end(&mut laser_profiler(arguments));
         assert_eq!(ended.code, Some(2), "{ended:?}");

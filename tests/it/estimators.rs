@@ -112,7 +112,7 @@ fn tell(method: Method, name: &str, found: &Found, bound_px: f64) {
 }
 
 #[test]
-fn gaussian_ml_stands_on_the_bound_and_knows_its_uncertainty() {
+fn gaussian_ml_reaches_the_bound_and_its_sigma_is_true() {
     for ((name, scene), limit) in scenes().into_iter().zip([1.06, 1.06, 1.06, 1.08, 1.10, 1.10]) {
         let bound_px = bound_px(&scene);
         let found = extract(&scene, params(Method::GaussianMl, &scene));

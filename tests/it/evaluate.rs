@@ -32,7 +32,7 @@ fn column(methods: &Json, key: &str) -> Vec<f64> {
 }
 
 #[test]
-fn table_3_gives_what_the_paper_should_have_printed() {
+fn table_3_is_reproduced_with_its_errata() {
     let answer = json(&["paper"], 0);
     let rounded = |key, digits: usize| {
         let values = column(&answer["methods"], key).into_iter();
@@ -141,7 +141,7 @@ fn the_same_seed_gives_the_same_bytes() {
 }
 
 #[test]
-fn plots_lie_where_markdown_says() {
+fn plots_exist_where_markdown_links_them() {
     let directory = tempfile::tempdir().unwrap();
     let plots = directory.path().join("new/plots");
     let place = plots.display().to_string();
@@ -159,7 +159,7 @@ fn plots_lie_where_markdown_says() {
 }
 
 #[test]
-fn what_cannot_be_followed_is_told() {
+fn wrong_paper_arguments_are_errors() {
     let directory = tempfile::tempdir().unwrap();
     let [images, truths] = ["images", "truths"].map(|name| directory.path().join(name));
     record_images(&images, &good_images(2));

@@ -76,7 +76,7 @@ fn node(command: &[String]) -> (NodeNames, NodeParams, Vec<String>) {
 }
 
 #[test]
-fn one_camera() {
+fn single_camera_launch_files_agree() {
     let Some(prefix) = Prefix::new() else { return };
     let command = prefix.command("single_camera", &[]);
     let executable = prefix.path().join("lib/laser_profiler/laser_profiler");
@@ -118,7 +118,7 @@ fn two_cameras() {
 }
 
 #[test]
-fn the_resolver_refuses_what_launch_would_refuse() {
+fn the_resolver_rejects_invalid_launch_files() {
     let Some(prefix) = Prefix::new() else { return };
     for (argument, reason) in [
         ("transport:=tcp", "none of"),
@@ -135,7 +135,7 @@ fn the_resolver_refuses_what_launch_would_refuse() {
 
 /// From the launch file through the prefix to the results: the command line, with `replay` for `run`.
 #[test]
-fn what_is_started_measures() {
+fn the_launched_node_measures() {
     let Some(prefix) = Prefix::new() else { return };
     let turntable = prefix.path().join("share/laser_profiler/config/turntable.yaml");
     let turntable = format!("params_file:={}", turntable.display());

@@ -81,7 +81,7 @@ fn disk_plane(results: &str) -> Json {
 
 /// The stated share is the difference to a replay with a laser plane that lies one standard deviation farther away.
 #[test]
-fn the_calibrations_share_is_what_another_calibration_gives() {
+fn the_calibrations_share_matches_a_shifted_calibration() {
     let Some(recording) = real("turntable_empty") else { return };
     let place = tempfile::tempdir().unwrap();
     let rig = place.path().join("rig.yaml");
@@ -142,7 +142,7 @@ fn a_rendered_flat_is_as_inclined_as_it_is_and_then_level() {
 }
 
 #[test]
-fn what_cannot_be_laid_level_is_told() {
+fn unsuitable_scans_cannot_be_levelled() {
     let place = tempfile::tempdir().unwrap();
     let [results, output] = ["results", "level.yaml"].map(|name| place.path().join(name));
     replay(

@@ -139,7 +139,7 @@ fn spheres_have_their_size_and_distance() {
 }
 
 #[test]
-fn a_volume_lies_over_its_reference() {
+fn a_volume_is_measured_above_its_reference() {
     let directory = tempfile::tempdir().unwrap();
     let bag = record(directory.path(), |x, y| {
         let square = (x - 1e-2).powi(2) + (y - 7e-3).powi(2);
@@ -182,7 +182,7 @@ fn the_calibration_has_its_share_in_the_uncertainty() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_told() {
+fn unmeasurable_input_is_an_error() {
     let directory = tempfile::tempdir().unwrap();
     let bag = record(directory.path(), |x, _| 0.02 * x);
     let bag = bag.display().to_string();
@@ -215,7 +215,7 @@ fn what_cannot_be_measured_is_told() {
 }
 
 #[test]
-fn a_cut_recording_is_measured_and_told() {
+fn a_truncated_recording_is_measured_and_reported() {
     let directory = tempfile::tempdir().unwrap();
     let bag = record(directory.path(), |x, _| 0.02 * x);
     let file = bag.join("results_0.mcap");
@@ -230,7 +230,7 @@ fn a_cut_recording_is_measured_and_told() {
 
 /// What `export` writes of a real chain of results, opened by other people's readers.
 #[test]
-fn exported_files_are_what_others_read() {
+fn third_party_readers_open_exported_files() {
     let Some(python) = interop::python() else { return };
     let directory = tempfile::tempdir().unwrap();
     let results = directory.path().join("results");
@@ -255,7 +255,7 @@ fn exported_files_are_what_others_read() {
 }
 
 #[test]
-fn filled_cells_are_flagged_and_a_level_scan_lies_at_height_0() {
+fn filled_cells_are_flagged_and_a_level_scan_has_height_0() {
     let directory = tempfile::tempdir().unwrap();
     let bag = record(directory.path(), |x, _| {
         if (8e-3..8.3e-3).contains(&x) { f64::NAN } else { 0.05 * x + 1e-3 }

@@ -143,7 +143,7 @@ fn heights(results: &Path) -> (f64, f64) {
 
 /// What remains when the calibration is perfect: extraction, triangulation and the measuring tools.
 #[test]
-fn gauges_are_what_they_are_with_the_true_calibration() {
+fn gauges_are_measured_correctly_with_the_true_calibration() {
     let judged = judge(None);
     assert!(judged.step_error_m.abs() < 0.3e-6, "{judged:?}");
     assert!(judged.flatness_ratio < 1.2, "{judged:?}");
@@ -155,7 +155,7 @@ fn gauges_are_what_they_are_with_the_true_calibration() {
 /// Boards, then gauges: nothing is known but the size of the squares.
 #[cfg(feature = "calibrate")]
 #[test]
-fn gauges_are_what_they_are_with_a_calibration_from_boards() {
+fn gauges_are_measured_correctly_with_a_calibration_from_boards() {
     let directory = tempfile::tempdir().unwrap();
     let [camera, rig] = ["camera.yaml", "rig.yaml"].map(|name| directory.path().join(name));
     let boards = simulate(directory.path(), "boards");

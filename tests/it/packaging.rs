@@ -89,7 +89,7 @@ fn is_found(prefix: &Path) {
 }
 
 #[test]
-fn a_prefix_is_found_wherever_it_lies() {
+fn a_moved_prefix_still_works() {
     let directory = tempfile::tempdir().unwrap();
     let (first, second) = (directory.path().join("first"), directory.path().join("second place"));
     installed(&first);
@@ -193,7 +193,7 @@ fn files(directory: &Path) -> Vec<PathBuf> {
 
 /// The messages are left out: Debian has no `rosidl_default_generators`. So is cargo: the executable under test is installed.
 #[test]
-fn colcon_installs_what_the_script_lays_out() {
+fn colcon_installs_the_same_files_as_the_script() {
     let (Some(colcon_python), Some(python)) = (python(), ament_python()) else { return };
     let directory = tempfile::tempdir().unwrap();
     workspace(directory.path()).unwrap();

@@ -107,7 +107,7 @@ fn disagreement(points: &[([f32; 3], usize)]) -> (f32, usize) {
 }
 
 #[test]
-fn a_turn_of_the_table_is_one_scan_whose_every_position_is_known() {
+fn one_turn_of_the_table_is_one_scan_with_all_positions_known() {
     let Some(recording) = real("turntable_object") else { return };
     let place = tempfile::tempdir().unwrap();
     let (summary, _) = scanned(&recording, place.path(), RIG, 0, &[]);
@@ -175,7 +175,7 @@ fn between_two_samples_the_table_is_thought_to_turn_evenly() {
 }
 
 #[test]
-fn a_joint_that_is_not_there_is_told_and_nothing_is_scanned() {
+fn a_missing_joint_is_reported_and_nothing_is_scanned() {
     let Some(recording) = real("turntable_empty") else { return };
     let place = tempfile::tempdir().unwrap();
     let (summary, told) = scanned(&recording, place.path(), RIG, 3, &["motion.joint:=spindle"]);

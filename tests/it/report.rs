@@ -195,7 +195,7 @@ fn frames_lie_under_their_centrelines() {
 }
 
 #[test]
-fn what_is_missing_is_said_and_the_rest_is_shown() {
+fn missing_parts_are_named_and_the_rest_is_shown() {
     let directory = tempfile::tempdir().unwrap();
     // No images: the frames are shown without.
     let results = results(directory.path(), &[]);
@@ -223,7 +223,7 @@ fn what_is_missing_is_said_and_the_rest_is_shown() {
 }
 
 #[test]
-fn what_was_lost_is_counted_and_the_rest_is_shown() {
+fn lost_frames_are_counted_and_the_rest_is_shown() {
     let directory = tempfile::tempdir().unwrap();
     let whole = results(directory.path(), &[]).join("results_0.mcap");
     let bytes = std::fs::read(whole).unwrap();

@@ -92,7 +92,7 @@ fn rerun_shows_a_results_bag() {
 
 /// Images and results in two bags, as the live node records them, make the same recording; a bag without results is told.
 #[test]
-fn the_recipe_takes_what_is_there_and_says_what_is_not() {
+fn the_script_uses_available_topics_and_names_missing_ones() {
     let Some(python) = python() else { return };
     let directory = tempfile::tempdir().unwrap();
     let (bag, images) = (results(directory.path(), "results", &[]), bundled("film_defects"));

@@ -116,7 +116,7 @@ fn four_pictures_calibrate_heights_and_with_a_scale_the_profile() {
 
 /// Recordings serve as pictures do: the same pixels, the same heights.
 #[test]
-fn recordings_of_the_heights_say_the_same() {
+fn recordings_and_pictures_of_heights_agree() {
     let directory = tempfile::tempdir().unwrap();
     let pictures = four_pictures(directory.path());
     let bags: Vec<_> = HEIGHTS_MM
@@ -142,7 +142,7 @@ fn recordings_of_the_heights_say_the_same() {
 }
 
 #[test]
-fn known_optics_give_formula_6() {
+fn known_optics_reproduce_formula_6() {
     let directory = tempfile::tempdir().unwrap();
     let sources = four_pictures(directory.path());
     let file = directory.path().join("calibration.yaml");
@@ -181,7 +181,7 @@ fn one_picture_of_a_stair_gauge_gives_heights_and_scale() {
 }
 
 #[test]
-fn what_cannot_calibrate_is_told() {
+fn unsuitable_heights_are_errors() {
     let directory = tempfile::tempdir().unwrap();
     let sources = four_pictures(directory.path());
     let (black, two) = (GrayImage::new(WIDTH, HEIGHT), picture(&[(0.0, 300), (0.004, WIDTH)], 5));

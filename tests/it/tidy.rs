@@ -183,7 +183,7 @@ fn every_module_has_its_rule() {
 }
 
 #[test]
-fn what_computes_touches_no_file_thread_or_clock() {
+fn pure_modules_use_no_file_thread_or_clock() {
     let mut complaints = Vec::new();
     for path in PURE.into_iter().flat_map(source_of) {
         let code = shipped(&path);
@@ -243,7 +243,7 @@ fn every_file_is_a_module_of_its_parent() {
 }
 
 #[test]
-fn no_file_knows_the_machine_it_was_written_on() {
+fn no_file_contains_a_local_path() {
     let places = [["/wo", "rk/"], ["/ro", "ot/"], ["/ho", "me/"], ["/tmp/", "wt"]]
         .map(|parts| parts.concat());
     let mut complaints = Vec::new();
@@ -257,7 +257,7 @@ fn no_file_knows_the_machine_it_was_written_on() {
 
 /// Paths in backquotes, alone or with the name of a function in the file.
 #[test]
-fn documents_name_what_exists() {
+fn documents_name_existing_paths_and_tests() {
     let mut complaints = Vec::new();
     let mut checked = 0;
     for document in files_ending_in(".md") {

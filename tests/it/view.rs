@@ -110,7 +110,7 @@ fn every_topic_is_there_with_its_schema() {
 }
 
 #[test]
-fn the_line_lies_on_the_stripe_of_its_picture() {
+fn the_centreline_overlays_the_stripe_of_its_image() {
     looks_at_the_film(&["overlay"]);
 }
 
@@ -131,12 +131,12 @@ fn a_recording_is_played_at_a_speed_to_its_end_and_again() {
 }
 
 #[test]
-fn a_parameter_changes_the_paused_frame_and_a_wrong_one_is_refused() {
+fn a_valid_parameter_remeasures_the_paused_frame_and_an_invalid_one_is_rejected() {
     looks_at_the_film(&["tuning"]);
 }
 
 #[test]
-fn an_old_viewer_is_told_of_once_and_others_see_all() {
+fn an_old_viewer_is_logged_once_and_others_receive_everything() {
     let Some(python) = python() else { return };
     let viewed = Viewed::replay(FILM);
     look(python, &viewed.url, &["old"]);
@@ -156,7 +156,7 @@ fn a_recording_without_images_is_shown_as_it_is() {
 }
 
 #[test]
-fn viewers_who_read_nothing_cost_no_byte_of_the_results() {
+fn stalled_viewers_do_not_change_the_results() {
     let Some(python) = python() else { return };
     let place = tempfile::tempdir().unwrap();
     let alone = film_results(place.path());
@@ -179,7 +179,7 @@ fn viewers_who_read_nothing_cost_no_byte_of_the_results() {
 }
 
 #[test]
-fn nothing_is_made_for_a_view_that_nobody_looks_at() {
+fn nothing_is_encoded_without_viewers() {
     let ended = Viewed::replay(&[FILM, &["--view-exit", "--rate", "100"]].concat()).wait();
     assert_eq!(ended.code, Some(0), "{ended:?}");
     assert!(ended.stderr.contains("the view gave viewers 0 messages"), "{}", ended.stderr);

@@ -88,7 +88,7 @@ fn a_rendered_camera_is_found_again_beside_bad_pictures() {
 }
 
 #[test]
-fn a_mirrored_camera_is_calibrated_as_what_it_shows() {
+fn a_mirrored_camera_is_calibrated_as_seen() {
     let pictures = rendered(&VIEWS);
     for (i, _) in VIEWS.iter().enumerate() {
         let path = pictures.path().join(format!("view_{i:02}.png"));
@@ -101,7 +101,7 @@ fn a_mirrored_camera_is_calibrated_as_what_it_shows() {
 
 /// The rendered lens is narrow: a model with more terms than it shows is told, the usual one is not.
 #[test]
-fn a_lens_with_more_terms_than_it_shows_is_told() {
+fn undetermined_lens_terms_are_reported() {
     let pictures = rendered(&VIEWS);
     let output = pictures.path().join("camera.yaml");
     let model = ["--model", "rational_polynomial", "--force"];

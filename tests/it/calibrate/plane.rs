@@ -150,7 +150,7 @@ fn a_file_without_camera_is_refused() {
 
 /// The rendered truth is what the renderer was told, not what the camera thinks of it.
 #[test]
-fn the_rendered_line_lies_where_the_planes_cross() {
+fn the_rendered_line_is_the_intersection_of_the_planes() {
     let renderer = Renderer::new();
     let laser = render::laser();
     let picture = renderer.render(&BOARD, &pose(&BOARD, [0.0, 0.0, 0.5], [0.0; 3]), Some(&laser));

@@ -22,7 +22,7 @@ use super::{
 const LIMIT_BYTES: usize = 10_000;
 
 #[test]
-fn a_message_above_the_limit_is_a_fault_and_the_next_one_arrives() {
+fn an_oversized_message_is_a_fault_and_the_next_one_arrives() {
     let domain = Domain::claim();
     let (sender, receiver) = (open(&domain, "sender"), open(&domain, "receiver"));
     let images = image_topic("/image", QosProfile::reliable(10));

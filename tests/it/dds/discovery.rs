@@ -20,7 +20,7 @@ const ARGUMENTS: [&str; 7] =
     ["subscribe", "--topic", "rt/x", "--reliable", "--count", "1000000", "--seconds"];
 
 #[test]
-fn a_node_that_is_dropped_is_gone_at_once() {
+fn a_dropped_node_leaves_the_graph_at_once() {
     let domain = Domain::claim();
     let (node, other) = (open(&domain, "node"), open(&domain, "other"));
     let topic = image_topic("/x", QosProfile::reliable(5));
@@ -80,7 +80,7 @@ fn an_occupied_domain_is_refused_with_advice() {
 }
 
 #[test]
-fn on_localhost_nodes_of_one_machine_meet() {
+fn nodes_on_one_machine_discover_each_other_on_localhost() {
     let domain = Domain::claim();
     let here = DdsSettings { range: DiscoveryRange::Localhost, ..settings(&domain) };
     let (node, other) = (open_with(&here, "node"), open_with(&here, "other"));

@@ -187,7 +187,7 @@ fn images_take_a_bounded_part_of_memory() {
 
 /// Cyclone drops one datagram of a hundred that it sends: one image of five would not arrive whole.
 #[test]
-fn what_the_network_loses_is_sent_again_to_a_reliable_subscription() {
+fn reliable_subscriptions_recover_lost_datagrams() {
     let configuration = "<CycloneDDS><Domain><Internal><Test><XmitLossiness>10</XmitLossiness></Test></Internal>\
                          </Domain></CycloneDDS>";
     let _alone = Domain::claim_alone();

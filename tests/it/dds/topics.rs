@@ -22,7 +22,7 @@ fn now_ns() -> i64 {
 }
 
 #[test]
-fn images_from_python_arrive_with_all_that_stands_beside_them() {
+fn images_from_python_arrive_with_their_metadata() {
     let domain = Domain::claim();
     let node = open(&domain, "reader");
     let topic = image_topic("/camera/image_raw", QosProfile::best_effort(5));
@@ -69,7 +69,7 @@ fn python_reads_what_we_publish() {
 }
 
 #[test]
-fn a_late_subscriber_gets_what_is_latched() {
+fn a_late_subscriber_receives_latched_messages() {
     let domain = Domain::claim();
     let node = open(&domain, "writer");
     let mut publication = node.advertise(&image_topic("/latched", QosProfile::latched(1))).unwrap();
@@ -122,7 +122,7 @@ fn a_best_effort_publisher_is_not_matched_with_a_reliable_subscriber() {
 }
 
 #[test]
-fn what_is_no_little_endian_cdr_is_not_published() {
+fn only_little_endian_cdr_is_published() {
     let domain = Domain::claim();
     let node = open(&domain, "writer");
     let mut publication = node.advertise(&image_topic("/x", QosProfile::reliable(5))).unwrap();

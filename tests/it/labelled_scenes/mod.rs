@@ -24,7 +24,7 @@ fn path(name: &str, ending: &str) -> PathBuf {
 }
 
 #[test]
-fn pictures_and_labels_are_what_the_scenes_render() {
+fn pictures_and_labels_match_the_rendered_scenes() {
     let writes = std::env::var("LABELLED_SCENES").is_ok_and(|value| value == "write");
     for scene in scenes::all() {
         let rendered = scene.render();
@@ -133,7 +133,7 @@ fn too_low_a_threshold_shows_in_the_share_of_pixels_above_it() {
 
 /// The score itself: a line that is right, one that is 2 px off and one that is not there.
 #[test]
-fn scores_count_what_they_say() {
+fn scores_count_correctly() {
     let labels = [(0, 10.0), (1, 10.0), (2, 10.0), (2, 30.0), (3, f64::NAN)];
     let score = Score::of(&labels, &[(0, 10.4), (1, 12.0), (2, 29.5), (3, 10.0)]);
     assert_eq!((score.found_1px, score.found_3px, score.outliers), (2.0 / 3.0, 1.0, 0.25));

@@ -84,7 +84,7 @@ fn near(json: &Json, expected: f64, limit: f64) {
 }
 
 #[test]
-fn a_known_shift_is_found_where_it_is() {
+fn compare_finds_a_known_shift() {
     let directory = tempfile::tempdir().unwrap();
     let [a, b] = ["a", "b"].map(|name| directory.path().join(name));
     record(&a, "one", |_, _, _| {});
@@ -155,7 +155,7 @@ fn results_of_other_recordings_are_refused() {
 }
 
 #[test]
-fn two_sets_of_parameters_are_told_apart_on_a_page() {
+fn the_page_lists_differing_parameters() {
     let directory = tempfile::tempdir().unwrap();
     let [first, second] = ["first", "second"].map(|name| directory.path().join(name));
     let a = results(&first, &[]);

@@ -44,21 +44,21 @@ fn detected_is_injected(loss_percent: &str) {
 }
 
 #[test]
-fn one_percent() {
+fn one_percent_loss_is_counted() {
     detected_is_injected("1");
 }
 
 #[test]
-fn two_percent() {
+fn two_percent_loss_is_counted() {
     detected_is_injected("2");
 }
 
 #[test]
-fn five_percent() {
+fn five_percent_loss_is_counted() {
     detected_is_injected("5");
 }
 
 #[test]
-fn ten_percent() {
+fn ten_percent_loss_is_counted() {
     detected_is_injected("10");
 }

@@ -13,7 +13,7 @@ use super::{
 const NO_LIMIT: usize = usize::MAX;
 
 #[test]
-fn images_from_python_arrive_whole() {
+fn images_from_python_arrive_intact() {
     let Some((network, _router)) = Network::start() else { return };
     let node = network.node();
     let inbox = Inbox::open(&node, &images(), NO_LIMIT);
@@ -61,7 +61,7 @@ fn ours_arrive_at_python() {
 }
 
 #[test]
-fn late_subscribers_of_ours_get_what_is_latched() {
+fn our_late_subscribers_receive_latched_messages() {
     let Some((network, _router)) = Network::start() else { return };
     let node = network.node();
     let mut publication = node.advertise(&headers(QosProfile::latched(2))).unwrap();
@@ -78,7 +78,7 @@ fn late_subscribers_of_ours_get_what_is_latched() {
 }
 
 #[test]
-fn we_get_what_others_latched() {
+fn our_subscribers_receive_latched_messages_of_peers() {
     let Some((network, _router)) = Network::start() else { return };
     let talker = network.header_peer("talk", &["--latched", "1", "--count", "3"]);
     talker.event("sent");

@@ -61,7 +61,7 @@ fn every_image_becomes_a_centreline_there_and_in_the_bag() {
 }
 
 #[test]
-fn what_a_relay_loses_is_counted_exactly() {
+fn losses_in_a_relay_are_counted_exactly() {
     let Some((network, _router)) = Network::start() else { return };
     let node = node(&network, &[]);
     let kind = Image::TYPE;

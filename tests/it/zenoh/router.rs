@@ -74,7 +74,7 @@ fn a_router_may_come_later() {
 }
 
 #[test]
-fn opening_waits_for_a_router_when_told_to() {
+fn opening_waits_for_a_router_if_configured() {
     let Some(network) = Network::without_router() else { return };
     let mut settings = network.settings(Role::Node, "");
     settings.router_check = RouterCheck::Forever;

@@ -56,7 +56,7 @@ fn answers_carry_the_number_of_their_request() {
 }
 
 #[test]
-fn what_is_no_request_is_refused_with_a_reason() {
+fn malformed_requests_are_rejected_with_a_reason() {
     let Some((network, _router)) = Network::start() else { return };
     let node = network.node();
     let _server = serve(&node, Box::new(|_| None));
