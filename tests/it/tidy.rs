@@ -14,12 +14,13 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
 /// What each module may use of the others.
-const MAY_USE: [(&str, &[&str]); 12] = [
-    ("scanner", &[]),
-    ("metrology", &["scanner"]),
+const MAY_USE: [(&str, &[&str]); 13] = [
+    ("statistics", &[]),
+    ("scanner", &["statistics"]),
+    ("metrology", &["scanner", "statistics"]),
     ("simulate", &["scanner"]),
     ("evaluate", &["scanner", "simulate"]),
-    ("calibrate", &["scanner"]),
+    ("calibrate", &["metrology", "scanner", "statistics"]),
     ("msg", &["scanner"]),
     ("report", &["msg", "scanner"]),
     ("ros", &["msg", "scanner"]),
@@ -39,13 +40,14 @@ const MAY_USE: [(&str, &[&str]); 12] = [
             "evaluate",
             "metrology",
             "calibrate",
+            "statistics",
         ],
     ),
 ];
 
 /// What a module that only computes does not use.
-const PURE: [&str; 7] =
-    ["scanner", "metrology", "simulate", "evaluate", "calibrate", "msg", "report"];
+const PURE: [&str; 8] =
+    ["statistics", "scanner", "metrology", "simulate", "evaluate", "calibrate", "msg", "report"];
 const IMPURE: [&str; 14] = [
     "std::fs",
     "std::net",
