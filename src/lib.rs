@@ -6,7 +6,7 @@
 
 #[cfg(feature = "calibrate")]
 pub use laser_triangulation::calibrate;
-pub use laser_triangulation::{evaluate, metrology, scanner, simulate};
+pub use laser_triangulation::{evaluate, metrology, scanner, simulate, statistics};
 
 pub mod msg;
 pub mod ros;

@@ -4,6 +4,7 @@
 
 mod named_enum;
 
+pub mod statistics;
 pub mod scanner;
 pub mod metrology;
 pub mod simulate;

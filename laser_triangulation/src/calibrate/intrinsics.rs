@@ -12,6 +12,7 @@ use super::{
     variety::{self, Missing},
 };
 use crate::scanner::camera::Camera;
+use crate::statistics::median;
 
 /// A view whose residual is this many times the median of all views is an outlier.
 const OUTLIER_FACTOR: f64 = 4.0;
@@ -177,9 +178,8 @@ fn posed(views: &Views<'_>, kept: &[usize], camera: &Camera) -> Vec<UsedView> {
 }
 
 fn find_outliers(used: &[UsedView]) -> Vec<Outlier> {
-    let mut sorted: Vec<_> = used.iter().map(|view| view.pose.rms_px()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let Some(&median_px) = sorted.get(sorted.len() / 2) else { return Vec::new() };
+    let mut all_px: Vec<_> = used.iter().map(|view| view.pose.rms_px()).collect();
+    let Some(median_px) = median(&mut all_px) else { return Vec::new() };
     let outlier = |view: &UsedView| {
         let rms_px = view.pose.rms_px();
         (rms_px > OUTLIER_FACTOR * median_px && rms_px > 1e-6).then_some(Outlier {

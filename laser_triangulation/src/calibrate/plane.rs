@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use thiserror::Error;
 
 use crate::scanner::laser_plane::LaserPlane;
+use crate::statistics::median;
 
 /// Fewest boards: the scatter between them is the uncertainty.
 const MIN_BOARDS: usize = 4;
@@ -138,8 +139,9 @@ fn robust_start(boards: &[BoardLine<'_>]) -> Result<LaserPlane, PlaneError> {
         for j in i + 1..tried.len() {
             for k in j + 1..tried.len() {
                 let Ok(plane) = least_squares(&[tried[i], tried[j], tried[k]]) else { continue };
-                let all = boards.iter().map(|board| residual(board, &plane).rms_m).collect();
-                let middle = median(all);
+                let mut all: Vec<_> =
+                    boards.iter().map(|board| residual(board, &plane).rms_m).collect();
+                let middle = median(&mut all).unwrap_or(f64::NAN);
                 if best.as_ref().is_none_or(|(least, _)| middle < *least) {
                     best = Some((middle, plane));
                 }
@@ -153,7 +155,8 @@ fn robust_start(boards: &[BoardLine<'_>]) -> Result<LaserPlane, PlaneError> {
 
 fn find_outliers(boards: &[&BoardLine<'_>], plane: &LaserPlane) -> Vec<BoardResidual> {
     let residuals: Vec<_> = boards.iter().map(|board| residual(board, plane)).collect();
-    let limit_m = OUTLIER_FACTOR * median(residuals.iter().map(|board| board.rms_m).collect());
+    let mut all_m: Vec<_> = residuals.iter().map(|board| board.rms_m).collect();
+    let limit_m = OUTLIER_FACTOR * median(&mut all_m).unwrap_or(f64::NAN);
     residuals.into_iter().filter(|board| board.rms_m > limit_m && board.rms_m > 1e-9).collect()
 }
 
@@ -213,9 +216,4 @@ fn leave_one_out(
     let mean = found.iter().sum::<Vector3<f64>>() / count;
     let squares = found.iter().map(|one| (one - mean) * (one - mean).transpose());
     Ok(squares.sum::<Matrix3<f64>>() * ((count - 1.0) / count))
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::statistics::{median, sigma_about_zero};
+
 /// A picture is suspicious when it departs from the rest by so many robust standard deviations.
 const SUSPICIOUS_SIGMAS: f64 = 5.0;
 /// Relative change of the scale below which a stated unit is right.
@@ -84,7 +86,7 @@ pub fn compare(positions: &[Position]) -> Result<Agreement, PositionError> {
     let offset = median(&mut offsets).ok_or(PositionError::Still)?;
     let off: Vec<_> = positions.iter().map(|p| p.shown - scale * p.stated - offset).collect();
     let mut sizes: Vec<_> = off.iter().map(|off| off.abs()).collect();
-    let sigma = 1.4826 * median(&mut sizes).ok_or(PositionError::Still)?;
+    let sigma = sigma_about_zero(&mut sizes).ok_or(PositionError::Still)?;
     if sigma > 0.1 * shown_range {
         let off = format!("{:.0} %", 100.0 * sigma / shown_range);
         return Err(PositionError::Unrelated { off });
@@ -105,11 +107,6 @@ impl Agreement {
         let size = self.scale.abs();
         if (size - 1.0).abs() < SAME_UNIT { 1.0 } else { size }
     }
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use anyhow::{Context, ensure};
 
+use crate::statistics::central_median;
 use crate::{
     cli::{
         recording::{Message, Recording, Wanted},
@@ -116,16 +117,12 @@ impl Collector {
     }
 
     fn line(self) -> Line {
-        let median = |mut values: Vec<f32>| {
-            values.sort_by(f32::total_cmp);
-            let middle = values.len() / 2;
-            let low = if values.len().is_multiple_of(2) { middle - 1 } else { middle };
-            0.5 * (f64::from(values[low]) + f64::from(values[middle]))
-        };
         // What was seen in a few frames only is no stripe.
         let enough = (self.frames / 2).max(1) as usize;
         let seen = self.across.into_iter().filter(|(_, values)| values.len() >= enough);
-        let points = seen.map(|(along, values)| [f64::from(along), median(values)]).collect();
+        let points = seen
+            .map(|(along, mut values)| [f64::from(along), central_median(&mut values)])
+            .collect();
         Line { points, size_px: self.size_px, direction: self.direction, frames: self.frames }
     }
 }

@@ -4,6 +4,7 @@ use anyhow::bail;
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::axis::Frames;
+use crate::statistics::{RobustSpread, robust_spread};
 use crate::{
     calibrate::revolute::RevoluteFit,
     scanner::{calibration::CameraAndPlane, camera::Camera},
@@ -45,12 +46,13 @@ pub(super) fn from_side(
         let side = |at: usize| Some((corner(at + 1)? - corner(at)?).norm());
         sides.extend((0..4).filter_map(side));
     }
-    let (middle, spread) = robust(&mut sides);
-    if !(middle > 0.0 && middle.is_finite()) {
+    let Some(RobustSpread { median, sigma }) =
+        robust_spread(&mut sides).filter(|side| side.median > 0.0 && side.median.is_finite())
+    else {
         bail!("no marker's side can be measured");
-    }
-    let meters = side_m / middle;
-    let spread_m = meters * spread / middle;
+    };
+    let meters = side_m / median;
+    let spread_m = meters * sigma / median;
     Ok(Distance { meters, spread_m, source: "the side of the markers" })
 }
 
@@ -77,14 +79,15 @@ pub(super) fn from_stripe(
             distances.extend(point.map(|point| normal.dot(&point.coords)));
         }
     }
-    if distances.len() < MIN_POINTS {
+    let num = distances.len();
+    let Some(RobustSpread { median: meters, sigma: spread_m }) =
+        robust_spread(&mut distances).filter(|_| num >= MIN_POINTS)
+    else {
         bail!(
-            "the laser's line on the table inside the circle of the markers has only {} points: give the markers' side \
-             (aruco:DICTIONARY:SIDE), or light the line up (--params-file)",
-            distances.len()
+            "the laser's line on the table inside the circle of the markers has only {num} points: give the markers' side \
+             (aruco:DICTIONARY:SIDE), or light the line up (--params-file)"
         );
-    }
-    let (meters, spread_m) = robust(&mut distances);
+    };
     if spread_m > MAX_SPREAD * meters {
         bail!(
             "what is bright inside the circle of the markers lies {:.1} mm up and down: no flat table, or not the laser; \
@@ -93,15 +96,4 @@ pub(super) fn from_stripe(
         );
     }
     Ok(Distance { meters, spread_m, source: "the laser's line on the table" })
-}
-
-/// Median and 1.4826 times the median distance from it.
-fn robust(values: &mut [f64]) -> (f64, f64) {
-    let median = |values: &mut [f64]| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-    };
-    let middle = median(values);
-    let mut off: Vec<_> = values.iter().map(|value| (value - middle).abs()).collect();
-    (middle, 1.4826 * median(&mut off))
 }

@@ -11,6 +11,7 @@ use super::{
     stripes::{Light, Stripes},
     views::Views,
 };
+use crate::statistics::median;
 use crate::{
     calibrate::{
         plane::{self, BoardLine, PlaneFit},
@@ -151,9 +152,8 @@ fn lines(
 fn poses(camera: &Camera, boards: &mut Boards<Stripe>, square_m: f64) -> Vec<(usize, BoardPose)> {
     let found: Vec<_> =
         boards.found.iter().map(|board| pose::fit(camera, &board.pairs(square_m))).collect();
-    let mut sorted: Vec<_> = found.iter().flatten().map(BoardPose::rms_px).collect();
-    sorted.sort_by(f64::total_cmp);
-    let median_px = sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN);
+    let mut all_px: Vec<_> = found.iter().flatten().map(BoardPose::rms_px).collect();
+    let median_px = median(&mut all_px).unwrap_or(f64::NAN);
     let mut poses = Vec::new();
     for (index, pose) in found.into_iter().enumerate() {
         match pose {
