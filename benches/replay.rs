@@ -8,7 +8,7 @@ use criterion::{
     BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main, measurement::WallTime,
 };
 use laser_profiler::{
-    cli::replay::replay,
+    cli::replaying::replay,
     node::{replay::ReplayRequest, stop::Stop},
 };
 use recordings::{Payload, Recording};

@@ -14,14 +14,15 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
 /// The modules that each module may use.
-const MAY_USE: [(&str, &[&str]); 12] = [
+const MAY_USE: [(&str, &[&str]); 13] = [
     ("scanner", &[]),
     ("metrology", &["scanner"]),
     ("simulate", &["scanner"]),
     ("evaluate", &["scanner", "simulate"]),
     ("calibrate", &["scanner"]),
     ("msg", &["scanner"]),
-    ("report", &["msg", "scanner"]),
+    ("results", &["bag", "msg", "metrology", "scanner"]),
+    ("report", &["results", "bag", "msg", "scanner"]),
     ("ros", &["msg", "scanner"]),
     ("bag", &["msg"]),
     ("foxglove", &["msg"]),
@@ -32,6 +33,7 @@ const MAY_USE: [(&str, &[&str]); 12] = [
             "node",
             "ros",
             "bag",
+            "results",
             "report",
             "msg",
             "scanner",

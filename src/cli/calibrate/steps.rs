@@ -12,6 +12,7 @@ use crate::{
     cli::{
         Outcome, Usage,
         length::{length_m, positive_m},
+        output,
         progress::progress_bar,
         settings::{Settings, SettingsArgs},
     },
@@ -168,7 +169,7 @@ pub(super) fn run(
     } else {
         report::text(args, &found, &result, geometry.as_ref(), lateral_m)
     };
-    crate::cli::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    output::print(out, &text)?;
     Ok(Outcome::Done)
 }
 
@@ -188,8 +189,8 @@ fn check(args: &StepsArgs) -> Result<(), Usage> {
         ));
     }
     match &args.output {
-        Some(path) if path.exists() && !args.force => {
-            Err(Usage(format!("{} is there already: --force replaces it", path.display())))
+        Some(path) if !args.force => {
+            output::refuse_existing(path).map_err(|error| Usage(error.to_string()))
         }
         _ => Ok(()),
     }

@@ -27,7 +27,7 @@ use crate::{
         target::Checkerboard,
     },
     cli::{
-        Outcome, quiet_pipe,
+        Outcome, output,
         settings::{self, Settings, SettingsArgs},
     },
     ros::arguments::RosArguments,
@@ -125,7 +125,7 @@ pub(in crate::cli::calibrate) fn run(
     if let Some(path) = &args.output.report {
         report_charts::axis(path, &frames, &found)?;
     }
-    quiet_pipe(axis_answer::print(args, &frames, &found, out)).context("standard output")?;
+    output::printed(axis_answer::print(args, &frames, &found, out))?;
     Ok(if frames.is_lossy { Outcome::DataLost } else { Outcome::Done })
 }
 

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     calibrate::intrinsics::{self, CameraFit, Model},
-    cli::{Outcome, quiet_pipe, settings::Settings},
+    cli::{Outcome, output, settings::Settings},
     ros::arguments::RosArguments,
 };
 
@@ -60,7 +60,7 @@ pub(in crate::cli::calibrate) fn run(
     } else {
         tell(args, &boards, &fit, out)
     };
-    quiet_pipe(printed).context("standard output")?;
+    output::printed(printed)?;
     Ok(boards.outcome())
 }
 

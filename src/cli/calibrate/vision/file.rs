@@ -8,6 +8,7 @@ use jiff::Timestamp;
 use super::args::OutputArgs;
 use crate::{
     calibrate::intrinsics::CameraFit,
+    cli::output,
     scanner::{
         calibration::{CameraCalibration, CameraQuality},
         camera::Distortion,
@@ -26,8 +27,8 @@ const MAX_BYTES: u64 = 1 << 20;
 /// The file is there.
 pub(super) fn refuse_existing(args: &OutputArgs) -> anyhow::Result<()> {
     for path in [Some(&args.output), args.report.as_ref()].into_iter().flatten() {
-        if path.exists() && !args.force {
-            bail!("{} is there already: --force replaces it", path.display());
+        if !args.force {
+            output::refuse_existing(path)?;
         }
     }
     Ok(())

@@ -19,7 +19,7 @@ use crate::{
         stripe_line::{self, LineRejected, Placed, StripeLine},
     },
     cli::{
-        Outcome, quiet_pipe,
+        Outcome, output,
         settings::{Settings, SettingsArgs},
     },
     ros::arguments::RosArguments,
@@ -99,7 +99,7 @@ pub(in crate::cli::calibrate) fn run(
     if let Some(path) = &args.output.report {
         report_charts::plane(path, &boards, &fit)?;
     }
-    quiet_pipe(plane_answer::print(args, &boards, &lines, &fit, out)).context("standard output")?;
+    output::printed(plane_answer::print(args, &boards, &lines, &fit, out))?;
     Ok(boards.outcome())
 }
 
