@@ -4,16 +4,14 @@ mod args;
 mod gauge;
 mod report;
 
-use std::{fs, io::Write};
-
-use anyhow::Context;
+use std::io::Write;
 
 use crate::{
     calibrate::{
         HeightTerms, KnownDistance, KnownLateral, StepsCalibration, VerticalGeometry,
         calibrate_steps, vertical_incidence,
     },
-    cli::{Outcome, Usage, settings::Settings},
+    cli::{Outcome, Usage, output, settings::Settings},
     ros::arguments::RosArguments,
     scanner::calibration::Calibration,
 };
@@ -54,8 +52,7 @@ pub(super) fn run(
                 Calibration::Projective(Box::new(projective))
             }
         };
-        fs::write(path, calibration.to_yaml())
-            .with_context(|| format!("cannot write {}", path.display()))?;
+        output::write_file(path, calibration.to_yaml())?;
     }
     let lateral_m = scale.map(|scale| result.meters_per_pixel(scale, &gauge.picture));
     let text = if args.json {
@@ -63,7 +60,7 @@ pub(super) fn run(
     } else {
         report::text(args, &gauge, &result, geometry.as_ref(), lateral_m)
     };
-    crate::cli::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    output::print(out, &text)?;
     Ok(Outcome::Done)
 }
 

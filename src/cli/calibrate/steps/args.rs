@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::cli::{
     Usage,
     length::{length_m, positive_m},
+    output,
     settings::SettingsArgs,
 };
 
@@ -110,8 +111,8 @@ impl StepsArgs {
             ));
         }
         match &self.output {
-            Some(path) if path.exists() && !self.force => {
-                Err(Usage(format!("{} is there already: --force replaces it", path.display())))
+            Some(path) if !self.force => {
+                output::refuse_existing(path).map_err(|error| Usage(error.to_string()))
             }
             _ => Ok(()),
         }

@@ -8,7 +8,7 @@ use super::{args::AxisArgs, axis_answer, axis_pictures, boards, file, pictures::
 use crate::{
     calibrate::{AxisTarget, calibrate_axis},
     cli::{
-        Outcome, quiet_pipe,
+        Outcome, output,
         settings::{self, Settings, SettingsArgs},
     },
     ros::arguments::RosArguments,
@@ -47,6 +47,6 @@ pub(in crate::cli::calibrate) fn run(
     if let Some(path) = &args.output.report {
         report::axis(path, &found, &fit)?;
     }
-    quiet_pipe(axis_answer::print(args, &found, &fit, out)).context("standard output")?;
+    output::printed(axis_answer::print(args, &found, &fit, out))?;
     Ok(if found.is_lossy { Outcome::DataLost } else { Outcome::Done })
 }

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     calibrate::{CameraFit, CameraViews, LensModel, calibrate_camera},
-    cli::{Outcome, quiet_pipe, settings::Settings},
+    cli::{Outcome, output, settings::Settings},
     ros::arguments::RosArguments,
 };
 
@@ -61,7 +61,7 @@ pub(in crate::cli::calibrate) fn run(
     } else {
         tell(args, &boards, &fit, out)
     };
-    quiet_pipe(printed).context("standard output")?;
+    output::printed(printed)?;
     Ok(boards.outcome())
 }
 

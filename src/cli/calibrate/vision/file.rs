@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use jiff::Timestamp;
 
 use super::args::OutputArgs;
+use crate::cli::output;
 
 /// Longest calibration file, bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -16,8 +17,8 @@ const MAX_BYTES: u64 = 1 << 20;
 /// The file is there.
 pub(super) fn refuse_existing(args: &OutputArgs) -> anyhow::Result<()> {
     for path in [Some(&args.output), args.report.as_ref()].into_iter().flatten() {
-        if path.exists() && !args.force {
-            bail!("{} is there already: --force replaces it", path.display());
+        if !args.force {
+            output::refuse_existing(path)?;
         }
     }
     Ok(())
@@ -41,7 +42,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<String> {
 /// # Errors
 /// It cannot be written.
 pub(super) fn write(args: &OutputArgs, text: &str) -> anyhow::Result<()> {
-    fs::write(&args.output, text).with_context(|| format!("cannot write {}", args.output.display()))
+    output::write_file(&args.output, text)
 }
 
 /// Now, UTC, whole seconds.

@@ -8,7 +8,7 @@ use super::{args::PlaneArgs, boards, file, pictures::Pictures, plane_answer, rep
 use crate::{
     calibrate::{BoardView, LaserLines, calibrate_plane},
     cli::{
-        Outcome, quiet_pipe,
+        Outcome, output,
         settings::{Settings, SettingsArgs},
     },
     ros::arguments::RosArguments,
@@ -66,6 +66,6 @@ pub(in crate::cli::calibrate) fn run(
     if let Some(path) = &args.output.report {
         report::plane(path, &boards, &fit)?;
     }
-    quiet_pipe(plane_answer::print(args, &boards, &lines, &fit, out)).context("standard output")?;
+    output::printed(plane_answer::print(args, &boards, &lines, &fit, out))?;
     Ok(boards.outcome())
 }

@@ -2,8 +2,10 @@
 
 use anyhow::{Context, ensure};
 
-use super::float_offset;
-use crate::{msg::sensor_msgs::PointCloud2, scanner::scan::Point};
+use crate::{
+    msg::sensor_msgs::{PointCloud2, PointField},
+    scanner::scan::Point,
+};
 
 /// The rows of a cloud whose lengths fit.
 pub(super) struct Rows<'a> {
@@ -70,10 +72,16 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// The offset of a 32-bit float in a point, bytes.
+fn float_offset(cloud: &PointCloud2<'_>, name: &str) -> Option<usize> {
+    let mut fields = cloud.fields.iter();
+    let field = fields.find(|field| field.name == name && field.datatype == PointField::FLOAT32)?;
+    Some(field.offset as usize)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::msg::sensor_msgs::PointField;
 
     fn fields(names: &[&'static str]) -> Vec<PointField<'static>> {
         let field = |(at, name): (usize, &&'static str)| PointField {

@@ -1,24 +1,25 @@
-//! Where the profiles of a scan were taken.
+//! Positions of a scan's profiles.
 
 use super::Results;
-use crate::{
-    bag::Filter,
-    msg::{
-        cdr,
-        laser_profiler_msgs::{FrameTrace, Profile},
-    },
+use crate::msg::{
+    cdr,
+    laser_profiler_msgs::{FrameTrace, Profile},
 };
 
 impl Results {
-    /// The position of each profile of the scan, in the unit of its axis; or why they are not known.
-    pub(in crate::cli) fn positions(&self) -> Result<Vec<f64>, String> {
-        let missing = || "the recording has no profiles beside its points: where they were taken";
-        let topic = self.profile_topic().ok_or_else(missing)?;
+    /// Returns the position of each profile of the scan, metres or radians as its axis.
+    ///
+    /// # Errors
+    /// The reason why positions are unknown: no profiles in the bag, or not as many as the slices have.
+    pub(super) fn positions(&self) -> Result<Vec<f64>, String> {
+        let topic = self.profile_topic().ok_or(
+            "positions are unknown: the recording has no profiles beside its point clouds",
+        )?;
         let mut frames = Vec::new();
-        for message in self.bag.messages(&Filter::topics([topic.as_str()])).flatten() {
+        for message in self.messages(&topic).flatten() {
             let Ok(profile) = cdr::decode::<Profile<'_>>(&message.data) else { continue };
             let trace = profile.trace;
-            // A frame whose position nobody knew is in no scan.
+            // A frame without a position is in no scan.
             let is_unknown = trace.encoder_source == FrameTrace::SOURCE_NONE
                 && trace.encoder_status & FrameTrace::ENCODER_STALE != 0;
             if !is_unknown {
@@ -26,8 +27,7 @@ impl Results {
             }
         }
         let mut positions = Vec::new();
-        let accounts = (0_u64..).zip(&self.accounts).filter(|(at, _)| self.slices.contains(at));
-        for (number, account) in accounts {
+        for (number, account) in self.accounts().enumerate() {
             let before = positions.len();
             let [first, last] = account.frames;
             let inside = frames.iter().filter(|(frame, _)| (first..=last).contains(frame));

@@ -1,45 +1,57 @@
-//! Frames of two results, joined by their stamps, one pair in memory.
+//! Frames of two results bags, paired by their stamps; holds one pair in memory.
 
 use std::iter::Peekable;
 
+use anyhow::Context;
+
+use super::{Notes, ResultsRecording, recording::add_error};
 use crate::{
     bag::{BagError, Filter, Messages, RawMessage},
-    cli::report::{
-        Notes,
-        source::{Source, tell},
-    },
     msg::{
         cdr,
         laser_profiler_msgs::{Centerline, Profile},
     },
-    report::difference::Pair,
 };
 
-/// One frame of a results' recording, still as bytes.
+/// One frame as both results have it.
+#[derive(Clone, Copy, Debug)]
+pub struct FramePair<'a> {
+    /// Number of the frame among those of A, from 0.
+    pub frame: u64,
+    /// The centrelines of A and B.
+    pub lines: [&'a Centerline<'a>; 2],
+    /// The profiles of A and B; none unless both have a calibration.
+    pub profiles: Option<[&'a Profile<'a>; 2]>,
+}
+
+/// Number of frames that only A has, and that only B has.
+pub type NumUnpaired = [u64; 2];
+
+/// One frame of a results bag, not decoded.
 struct Frame {
     stamp_ns: i64,
     line: RawMessage,
     profile: Option<RawMessage>,
 }
 
-/// The frames of a results' recording in their order.
+/// Frames of a results bag in their order.
 struct Frames {
     messages: Peekable<Messages>,
     line_topic: String,
-    /// What could not be read, until somebody asks.
+    /// Errors since the last call of `report_errors`.
     errors: Vec<BagError>,
-    refused: Vec<String>,
+    rejected: Vec<String>,
 }
 
 impl Frames {
-    fn new(source: &Source, line_topic: String) -> Self {
-        let profiles = source.topic("profile");
+    fn new(recording: &ResultsRecording, line_topic: String) -> Self {
+        let profiles = recording.topic("profile");
         let filter = Filter::topics(profiles.into_iter().chain([line_topic.clone()]));
-        let messages = source.bag.messages(&filter).peekable();
-        Self { messages, line_topic, errors: Vec::new(), refused: Vec::new() }
+        let messages = recording.bag.messages(&filter).peekable();
+        Self { messages, line_topic, errors: Vec::new(), rejected: Vec::new() }
     }
 
-    /// The next centreline with the profile that follows it.
+    /// Returns the next centreline with the profile that follows it.
     fn next(&mut self) -> Option<Frame> {
         loop {
             let line = match self.messages.next()? {
@@ -54,7 +66,7 @@ impl Frames {
             let stamp_ns = match cdr::decode::<Centerline<'_>>(&line.data) {
                 Ok(decoded) => decoded.header.stamp.to_ns(),
                 Err(error) => {
-                    self.refused.push(format!("{}: {error}", self.line_topic));
+                    self.rejected.push(format!("{}: {error}", self.line_topic));
                     continue;
                 }
             };
@@ -67,40 +79,36 @@ impl Frames {
         }
     }
 
-    fn tell(&mut self, notes: &mut Notes) {
-        self.errors.drain(..).for_each(|error| tell(notes, &error));
-        self.refused.drain(..).for_each(|error| notes.lose(error));
+    fn report_errors(&mut self, notes: &mut Notes) {
+        self.errors.drain(..).for_each(|error| add_error(notes, &error));
+        self.rejected.drain(..).for_each(|error| notes.add_loss(error));
     }
 }
 
-/// How many frames only one of the results has.
-pub(super) type Alone = [u64; 2];
-
-/// Hands on every frame that both results have.
+/// Calls `take` with every frame that both results have.
 ///
 /// # Errors
 /// Results without centrelines.
-pub(super) fn join(
-    sources: [&Source; 2],
+pub fn for_each_pair(
+    recordings: [&ResultsRecording; 2],
     notes: &mut Notes,
-    mut take: impl FnMut(&Pair<'_>),
-) -> anyhow::Result<Alone> {
+    mut take: impl FnMut(&FramePair<'_>),
+) -> anyhow::Result<NumUnpaired> {
     let mut frames = Vec::new();
-    for source in sources {
-        let topic = source.topic("centerline");
-        let topic = topic.ok_or_else(|| {
-            anyhow::anyhow!("{} has no centrelines to compare", source.path.display())
+    for recording in recordings {
+        let topic = recording.topic("centerline").with_context(|| {
+            format!("{} has no centrelines to compare", recording.path().display())
         })?;
-        frames.push(Frames::new(source, topic));
+        frames.push(Frames::new(recording, topic));
     }
-    let mut alone = [0, 0];
+    let mut num_unpaired = [0, 0];
     let mut number = 0;
     let mut next: Vec<_> = frames.iter_mut().map(Frames::next).collect();
     loop {
-        // Which of the two goes on.
-        let goes = match (&next[0], &next[1]) {
+        // The bags that go on to their next frame.
+        let advances = match (&next[0], &next[1]) {
             (Some(a), Some(b)) if a.stamp_ns == b.stamp_ns => {
-                compare(number, [a, b], notes, &mut take);
+                take_pair(number, [a, b], notes, &mut take);
                 [true, true]
             }
             (Some(a), Some(b)) => [a.stamp_ns < b.stamp_ns, b.stamp_ns < a.stamp_ns],
@@ -108,23 +116,28 @@ pub(super) fn join(
             (None, Some(_)) => [false, true],
             (None, None) => break,
         };
-        number += u64::from(goes[0]);
+        number += u64::from(advances[0]);
         for which in 0..2 {
-            if goes[which] {
-                alone[which] += u64::from(!goes[1 - which]);
+            if advances[which] {
+                num_unpaired[which] += u64::from(!advances[1 - which]);
                 next[which] = frames[which].next();
-                frames[which].tell(notes);
+                frames[which].report_errors(notes);
             }
         }
     }
     for frames in &mut frames {
-        frames.tell(notes);
+        frames.report_errors(notes);
     }
-    Ok(alone)
+    Ok(num_unpaired)
 }
 
-/// Decodes a frame of both and hands it on.
-fn compare(frame: u64, frames: [&Frame; 2], notes: &mut Notes, take: &mut impl FnMut(&Pair<'_>)) {
+/// Decodes a frame of both and calls `take` with it.
+fn take_pair(
+    frame: u64,
+    frames: [&Frame; 2],
+    notes: &mut Notes,
+    take: &mut impl FnMut(&FramePair<'_>),
+) {
     let lines = frames.map(|frame| cdr::decode::<Centerline<'_>>(&frame.line.data));
     let profiles = frames.map(|frame| {
         frame.profile.as_ref().map(|profile| cdr::decode::<Profile<'_>>(&profile.data))
@@ -134,9 +147,9 @@ fn compare(frame: u64, frames: [&Frame; 2], notes: &mut Notes, take: &mut impl F
         Some([first, second])
     } else {
         for error in profiles.iter().flatten().filter_map(|profile| profile.as_ref().err()) {
-            notes.lose(format!("profile: {error}"));
+            notes.add_loss(format!("profile: {error}"));
         }
         None
     };
-    take(&Pair { frame, lines: [a, b], profiles: both });
+    take(&FramePair { frame, lines: [a, b], profiles: both });
 }

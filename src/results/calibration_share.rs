@@ -1,29 +1,34 @@
-//! What the calibration of a recording adds to the uncertainty of a figure.
+//! The share of the calibration in the uncertainty of a measurement.
 
+use super::{Results, Scanned};
 use crate::{
-    cli::results::{Results, Scanned},
     metrology::{
         calibration_error::{needs_positions, perturbations},
         surface::Surface,
     },
-    scanner::{calibration::Calibration, params::StripeDirection},
+    scanner::calibration::Calibration,
 };
 
-/// One standard deviation of each figure by the calibration alone, or why it is not known: everything is measured again
-/// with the calibration one standard deviation off along each of its principal axes.
-pub(super) fn share<const N: usize>(
+/// Returns one standard deviation of each figure due to the calibration alone.
+///
+/// Measures again with the calibration one standard deviation off along each of its principal axes; the changes add up as
+/// squares. `measure` gets one surface for each of `scanned`.
+///
+/// # Errors
+/// The reason why the share is unknown: no calibration in the bag or none with a covariance, profiles placed by poses,
+/// positions that are not recorded.
+pub fn calibration_share<const N: usize>(
     results: &Results,
     scanned: &[&Scanned],
     measure: impl Fn(&[Surface]) -> anyhow::Result<[f64; N]>,
 ) -> Result<[f64; N], String> {
-    let text = results.calibration().ok_or("the recording carries no calibration")?;
-    let calibration = Calibration::from_yaml(&text).map_err(|error| error.to_string())?;
-    if results.is_posed() {
+    let provenance = results.provenance();
+    let text = provenance.calibration.as_ref().ok_or("the recording carries no calibration")?;
+    let calibration = Calibration::from_yaml(text).map_err(|error| error.to_string())?;
+    if provenance.is_posed() {
         return Err("profiles were placed by poses, through which it is not propagated".to_owned());
     }
-    let direction =
-        if results.is_vertical() { StripeDirection::Vertical } else { StripeDirection::Horizontal };
-    let all = perturbations(&calibration, direction)?;
+    let all = perturbations(&calibration, provenance.stripe_direction())?;
     let positions = positions(results, &calibration, scanned)?;
     let of = |surfaces: &[Surface]| measure(surfaces).map_err(|error| error.to_string());
     let surfaces: Vec<_> = scanned.iter().map(|scanned| scanned.surface.clone()).collect();
@@ -39,7 +44,7 @@ pub(super) fn share<const N: usize>(
     Ok(squares.map(f64::sqrt))
 }
 
-/// The positions of the rows of each surface; none of any where y says enough.
+/// Returns the position of each row of each surface; empty where the calibration's law does not need them.
 fn positions(
     results: &Results,
     calibration: &Calibration,
@@ -50,12 +55,12 @@ fn positions(
     }
     let positions = results.positions()?;
     let of = |scanned: &&Scanned| {
-        let rows = scanned.rows.iter().map(|row| positions.get(*row).copied());
+        let rows = scanned.profile_numbers.iter().map(|row| positions.get(*row).copied());
         rows.collect::<Option<Vec<_>>>().ok_or_else(|| {
             format!(
                 "{} positions are stated for {} profiles",
                 positions.len(),
-                scanned.read.profiles
+                scanned.counts.profiles
             )
         })
     };

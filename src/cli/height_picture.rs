@@ -4,12 +4,12 @@ use std::path::Path;
 
 use plotters::prelude::*;
 
-use super::outline::scale_m;
+use super::chart::{
+    AXIS, Area, NOT_MEASURED, TICK, TITLE, draw_color_bar, save as save_chart, viridis,
+};
 use crate::{
-    cli::chart::{
-        AXIS, Area, NOT_MEASURED, TICK, TITLE, draw_color_bar, save as save_chart, viridis,
-    },
     metrology::height_map::RegularHeightMap,
+    results::{Placing, Results, color_scale_m},
 };
 
 /// Longest side of the map, pixels.
@@ -24,7 +24,7 @@ const DARK: f32 = 0.45;
 pub(super) fn save(path: &Path, title: &str, map: &RegularHeightMap) -> anyhow::Result<()> {
     let mut heights: Vec<f32> = map.z_m.iter().copied().filter(|z| z.is_finite()).collect();
     heights.sort_by(f32::total_cmp);
-    let scale = scale_m(&heights);
+    let scale = color_scale_m(&heights);
     let layout = &map.layout;
     let sides_mm =
         [layout.width, layout.height].map(|cells| 1e3 * f64::from(cells) * layout.cell_m);
@@ -36,6 +36,17 @@ pub(super) fn save(path: &Path, title: &str, map: &RegularHeightMap) -> anyhow::
         draw_map(&area, map, scale)?;
         draw_color_bar(&bar, scale)
     })
+}
+
+/// Draws a picture of a whole scan.
+///
+/// # Errors
+/// A scan without points or on one line, a file that cannot be written.
+pub(super) fn save_scan(path: &Path, results: &Results) -> anyhow::Result<()> {
+    let placing = Placing::default();
+    let outline = results.outline(&placing)?;
+    let map = results.height_map(&placing, &outline, outline.cell_m()?)?;
+    save(path, results.topic(), &map)
 }
 
 fn draw_map(area: &Area<'_>, map: &RegularHeightMap, scale: [f32; 2]) -> anyhow::Result<()> {
