@@ -90,6 +90,26 @@ impl BagError {
     }
 }
 
+/// Reason why a place in a file cannot be used.
+pub(super) enum Fault {
+    /// The operating system reports an error.
+    Io(BagError),
+    /// The content is malformed.
+    Malformed(String),
+}
+
+impl From<BagError> for Fault {
+    fn from(error: BagError) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Self::Malformed(what)
+    }
+}
+
 /// Why a bag cannot be written.
 #[derive(Debug, Error)]
 pub enum RecordError {

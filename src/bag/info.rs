@@ -8,6 +8,7 @@ use mcap::records::op;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use super::error::Fault;
 use super::format::{PREFIX_BYTES, Source, u64_at};
 use super::layout::{Layout, PartKind};
 use super::record::OWN_RECORD;
@@ -112,12 +113,12 @@ pub struct AttachmentInfo {
 /// # Errors
 /// A bag that cannot be read further: the operating system's refusal.
 pub fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, BagError> {
-    let mut found = Found { notes: bag.notes().to_vec(), ..Found::default() };
+    let mut problems = Problems { notes: bag.notes().to_vec(), ..Problems::default() };
     let by_index = if depth == Depth::Index { by_index(bag)? } else { None };
     let read = if by_index.is_some() { Depth::Index } else { Depth::Messages };
     let statistics = match by_index {
         Some(statistics) => statistics,
-        None => by_reading(bag, &mut found)?,
+        None => by_reading(bag, &mut problems)?,
     };
     let bounds = statistics.values().filter_map(|topic| topic.bounds_ns);
     let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
@@ -127,8 +128,8 @@ pub fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, B
     for (path, layout) in bag.layouts() {
         files.push(file_info(path, layout)?);
     }
-    let attachments = attachments(bag, &mut found)?;
-    let metadata = metadata(bag, &mut found)?;
+    let attachments = attachments(bag, &mut problems)?;
+    let metadata = metadata(bag, &mut problems)?;
     Ok(BagInfo {
         path: path.into(),
         bytes: files.iter().map(|file| file.bytes).sum(),
@@ -141,20 +142,20 @@ pub fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, B
         attachments,
         metadata,
         verified: read == Depth::Messages,
-        damaged: found.damaged,
-        notes: found.notes,
+        damaged: problems.damaged,
+        notes: problems.notes,
     })
 }
 
-/// What was found wrong on the way.
+/// Problems met while reading.
 #[derive(Default)]
-struct Found {
+struct Problems {
     damaged: Vec<DamagedRange>,
     notes: Vec<String>,
 }
 
-impl Found {
-    fn take(&mut self, error: BagError) -> Result<(), BagError> {
+impl Problems {
+    fn add(&mut self, error: BagError) -> Result<(), BagError> {
         match DamagedRange::of(&error) {
             Some(range) => self.damaged.push(range),
             None if error.is_loss() => return Err(error),
@@ -166,7 +167,7 @@ impl Found {
 
 type ByTopic = BTreeMap<Arc<Topic>, Statistics>;
 
-fn by_reading(bag: &BagReader, found: &mut Found) -> Result<ByTopic, BagError> {
+fn by_reading(bag: &BagReader, problems: &mut Problems) -> Result<ByTopic, BagError> {
     let mut statistics = ByTopic::new();
     let mut messages = bag.messages(&Filter::all());
     while let Some(item) = messages.next() {
@@ -176,7 +177,7 @@ fn by_reading(bag: &BagReader, found: &mut Found) -> Result<ByTopic, BagError> {
                 topic.add_message(message.log_time_ns, message.sequence, message.data.len());
                 messages.recycle(message.data);
             }
-            Err(error) => found.take(error)?,
+            Err(error) => problems.add(error)?,
         }
     }
     Ok(statistics)
@@ -219,7 +220,11 @@ fn message_index(
     channel: u16,
     offset: u64,
 ) -> Result<Option<Vec<i64>>, BagError> {
-    let Ok(Some(span)) = source.record_at(offset)? else { return Ok(None) };
+    let span = match source.record_at(offset) {
+        Ok(Some(span)) => span,
+        Err(Fault::Io(error)) => return Err(error),
+        Ok(None) | Err(Fault::Malformed(_)) => return Ok(None),
+    };
     if span.opcode != op::MESSAGE_INDEX
         || source.check_length(&span, span.end - span.offset - PREFIX_BYTES).is_err()
     {
@@ -265,7 +270,7 @@ fn file_info(path: &Path, layout: &Layout) -> Result<FileInfo, BagError> {
     Ok(FileInfo { path: path.into(), bytes, indexed: layout.is_indexed, compression })
 }
 
-fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>, BagError> {
+fn attachments(bag: &BagReader, problems: &mut Problems) -> Result<Vec<AttachmentInfo>, BagError> {
     let mut infos = Vec::new();
     for attachment in bag.attachments() {
         match attachment {
@@ -275,7 +280,7 @@ fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>
                 name: attachment.name,
                 media_type: attachment.media_type,
             }),
-            Err(error) => found.take(error)?,
+            Err(error) => problems.add(error)?,
         }
     }
     Ok(infos)
@@ -283,14 +288,14 @@ fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>
 
 fn metadata(
     bag: &BagReader,
-    found: &mut Found,
+    problems: &mut Problems,
 ) -> Result<BTreeMap<String, BTreeMap<String, String>>, BagError> {
     let mut records = BTreeMap::new();
     for record in bag.metadata() {
         match record {
             Ok(record) if record.name == OWN_RECORD => {}
             Ok(record) => drop(records.insert(record.name, record.entries)),
-            Err(error) => found.take(error)?,
+            Err(error) => problems.add(error)?,
         }
     }
     Ok(records)

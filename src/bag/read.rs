@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::error::Fault;
 use super::format::{RecordSpan, Source};
 use super::layout::{Layout, PartKind};
 use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, place};
@@ -131,10 +132,11 @@ impl BagReader {
         self.files.iter().flat_map(move |(path, layout)| {
             spans(layout).iter().map(move |span| {
                 let mut source = Source::open(path, self.options.record_limit_bytes)?;
-                match source.record_at(span.offset)? {
+                match source.record_at(span.offset) {
                     Ok(Some(found)) if found == *span => {
                         parse(&source.body(span)?).map_err(|what| source.damaged(span, what))
                     }
+                    Err(Fault::Io(error)) => Err(error),
                     _ => {
                         Err(source
                             .damaged(span, "the index names a record that is not there".into()))

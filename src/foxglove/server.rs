@@ -27,7 +27,7 @@ const BACKLOG_MESSAGES: usize = 256;
 /// Threads of all connections.
 const NUM_THREADS: usize = 2;
 /// How long viewers are given to hear that the server ends.
-const FAREWELL: Duration = Duration::from_millis(500);
+const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// What kind of server it is.
 #[derive(Clone, Debug, Default)]
@@ -40,13 +40,13 @@ pub struct Settings {
 
 /// A server that viewers connect to, until it is dropped.
 pub struct Server {
-    shared: Arc<Shared>,
+    shared: Arc<ServerState>,
     address: SocketAddr,
     runtime: Option<Runtime>,
 }
 
 /// What the server's threads share.
-pub(super) struct Shared {
+pub(super) struct ServerState {
     pub(super) desk: Arc<dyn Desk>,
     pub(super) channels: Channels,
     handle: RwLock<Option<WebSocketServerHandle>>,
@@ -72,7 +72,7 @@ impl Server {
             .enable_all()
             .build()
             .map_err(io)?;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(ServerState {
             desk,
             channels: Channels::new(),
             handle: RwLock::default(),
@@ -143,22 +143,22 @@ impl Server {
         let mut notes = self.shared.notes.lock().unwrap_or_else(PoisonError::into_inner);
         notes.insert(key.to_owned(), text.to_owned());
         drop(notes);
-        self.shared.tell_notes();
+        self.shared.publish_notes();
     }
 
     /// Tells the time of what is played, nanoseconds since the epoch.
-    pub fn tell_time(&self, time_ns: i64) {
+    pub fn publish_time(&self, time_ns: i64) {
         self.shared.with(|handle| handle.broadcast_time(time_ns.max(0) as u64));
     }
 
     /// Tells how it is played.
-    pub fn tell_playback(&self, state: PlaybackState) {
+    pub fn publish_playback(&self, state: PlaybackState) {
         self.shared.with(|handle| handle.broadcast_playback_state(state));
     }
 
     /// Tells those who watch them what parameters are in force.
-    pub fn tell_parameters(&self) {
-        self.shared.tell_parameters(self.shared.desk.parameters(&[]));
+    pub fn publish_parameters(&self) {
+        self.shared.publish_parameters(self.shared.desk.parameters(&[]));
     }
 
     /// Whether some viewer has asked who speaks to whom.
@@ -167,7 +167,7 @@ impl Server {
     }
 
     /// Tells who speaks to whom.
-    pub fn tell_graph(&self, graph: ConnectionGraph) {
+    pub fn publish_graph(&self, graph: ConnectionGraph) {
         let told = self.shared.with(|handle| handle.publish_connection_graph(graph));
         if let Some(Err(error)) = told {
             tracing::debug!("the view has no graph: {error}");
@@ -175,19 +175,19 @@ impl Server {
     }
 }
 
-impl Shared {
+impl ServerState {
     fn with<T>(&self, act: impl FnOnce(&WebSocketServerHandle) -> T) -> Option<T> {
         self.handle.read().unwrap_or_else(PoisonError::into_inner).as_ref().map(act)
     }
 
-    pub(super) fn tell_notes(&self) {
+    pub(super) fn publish_notes(&self) {
         let notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner).clone();
         for (key, text) in notes {
             self.with(|handle| handle.publish_status(Status::warning(text).with_id(key)));
         }
     }
 
-    pub(super) fn tell_parameters(&self, parameters: Vec<Parameter>) {
+    pub(super) fn publish_parameters(&self, parameters: Vec<Parameter>) {
         self.with(|handle| handle.publish_parameter_values(parameters));
     }
 
@@ -204,7 +204,7 @@ impl Drop for Server {
             let farewell = handle.stop();
             runtime.block_on(async {
                 // Viewers that do not listen any more are left alone.
-                _ = tokio::time::timeout(FAREWELL, farewell.wait()).await;
+                _ = tokio::time::timeout(CLOSE_TIMEOUT, farewell.wait()).await;
             });
         }
         runtime.shutdown_background();
