@@ -1,5 +1,5 @@
 //! The outer shape of an MCAP file: records one after another, each an opcode, a length and a body. Lengths are
-//! checked against the file and the limit here, so that nobody else has to.
+//! checked against the file size and the limit here, and nowhere else.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -37,7 +37,7 @@ impl Source {
         Ok(Self { file, path: path.into(), len_bytes, limit_bytes: limit_bytes as u64 })
     }
 
-    /// Refuses what does not begin as an MCAP file does.
+    /// Rejects a file that does not start with the MCAP magic.
     pub(super) fn check_magic(&mut self) -> Result<(), BagError> {
         let not_mcap =
             |path: &Path, why: &str| BagError::NotMcap { path: path.into(), why: why.into() };
@@ -109,7 +109,7 @@ impl Source {
         Ok(body)
     }
 
-    /// Refuses a length that the file does not hold or that is beyond the limit.
+    /// Rejects a length beyond the end of the file or the limit.
     pub(super) fn check_length(
         &self,
         span: &RecordSpan,

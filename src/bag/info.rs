@@ -1,4 +1,4 @@
-//! What a bag holds, for people and for scripts.
+//! Describes the contents of a bag, for users and scripts.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,16 +16,16 @@ use super::recover::DamagedRange;
 use super::statistics::Statistics;
 use super::{BagError, BagReader, Filter, Topic};
 
-/// How much of a bag is read to describe it.
+/// Amount of a bag that is read to describe it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// Its index; all of it where the index does not do.
+    /// The index; all messages if the index is unusable.
     Index,
-    /// All of it.
+    /// All messages.
     Messages,
 }
 
-/// Everything that `info` tells. The field names are those of `info --json`.
+/// Everything that `info` reports. The field names are those of `info --json`.
 #[derive(Debug, Serialize)]
 pub struct BagInfo {
     /// The bag.
@@ -48,11 +48,11 @@ pub struct BagInfo {
     pub attachments: Vec<AttachmentInfo>,
     /// Metadata records by name, without rosbag2's own.
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
-    /// Whether every message was read and its checksum tested; otherwise the index was believed.
+    /// True if every message was read and its checksum verified; false if the index was trusted.
     pub verified: bool,
-    /// What cannot be read. Empty when not verified and the index is sound.
+    /// Unreadable ranges. Empty if not verified and the index is valid.
     pub damaged: Vec<DamagedRange>,
-    /// What else is worth saying.
+    /// Further notes for the user.
     pub notes: Vec<String>,
 }
 
@@ -63,7 +63,7 @@ pub struct FileInfo {
     pub path: PathBuf,
     /// Its length.
     pub bytes: u64,
-    /// Whether it has a sound index.
+    /// True if it has a valid index.
     pub indexed: bool,
     /// Compressions of its chunks: `none`, `lz4`, `zstd`.
     pub compression: Vec<String>,
@@ -183,7 +183,7 @@ fn by_reading(bag: &BagReader, problems: &mut Problems) -> Result<ByTopic, BagEr
     Ok(statistics)
 }
 
-/// From the message indexes, without opening a chunk; `None` where they do not do.
+/// From the message indexes, without opening a chunk; `None` if they are unusable.
 fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
     let mut statistics = ByTopic::new();
     for (path, layout) in bag.layouts() {
@@ -235,7 +235,7 @@ fn message_index(
     if head[..2] != channel.to_le_bytes() || entries.len() % 16 != 0 {
         return Ok(None);
     }
-    // A time beyond 2262 is a fault that the reader of the messages tells.
+    // A time beyond 2262 is reported when the messages are read.
     let times = entries.chunks_exact(16).map(|entry| i64::try_from(u64_at(entry, 0)).ok());
     let mut times: Option<Vec<_>> = times.collect();
     if let Some(times) = &mut times {

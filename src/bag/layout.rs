@@ -18,7 +18,7 @@ pub(super) struct Layout {
     pub(super) metadata: Vec<RecordSpan>,
     /// Number of messages a channel, where known.
     pub(super) counts: Option<BTreeMap<u16, u64>>,
-    /// The same as the file itself states it.
+    /// The same, as stated by the file.
     pub(super) stated_counts: Option<BTreeMap<u16, u64>>,
     /// From the file's own index; otherwise found by walking.
     pub(super) is_indexed: bool,
@@ -26,7 +26,7 @@ pub(super) struct Layout {
     pub(super) compressions: Vec<String>,
     /// Profile in the header: `ros2`.
     pub(super) profile: String,
-    /// What had to be said.
+    /// Notes for the user.
     pub(super) notes: Vec<String>,
 }
 

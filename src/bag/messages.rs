@@ -17,12 +17,12 @@ use super::{BagError, RawMessage, ReadOptions, scan};
 
 /// Buffers of delivered messages that are kept for the next ones.
 const SPARE_BUFFERS: usize = 8;
-/// Kinds of faults in one chunk that are told.
+/// Maximum number of distinct faults reported per chunk.
 const MAX_FAULTS: usize = 8;
 
 /// Iterator over the messages of a bag: file after file, within a file in order of `log_time_ns`, ties in order of
-/// place. An error tells of one damaged place and stands where the messages are missing; the iteration goes on
-/// behind it.
+/// place. An error reports one damaged place, in the position of the missing messages; iteration continues
+/// after it.
 pub struct Messages {
     files: VecDeque<(std::path::PathBuf, Arc<Layout>)>,
     filter: Filter,
@@ -133,7 +133,7 @@ struct FileMessages {
     read_offsets: BTreeSet<u64>,
     waiting: BinaryHeap<Reverse<Waiting>>,
     waiting_bytes: usize,
-    /// Messages found so far by channel, and what the file says there are.
+    /// Messages found so far and messages stated by the file, by channel.
     found: BTreeMap<u16, u64>,
     expected: Option<BTreeMap<u16, u64>>,
     may_rescan: bool,
@@ -158,7 +158,7 @@ impl FileMessages {
             source,
             channels: layout.channels.clone(),
             parts: layout.parts.iter().filter(takes_any).cloned().collect(),
-            // Of a part of the file nobody knows how many there should be.
+            // The file states counts for its whole length only.
             expected: layout.stated_counts.clone().filter(|_| filter.start_time() == 0),
             filter,
             read_offsets: BTreeSet::new(),
@@ -190,7 +190,7 @@ impl FileMessages {
         }
     }
 
-    /// Whether the next part may hold something earlier than all that waits.
+    /// True if the next part may hold a message earlier than all waiting ones.
     fn must_read_first(&mut self) -> bool {
         let Some(part) = self.parts.front() else { return false };
         let Some(Reverse(first)) = self.waiting.peek() else { return true };
@@ -357,7 +357,7 @@ impl FileMessages {
         Err(BagError::Index { path: self.source.path.clone(), what })
     }
 
-    /// At the end: fewer messages than the file says there are, once. The index may be at fault, or the file.
+    /// At the end of the file: reports once if fewer messages were found than stated. The index or the file may be wrong.
     fn missing(&mut self) -> Option<BagError> {
         let expected = self.expected.as_ref()?;
         let (channel, expected_count, found_count) =

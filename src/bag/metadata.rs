@@ -19,7 +19,7 @@ pub struct MetadataFile {
     pub rosbag2_bagfile_information: BagInformation,
 }
 
-/// What a bag holds, field by field as rosbag2 orders them.
+/// Contents of a bag, in rosbag2's field order.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the fields are rosbag2's")]
 pub struct BagInformation {
@@ -108,7 +108,7 @@ pub struct FileInformation {
     pub message_count: u64,
 }
 
-/// What a recorder knows of a file that it has written.
+/// Summary of a file written by the recorder.
 #[derive(Debug)]
 pub(super) struct Recorded {
     /// File name.

@@ -9,13 +9,13 @@ use super::format::{RecordSpan, Source};
 use super::layout::{Layout, PartKind};
 use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, place};
 
-/// How a bag is read.
+/// Options for reading a bag.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadOptions {
     /// Longest record and longest chunk (compressed or not) that is taken into memory, bytes. Longer ones are damage.
     /// The default holds a message of 64 MiB and what shares its chunk.
     pub record_limit_bytes: usize,
-    /// Whether a sound index is used. Without it the whole file is walked through.
+    /// True to use a valid index; otherwise the whole file is scanned.
     pub use_index: bool,
 }
 
@@ -67,7 +67,7 @@ impl BagReader {
         &self.topics
     }
 
-    /// What was out of the ordinary in opening the bag, for the user.
+    /// Notes for the user about unusual findings when the bag was opened.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -77,7 +77,7 @@ impl BagReader {
         self.files.iter().map(|(path, _)| path.as_path())
     }
 
-    /// Whether every file is read by its index.
+    /// True if every file is read through its index.
     pub fn is_indexed(&self) -> bool {
         self.files.iter().all(|(_, layout)| layout.is_indexed)
     }

@@ -1,4 +1,4 @@
-//! Walking through a file without its index, and finding the way again behind damage.
+//! Scans a file without its index and resynchronizes after damage.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -67,7 +67,7 @@ struct Scan<'a> {
     decoder: ChunkDecoder,
     layout: Layout,
     counts: BTreeMap<u16, u64>,
-    /// The last record, when nothing but what follows tells whether its length is right.
+    /// The last record, if only the next one can confirm its length.
     suspect: Option<Suspect>,
     unknown_bytes: u64,
 }
@@ -191,13 +191,13 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// Opens a chunk for its channels, counts and times. What is wrong inside is told when its messages are read.
+    /// Opens a chunk for its channels, counts and times. Faults inside are reported when its messages are read.
     fn chunk(&mut self, chunk: &ChunkHeader) -> Result<Option<u64>, BagError> {
         let mut times: Option<RangeInclusive<u64>> = None;
         let (channels, counts) = (&mut self.layout.channels, &mut self.counts);
         let decoded = self.decoder.decode(self.source, chunk, &mut |opcode, body| {
             if opcode != op::MESSAGE {
-                // A contradiction is told by the reader of the messages.
+                // A contradiction is reported when the messages are read.
                 let _reported_later = channels.add(opcode, body);
             } else if let Some((header, _)) = MessageHeader::split(body) {
                 *counts.entry(header.channel).or_default() += 1;

@@ -1,4 +1,4 @@
-//! The index at the end of a finished file, believed only when its checksum fits.
+//! The index at the end of a finished file, used only if its checksum matches.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,7 +14,7 @@ use super::format::{PREFIX_BYTES, RecordSpan, Source, u32_at, u64_at};
 /// A footer record and the magic behind it.
 const END_BYTES: u64 = PREFIX_BYTES + 20 + 8;
 
-/// What a file says of itself at its end.
+/// The summary section of a file.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
     pub(super) channels: Channels,

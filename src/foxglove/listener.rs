@@ -1,4 +1,4 @@
-//! What viewers do, as the server hears of it. Called between their messages: nothing here waits.
+//! Handles viewer events. The server calls these between messages, so nothing here may block.
 
 use std::sync::{Arc, Weak};
 
@@ -8,7 +8,7 @@ use foxglove::websocket::{
 
 use super::server::ServerState;
 
-/// Hears of viewers.
+/// Receives viewer events.
 pub(super) struct Listener(pub(super) Weak<ServerState>);
 
 impl Listener {

@@ -36,10 +36,10 @@ impl Parameters {
         Ok(Self(sender))
     }
 
-    /// A viewer that asks faster than the node answers is told so.
+    /// Queues a request; replies with an error if the queue is full.
     fn ask(&self, client: &AnyClient, request: Request) {
         if let Err(unasked) = self.0.try_send(request) {
-            client.send_error(format!("{MAX_WAITING} requests wait already: ask again"));
+            client.send_error(format!("{MAX_WAITING} requests are already queued: try again"));
             drop(unasked);
         }
     }
