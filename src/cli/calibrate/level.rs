@@ -3,10 +3,10 @@
 use std::{io::Write, path::PathBuf};
 
 use anyhow::{Context, bail};
-use nalgebra::Isometry3;
 use serde_json::json;
 
 use crate::{
+    calibrate::level_part,
     cli::{
         Outcome,
         length::{interval_m, region},
@@ -72,8 +72,7 @@ pub(super) fn run(args: &LevelArgs, out: &mut dyn Write) -> anyhow::Result<Outco
         .surface(&args.region.unwrap_or(Region::ALL), args.heights.unwrap_or(ANY_HEIGHT_M))
         .with_context(|| format!("{bag}: {}", results.topic()))?;
     let flat = plane::fit(&scanned.surface)?;
-    let unlaid_from_part = geometry.part.map_or(Isometry3::identity(), |part| part.pose());
-    let part = PartPose::new(&(unlaid_from_part * plane::leveling(&flat).inverse()));
+    let part = level_part(&flat, geometry.part);
     geometry.part = Some(part);
     geometry.calibrated_at =
         Some(jiff::Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string());

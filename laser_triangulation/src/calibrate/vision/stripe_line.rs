@@ -21,7 +21,7 @@ const MAX_RMS_PX: f64 = 0.6;
 
 /// A board as it lies before the camera.
 #[derive(Clone, Copy, Debug)]
-pub struct Placed<'a> {
+pub(super) struct Placed<'a> {
     /// Its corners.
     pub board: &'a Board,
     /// Where it lies, from the corners alone.
@@ -84,7 +84,7 @@ struct OnBoard {
 ///
 /// # Errors
 /// None, a short one, or something that is no line.
-pub fn find(
+pub(super) fn find(
     camera: &Camera,
     placed: &Placed<'_>,
     stripe: &Centerline,

@@ -11,7 +11,7 @@ use anyhow::{Context, bail};
 
 use crate::{
     bag::{BagReader, RawMessage},
-    calibrate::board::Gray,
+    calibrate::GrayPicture,
     cli::{
         progress::progress_bar,
         recording::{Message, Recording, Wanted},
@@ -20,9 +20,8 @@ use crate::{
     msg::{convert::compressed, sensor_msgs::CompressedImage},
     ros::camera_params::CameraParams,
     scanner::{
-        channel::{AnyPlane, Decoder, Window},
         image::{Image, OwnedImage},
-        params::Channel,
+        params::Params,
     },
 };
 
@@ -30,7 +29,7 @@ use crate::{
 const WAITING: usize = 2;
 
 /// What there is to look at.
-pub(super) struct Views {
+pub(super) struct Pictures {
     sources: Vec<Source>,
     /// How the node would take these pictures.
     pub(super) params: CameraParams,
@@ -59,7 +58,7 @@ struct Task {
     image: OwnedImage,
 }
 
-impl Views {
+impl Pictures {
     /// Opens recordings, pictures and directories of pictures.
     ///
     /// # Errors
@@ -224,22 +223,10 @@ impl Views {
     }
 }
 
-/// A picture's grey levels, one byte a pixel.
-pub(super) fn gray(image: &Image<'_>, full_scale: u32) -> Vec<u8> {
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let all = Window { x: 0, y: 0, width, height };
-    match Decoder::default().decode(image, Channel::Gray, &all) {
-        AnyPlane::Eight(plane) => (0..height).flat_map(|y| plane.row(y).iter().copied()).collect(),
-        AnyPlane::Sixteen(plane) => {
-            let eight = |level: u16| (u32::from(level) * 255 / full_scale.max(1)).min(255) as u8;
-            (0..height).flat_map(|y| plane.row(y).iter().copied().map(eight)).collect()
-        }
-    }
-}
-
-/// The same levels as a board detector takes them.
-pub(super) fn view_of<'a>(image: &Image<'_>, levels: &'a [u8]) -> Gray<'a> {
-    Gray { width: image.width(), height: image.height(), levels }
+/// Converts a picture to 8-bit grey, as the detectors of boards and markers take it.
+pub(super) fn gray(image: &Image<'_>, params: &Params) -> GrayPicture {
+    let full_scale = params.full_scale_of(image.format());
+    GrayPicture::from_image(image, full_scale.unwrap_or(image.format().max_level()))
 }
 
 fn stem(path: &Path) -> String {

@@ -29,7 +29,7 @@ const MIN_NINTHS: usize = 6;
 
 /// Views that leave something open, and what would settle it.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum Missing {
+pub enum MissingViews {
     /// Too few.
     #[error(
         "{usable} usable views, at least {MIN_VIEWS} are needed (20 are good): the board nearer and farther, in the middle \
@@ -77,13 +77,17 @@ pub enum Missing {
 ///
 /// # Errors
 /// The first thing that is missing.
-pub fn check_views(boards: &[&Board], width_px: u32, height_px: u32) -> Result<(), Missing> {
+pub(super) fn check_views(
+    boards: &[&Board],
+    width_px: u32,
+    height_px: u32,
+) -> Result<(), MissingViews> {
     if boards.len() < MIN_VIEWS {
-        return Err(Missing::Views { usable: boards.len() });
+        return Err(MissingViews::Views { usable: boards.len() });
     }
     let parts = empty_parts(boards, width_px, height_px);
     if NINTHS.len() - parts.len() < MIN_NINTHS {
-        return Err(Missing::Parts { parts });
+        return Err(MissingViews::Parts { parts });
     }
     // A guess is good enough to tell parallel boards: a focal length of the image's longer side.
     let long_side = f64::from(width_px.max(height_px));
@@ -100,7 +104,7 @@ pub fn check_views(boards: &[&Board], width_px: u32, height_px: u32) -> Result<(
     let normals: Vec<_> = boards.iter().filter_map(|board| normal(&guess, board)).collect();
     let spread_deg = spread_deg(&normals);
     if spread_deg < PARALLEL_DEG {
-        return Err(Missing::Orientation { spread_deg });
+        return Err(MissingViews::Orientation { spread_deg });
     }
     Ok(())
 }
@@ -109,7 +113,7 @@ pub fn check_views(boards: &[&Board], width_px: u32, height_px: u32) -> Result<(
 ///
 /// # Errors
 /// An axis about which the boards are not tilted.
-pub fn check_tilts(normals: &[Vector3<f64>]) -> Result<(), Missing> {
+pub(super) fn check_tilts(normals: &[Vector3<f64>]) -> Result<(), MissingViews> {
     let sigma = |angle: &dyn Fn(&Vector3<f64>) -> f64| {
         let angles: Vec<_> = normals.iter().map(|normal| angle(normal).to_degrees()).collect();
         let mean = angles.iter().sum::<f64>() / angles.len() as f64;
@@ -123,14 +127,14 @@ pub fn check_tilts(normals: &[Vector3<f64>]) -> Result<(), Missing> {
         ("horizontal", about_horizontal, "forwards and backwards"),
     ] {
         if sigma_deg < MIN_TILT_DEG {
-            return Err(Missing::Tilt { axis, sigma_deg, how });
+            return Err(MissingViews::Tilt { axis, sigma_deg, how });
         }
     }
     Ok(())
 }
 
 /// The ninths of the image without any corner.
-pub fn empty_parts(boards: &[&Board], width_px: u32, height_px: u32) -> Vec<&'static str> {
+pub(super) fn empty_parts(boards: &[&Board], width_px: u32, height_px: u32) -> Vec<&'static str> {
     let mut is_seen = [false; 9];
     for corner in boards.iter().flat_map(|board| &board.corners) {
         let ninth =

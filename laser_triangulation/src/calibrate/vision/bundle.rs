@@ -17,7 +17,7 @@ use vision_calibration_optim::{
 
 use super::{
     board::Board,
-    intrinsics::{CameraError, Model, Views},
+    camera::{CameraError, CameraViews, LensModel},
 };
 use crate::scanner::camera::{Camera, Distortion};
 
@@ -26,9 +26,9 @@ use crate::scanner::camera::{Camera, Distortion};
 /// # Errors
 /// Equations without a solution, or one that is no camera.
 pub(super) fn adjust(
-    views: &Views<'_>,
+    views: &CameraViews<'_>,
     kept: &[usize],
-    model: Model,
+    model: LensModel,
     robust_loss: RobustLoss,
 ) -> Result<(Camera, Uncertainty), CameraError> {
     let unsolved = |error: &dyn std::fmt::Display| CameraError::Unsolved(error.to_string());
@@ -58,9 +58,9 @@ fn view(board: &Board, square_m: f64) -> Result<View<NoMeta>, Error> {
 
 /// A first guess: Zhang's closed form, poses from homographies.
 fn start(
-    views: &Views<'_>,
+    views: &CameraViews<'_>,
     data: &PlanarDataset,
-    model: Model,
+    model: LensModel,
 ) -> Result<PlanarIntrinsicsParams, Box<dyn std::error::Error>> {
     let found = estimate_intrinsics_iterative(data, IterativeIntrinsicsOptions::default());
     let mut camera = match found {
@@ -75,13 +75,13 @@ fn start(
         let map = dlt_homography(&plane, &view.obs.points_2d)?;
         poses.push(estimate_planar_pose_from_h(&k, &map)?);
     }
-    if model == Model::RationalPolynomial {
+    if model == LensModel::RationalPolynomial {
         camera.distortion = rational(&camera.distortion);
     }
     Ok(PlanarIntrinsicsParams::new(camera, poses)?)
 }
 
-fn guess(views: &Views<'_>) -> CameraParams {
+fn guess(views: &CameraViews<'_>) -> CameraParams {
     let long_side = f64::from(views.width_px.max(views.height_px));
     CameraParams {
         projection: ProjectionParams::Pinhole,
@@ -106,7 +106,7 @@ fn rational(distortion: &DistortionParams) -> DistortionParams {
     DistortionParams::Rational { params }
 }
 
-fn camera(views: &Views<'_>, params: &CameraParams) -> Result<Camera, CameraError> {
+fn camera(views: &CameraViews<'_>, params: &CameraParams) -> Result<Camera, CameraError> {
     let distortion = match &params.distortion {
         DistortionParams::BrownConrady5 { params: b } => {
             Distortion::PlumbBob { k1: b.k1, k2: b.k2, p1: b.p1, p2: b.p2, k3: b.k3 }

@@ -9,10 +9,15 @@ use super::{
     board::Board,
     bundle,
     pose::{self, BoardPose},
-    variety::{self, Missing},
+    view_variety::{self, MissingViews},
 };
-use crate::scanner::camera::Camera;
-use crate::statistics::median;
+use crate::{
+    scanner::{
+        calibration::{CameraCalibration, CameraQuality},
+        camera::{Camera, Distortion},
+    },
+    statistics::median,
+};
 
 /// A view whose residual is this many times the median of all views is an outlier.
 const OUTLIER_FACTOR: f64 = 4.0;
@@ -23,7 +28,7 @@ const MAX_FOCAL_SIGMA: f64 = 0.05;
 
 /// The lens's formula.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Model {
+pub enum LensModel {
     /// k1, k2, p1, p2, k3.
     PlumbBob,
     /// k1, k2, p1, p2, k3 to k6.
@@ -32,7 +37,7 @@ pub enum Model {
 
 /// What was shown, and how it is to be understood.
 #[derive(Clone, Copy, Debug)]
-pub struct Views<'a> {
+pub struct CameraViews<'a> {
     /// The boards.
     pub boards: &'a [Board],
     /// Columns of the images.
@@ -53,8 +58,11 @@ pub struct UsedView {
 }
 
 /// A view that contradicts the others.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outlier {
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[error(
+    "corners lie {rms_px:.2} px from their projections, median of the views {median_px:.2} px: blurred, bent or moving"
+)]
+pub struct OutlierView {
     /// Index into the boards.
     pub index: usize,
     /// Root mean square of its residuals, pixels.
@@ -80,10 +88,10 @@ pub struct CameraUncertainty {
 pub struct CameraFit {
     /// The camera.
     pub camera: Camera,
-    /// Views that took part.
+    /// CameraViews that took part.
     pub used: Vec<UsedView>,
-    /// Views that did not.
-    pub outliers: Vec<Outlier>,
+    /// CameraViews that did not.
+    pub outliers: Vec<OutlierView>,
     /// Root mean square distance between corners seen and projected, pixels.
     pub rms_px: f64,
     /// Standard deviations and correlations.
@@ -95,7 +103,7 @@ pub struct CameraFit {
 pub enum CameraError {
     /// Pictures are missing.
     #[error(transparent)]
-    Missing(#[from] Missing),
+    Missing(#[from] MissingViews),
     /// The equations have no solution.
     #[error(
         "no camera explains these boards ({0}). Is the target right, are all pictures from one camera with one focus?"
@@ -112,16 +120,19 @@ pub enum CameraError {
     },
 }
 
-/// The camera that explains the boards best. Views that contradict the rest are left out and told.
+/// The camera that explains the boards best. CameraViews that contradict the rest are left out and told.
 ///
 /// # Errors
-/// Views that say too little, or contradict one another.
-pub fn fit(views: &Views<'_>, model: Model) -> Result<CameraFit, CameraError> {
+/// CameraViews that say too little, or contradict one another.
+pub fn calibrate_camera(
+    views: &CameraViews<'_>,
+    model: LensModel,
+) -> Result<CameraFit, CameraError> {
     let mut kept: Vec<usize> = (0..views.boards.len()).collect();
     let mut outliers = Vec::new();
     let check = |kept: &[usize]| {
         let boards: Vec<_> = kept.iter().map(|&index| &views.boards[index]).collect();
-        variety::check_views(&boards, views.width_px, views.height_px)
+        view_variety::check_views(&boards, views.width_px, views.height_px)
     };
     check(&kept)?;
     // The first look must not be bent by what it looks for.
@@ -146,9 +157,9 @@ struct Solved {
 }
 
 fn solve(
-    views: &Views<'_>,
+    views: &CameraViews<'_>,
     kept: &[usize],
-    model: Model,
+    model: LensModel,
     loss: RobustLoss,
 ) -> Result<Solved, CameraError> {
     let (camera, uncertainty) = bundle::adjust(views, kept, model, loss)?;
@@ -156,10 +167,10 @@ fn solve(
     Ok(Solved { camera, used, uncertainty })
 }
 
-fn finish(solved: Solved, mut outliers: Vec<Outlier>) -> Result<CameraFit, CameraError> {
+fn finish(solved: Solved, mut outliers: Vec<OutlierView>) -> Result<CameraFit, CameraError> {
     let Solved { camera, used, uncertainty } = solved;
     let normals: Vec<_> = used.iter().map(|view| view.pose.normal()).collect();
-    variety::check_tilts(&normals)?;
+    view_variety::check_tilts(&normals)?;
     let uncertainty = checked(&uncertainty, &camera)?;
     outliers.sort_by_key(|outlier| outlier.index);
     let residuals = || used.iter().flat_map(|view| &view.pose.residuals_px);
@@ -169,7 +180,7 @@ fn finish(solved: Solved, mut outliers: Vec<Outlier>) -> Result<CameraFit, Camer
 }
 
 /// The boards' poses under a camera; what it cannot see is left out.
-fn posed(views: &Views<'_>, kept: &[usize], camera: &Camera) -> Vec<UsedView> {
+fn posed(views: &CameraViews<'_>, kept: &[usize], camera: &Camera) -> Vec<UsedView> {
     let used = kept.iter().filter_map(|&index| {
         let pose = pose::fit(camera, &views.boards[index].pairs(views.square_m))?;
         Some(UsedView { index, pose })
@@ -177,12 +188,12 @@ fn posed(views: &Views<'_>, kept: &[usize], camera: &Camera) -> Vec<UsedView> {
     used.collect()
 }
 
-fn find_outliers(used: &[UsedView]) -> Vec<Outlier> {
+fn find_outliers(used: &[UsedView]) -> Vec<OutlierView> {
     let mut all_px: Vec<_> = used.iter().map(|view| view.pose.rms_px()).collect();
     let Some(median_px) = median(&mut all_px) else { return Vec::new() };
     let outlier = |view: &UsedView| {
         let rms_px = view.pose.rms_px();
-        (rms_px > OUTLIER_FACTOR * median_px && rms_px > 1e-6).then_some(Outlier {
+        (rms_px > OUTLIER_FACTOR * median_px && rms_px > 1e-6).then_some(OutlierView {
             index: view.index,
             rms_px,
             median_px,
@@ -216,6 +227,64 @@ fn checked(found: &Uncertainty, camera: &Camera) -> Result<CameraUncertainty, Ca
     }
     let (parameters, view_scatter) = (found.labels.clone(), found.view_scatter);
     Ok(CameraUncertainty { parameters, covariance, view_scatter })
+}
+
+/// Names of the lens's coefficients, in ROS's order.
+const COEFFICIENTS: [&str; 8] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
+
+/// Returns the lens's coefficients in ROS's order; none for a pinhole.
+fn coefficients(distortion: &Distortion) -> Vec<f64> {
+    match *distortion {
+        Distortion::None => Vec::new(),
+        Distortion::PlumbBob { k1, k2, p1, p2, k3 } => vec![k1, k2, p1, p2, k3],
+        Distortion::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 } => {
+            vec![k1, k2, p1, p2, k3, k4, k5, k6]
+        }
+    }
+}
+
+impl CameraFit {
+    /// Returns the name and value of every parameter, in the order of the calibration file.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let camera = &self.camera;
+        let pinhole = [
+            ("fx", camera.fx_px),
+            ("fy", camera.fy_px),
+            ("cx", camera.cx_px),
+            ("cy", camera.cy_px),
+        ];
+        let lens = coefficients(&camera.distortion);
+        pinhole.into_iter().chain(COEFFICIENTS.into_iter().zip(lens)).collect()
+    }
+
+    /// Returns the radial coefficients whose standard deviation exceeds their value: the views do not determine them.
+    #[must_use]
+    pub fn undetermined(&self) -> Vec<&'static str> {
+        let is_lost = |(name, value): &(&str, f64)| {
+            let sigma = self.uncertainty.sigma(name);
+            name.starts_with('k') && sigma.is_none_or(|sigma| sigma > value.abs())
+        };
+        self.parameters().into_iter().filter(is_lost).map(|(name, _)| name).collect()
+    }
+
+    /// Returns the calibration of the camera alone, without a date. `views_rejected` counts all views that were not used.
+    #[must_use]
+    pub fn calibration(&self, camera_name: &str, views_rejected: usize) -> CameraCalibration {
+        CameraCalibration {
+            camera_name: camera_name.to_owned(),
+            camera: self.camera,
+            quality: Some(CameraQuality {
+                rms_px: self.rms_px,
+                views_used: self.used.len() as u32,
+                views_rejected: views_rejected as u32,
+                parameters: self.uncertainty.parameters.clone(),
+                // Symmetric: by columns is by rows.
+                covariance: self.uncertainty.covariance.as_slice().to_vec(),
+            }),
+            calibrated_at: None,
+        }
+    }
 }
 
 impl CameraUncertainty {

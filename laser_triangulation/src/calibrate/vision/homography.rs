@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix3, Point2, Vector3};
 /// The map that takes points of a plane onto their pictures best, in the sense of the direct linear transform with
 /// normalised coordinates (Hartley and Zisserman 2004, algorithm 4.2). `None` for fewer than four pairs, or for points
 /// that do not determine it: all on one line.
-pub fn fit(pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<Matrix3<f64>> {
+pub(super) fn fit(pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<Matrix3<f64>> {
     if pairs.len() < 4 {
         return None;
     }
@@ -42,7 +42,7 @@ pub fn fit(pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<Matrix3<f64>> {
 }
 
 /// Where a map takes a point; `None` at infinity.
-pub fn apply(map: &Matrix3<f64>, point: Point2<f64>) -> Option<Point2<f64>> {
+pub(super) fn apply(map: &Matrix3<f64>, point: Point2<f64>) -> Option<Point2<f64>> {
     let mapped = map * Vector3::new(point.x, point.y, 1.0);
     let found = Point2::new(mapped.x / mapped.z, mapped.y / mapped.z);
     (found.x.is_finite() && found.y.is_finite()).then_some(found)

@@ -7,8 +7,8 @@ use nalgebra::Point2;
 use thiserror::Error;
 
 use super::{
-    board::Gray,
     homography,
+    picture::GrayPicture,
     quads::{self, Quad},
 };
 
@@ -78,7 +78,7 @@ impl MarkerDetector {
     }
 
     /// Every marker in a picture, by number. A number that is seen twice is seen nowhere.
-    pub fn detect(&self, picture: &Gray<'_>) -> Vec<Marker> {
+    pub fn detect(&self, picture: &GrayPicture) -> Vec<Marker> {
         let quads = quads::find(picture).into_iter();
         let read = |corners| Some(Marker { id: self.read(picture, &corners)?, corners });
         let mut found: Vec<_> = quads.filter_map(read).collect();
@@ -88,7 +88,7 @@ impl MarkerDetector {
         found
     }
 
-    fn read(&self, picture: &Gray<'_>, corners: &Quad) -> Option<u32> {
+    fn read(&self, picture: &GrayPicture, corners: &Quad) -> Option<u32> {
         let side = SIDE as f64;
         let square = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)];
         let pairs: Vec<_> =

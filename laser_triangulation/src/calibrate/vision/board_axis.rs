@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use super::{board::Board, pose::BoardPose, target::Checkerboard};
+use super::{board::Board, checkerboard::Checkerboard, pose::BoardPose};
 use crate::scanner::axis::AxisKind;
 
 /// Fewest pictures.
@@ -19,7 +19,7 @@ const MAX_OFF: f64 = 0.05;
 
 /// An axis in the camera's frame.
 #[derive(Clone, Debug)]
-pub struct BoardAxisFit {
+pub(super) struct BoardAxisFit {
     /// Whether it shifts or turns.
     pub kind: AxisKind,
     /// Where the board goes, or about what it turns; its sense is any.
@@ -70,7 +70,7 @@ pub enum BoardAxisError {
 ///
 /// # Errors
 /// Too few boards, or boards that do not move, or not with one axis.
-pub fn fit(
+pub(super) fn fit(
     target: &Checkerboard,
     boards: &[(&Board, &BoardPose)],
 ) -> Result<BoardAxisFit, BoardAxisError> {

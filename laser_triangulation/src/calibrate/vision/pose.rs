@@ -32,7 +32,7 @@ impl BoardPose {
 
 /// The pose with the least squares of reprojection. `pairs`: points on the board, metres, and in the image, pixels.
 /// `None` for fewer than four, for points on a line, or where the camera sees nothing.
-pub fn fit(camera: &Camera, pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<BoardPose> {
+pub(super) fn fit(camera: &Camera, pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<BoardPose> {
     let straight: Option<Vec<_>> = pairs
         .iter()
         .map(|&(on_board, seen)| Some((on_board, camera.ray(seen)?.xy().into())))
@@ -44,7 +44,7 @@ pub fn fit(camera: &Camera, pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<Boar
 }
 
 /// The pose of a plane z = 0 whose picture on the plane z = 1 the map gives (Zhang 2000, section 3.1).
-pub fn from_homography(map: &Matrix3<f64>) -> Option<Isometry3<f64>> {
+pub(super) fn from_homography(map: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     let (first, second) = (map.column(0), map.column(1));
     let scale = 2.0 / (first.norm() + second.norm());
     // In front of the lens.

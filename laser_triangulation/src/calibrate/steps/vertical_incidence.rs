@@ -3,11 +3,11 @@
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use thiserror::Error;
 
-use super::Model;
+use super::HeightModel;
 
 /// The length that is known besides the heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Known {
+pub enum KnownDistance {
     /// a: from the lens to the sensor, near the focal length, metres.
     ImageDistance(f64),
     /// b: from the base point to the lens, metres.
@@ -62,9 +62,9 @@ pub enum VerticalIncidenceError {
 /// # Errors
 /// A perspective that is lost in the uncertainty, or that contradicts the known length.
 pub fn vertical_incidence(
-    model: &Model,
+    model: &HeightModel,
     pixel_pitch_m: f64,
-    known: Known,
+    known: KnownDistance,
 ) -> Result<VerticalGeometry, VerticalIncidenceError> {
     let (numbers, covariance, middle_px) = model.across_numbers();
     let of = |numbers: [f64; 3]| geometry(numbers, middle_px, pixel_pitch_m, known);
@@ -76,7 +76,7 @@ pub fn vertical_incidence(
     }
     let [a, b, beta, base] = of(numbers);
     if !beta.is_finite() {
-        let Known::ObjectDistance(object_distance_m) = known else {
+        let KnownDistance::ObjectDistance(object_distance_m) = known else {
             return Err(VerticalIncidenceError::NotIdentified { value, sigma });
         };
         let cos = value * object_distance_m;
@@ -102,17 +102,17 @@ fn rises([p, q, r]: [f64; 3]) -> bool {
 }
 
 /// a, b, β and the base line; NaN where there is none.
-fn geometry([p, q, r]: [f64; 3], middle_px: f64, pitch_m: f64, known: Known) -> [f64; 4] {
+fn geometry([p, q, r]: [f64; 3], middle_px: f64, pitch_m: f64, known: KnownDistance) -> [f64; 4] {
     let base = -q / p;
     let sign = if rises([p, q, r]) { 1.0 } else { -1.0 };
     // h = (v - base) / ((1 + r·base)/p + (r/p)·(v - base)), s = sign·pitch·(v - base).
     let (a_over_b, b_inverse) = (sign * pitch_m * (1.0 + r * base) / p, r / p);
     let (a, b, beta) = match known {
-        Known::ImageDistance(a) => {
+        KnownDistance::ImageDistance(a) => {
             let beta = (a_over_b / (a * b_inverse)).atan();
             (a, beta.cos() / b_inverse, beta)
         }
-        Known::ObjectDistance(b) => {
+        KnownDistance::ObjectDistance(b) => {
             let beta = (b * b_inverse).acos();
             (a_over_b * b / beta.sin(), b, beta)
         }

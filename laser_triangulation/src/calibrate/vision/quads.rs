@@ -2,7 +2,7 @@
 
 use nalgebra::{Point2, Vector2};
 
-use super::{board::Gray, components};
+use super::{components, picture::GrayPicture};
 
 /// Smallest side of a quadrilateral, pixels: two a cell of a marker of six.
 const MIN_SIDE_PX: f64 = 12.0;
@@ -17,7 +17,7 @@ const REACH_PX: i32 = 3;
 pub type Quad = [Point2<f64>; 4];
 
 /// Every dark quadrilateral, its sides fitted to the steepest places.
-pub fn find(picture: &Gray<'_>) -> Vec<Quad> {
+pub(super) fn find(picture: &GrayPicture) -> Vec<Quad> {
     let regions = components::dark_outlines(picture);
     regions.iter().filter_map(|outline| refine(picture, &quad_of(outline)?)).collect()
 }
@@ -76,7 +76,7 @@ fn hull(points: &[Point2<f64>]) -> Vec<Point2<f64>> {
 }
 
 /// The quadrilateral between the lines through the steepest places across each side.
-fn refine(picture: &Gray<'_>, quad: &Quad) -> Option<Quad> {
+fn refine(picture: &GrayPicture, quad: &Quad) -> Option<Quad> {
     let mut sides = Vec::with_capacity(4);
     for i in 0..4 {
         sides.push(side(picture, quad[i], quad[(i + 1) % 4])?);
@@ -96,7 +96,7 @@ fn refine(picture: &Gray<'_>, quad: &Quad) -> Option<Quad> {
 type Line = (Point2<f64>, Vector2<f64>);
 
 /// The line through the steepest places across a side, its ends left out.
-fn side(picture: &Gray<'_>, from: Point2<f64>, to: Point2<f64>) -> Option<Line> {
+fn side(picture: &GrayPicture, from: Point2<f64>, to: Point2<f64>) -> Option<Line> {
     let length = (to - from).norm();
     let along = (to - from) / length;
     let across = Vector2::new(-along.y, along.x);
@@ -121,7 +121,7 @@ fn off(line: &Line, point: Point2<f64>) -> f64 {
 }
 
 /// Where along `across` the grey level changes fastest, sub-pixel.
-fn steepest(picture: &Gray<'_>, at: Point2<f64>, across: Vector2<f64>) -> Option<f64> {
+fn steepest(picture: &GrayPicture, at: Point2<f64>, across: Vector2<f64>) -> Option<f64> {
     let step = 0.5;
     let count = (f64::from(REACH_PX) / step) as i32;
     let slope = |i: i32| {
@@ -138,7 +138,7 @@ fn steepest(picture: &Gray<'_>, at: Point2<f64>, across: Vector2<f64>) -> Option
 }
 
 /// Grey level between pixels, bilinear; `None` outside.
-pub fn level(picture: &Gray<'_>, at: Point2<f64>) -> Option<f64> {
+pub(super) fn level(picture: &GrayPicture, at: Point2<f64>) -> Option<f64> {
     let (x, y) = (at.x.floor(), at.y.floor());
     let (width, height) = (picture.width as usize, picture.height as usize);
     if x < 0.0 || y < 0.0 || x + 1.0 >= width as f64 || y + 1.0 >= height as f64 {

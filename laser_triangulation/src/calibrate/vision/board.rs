@@ -8,21 +8,10 @@ use chess_corners::ImageRefiner;
 use nalgebra::Point2;
 use thiserror::Error;
 
-use super::target::Checkerboard;
+use super::{checkerboard::Checkerboard, picture::GrayPicture};
 
 /// Corners that lie farther from where their neighbours put them, root mean square, come from a blurred picture, pixels.
 const MAX_SCATTER_PX: f32 = 0.6;
-
-/// A grey picture, one byte a pixel, rows without padding.
-#[derive(Clone, Copy, Debug)]
-pub struct Gray<'a> {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// `width * height` levels.
-    pub levels: &'a [u8],
-}
 
 /// One inner corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,11 +95,11 @@ impl BoardDetector {
     ///
     /// # Errors
     /// No board, too little of it, another one, or a blurred one.
-    pub fn detect(&self, picture: &Gray<'_>) -> Result<Board, BoardRejected> {
+    pub fn detect(&self, picture: &GrayPicture) -> Result<Board, BoardRejected> {
         let view = GrayImageView {
             width: picture.width as usize,
             height: picture.height as usize,
-            data: picture.levels,
+            data: &picture.levels,
         };
         let corners = detect_corners(&view, &self.front_end);
         let found = self.grid.detect(&corners).ok_or(BoardRejected::None)?;

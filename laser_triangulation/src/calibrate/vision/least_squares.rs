@@ -11,7 +11,7 @@ const STEP: f64 = 1e-7;
 
 /// What was found.
 #[derive(Clone, Debug)]
-pub struct Solution {
+pub(super) struct Solution {
     /// The unknowns.
     pub unknowns: DVector<f64>,
     /// The residuals there.
@@ -22,14 +22,14 @@ pub struct Solution {
 
 impl Solution {
     /// Root mean square of the residuals.
-    pub fn rms(&self) -> f64 {
+    pub(super) fn rms(&self) -> f64 {
         (self.residuals.norm_squared() / self.residuals.len() as f64).sqrt()
     }
 }
 
 /// The unknowns near `start` with the least sum of squared residuals. `residuals` gives `None` where they mean nothing;
 /// such a place is not entered. `None` when that is so at the start.
-pub fn minimise(
+pub(super) fn minimise(
     start: DVector<f64>,
     residuals: impl Fn(&DVector<f64>) -> Option<DVector<f64>>,
 ) -> Option<Solution> {

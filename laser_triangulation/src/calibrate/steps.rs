@@ -1,88 +1,28 @@
 //! Calibration from known heights: which projective map takes image positions to heights.
 
+mod lateral;
 mod model;
+mod plateau;
 mod vertical_incidence;
 
-pub use model::{Model, Term};
-pub use vertical_incidence::{Known, VerticalGeometry, VerticalIncidenceError, vertical_incidence};
+pub use lateral::KnownLateral;
+pub use model::{HeightModel, HeightTerms};
+pub use plateau::{GaugePlateau, Plateau, find_plateaus};
+pub use vertical_incidence::{
+    KnownDistance, VerticalGeometry, VerticalIncidenceError, vertical_incidence,
+};
 
-use std::ops::Range;
+pub use crate::metrology::PlateauError;
 
 use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
-use super::{
-    correlation::inflation,
-    robust::{self, Equation},
-    student::factor_95,
-};
+use crate::metrology::student::factor_95;
 
 /// Fewest different heights: a projective map of one coordinate has three numbers.
 pub const MIN_HEIGHTS: usize = 3;
 /// The map with terms along the stripe is taken when chance alone would improve the fit so much in 1 of 100 cases.
 const CHANCE: f64 = 0.01;
-
-/// A flat piece of a gauge as the camera sees it: a straight line.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Plateau {
-    /// Known height, metres.
-    pub height_m: f64,
-    /// Ends of the piece along the stripe, pixels.
-    pub along_px: [f64; 2],
-    /// Position across the stripe at its middle, pixels.
-    pub across_px: f64,
-    /// How the position across grows along the stripe, pixels a pixel.
-    pub slope: f64,
-    /// One standard deviation of `across_px` from the scatter along the line, pixels.
-    pub sigma_px: f64,
-    /// Points that lie on the line.
-    pub num_points: usize,
-}
-
-impl Plateau {
-    /// The straight line through a piece of a stripe, `points` being (along, across) in pixels; outliers do not bend
-    /// it, and neighbours that deviate together count as what they tell. None: the piece has too few points.
-    #[must_use]
-    pub fn fit(points: &[[f64; 2]], piece: &Range<usize>, height_m: f64) -> Option<Self> {
-        let points = points.get(piece.clone())?;
-        let along_px = [points.first()?[0], points.last()?[0]];
-        let middle = 0.5 * (along_px[0] + along_px[1]);
-        let equations: Vec<Equation<2>> = points
-            .iter()
-            .map(|[along, across]| Equation { row: [1.0, along - middle].into(), value: *across })
-            .collect();
-        let fit = robust::solve(&equations)?;
-        let kept: Vec<f64> = fit
-            .residuals
-            .iter()
-            .zip(&fit.weights)
-            .map(|(residual, weight)| if *weight > 0.0 { *residual } else { f64::NAN })
-            .collect();
-        let correlated = inflation(&kept, kept.len())[0];
-        Some(Self {
-            height_m,
-            along_px,
-            across_px: fit.x[0],
-            slope: fit.x[1],
-            sigma_px: (correlated * fit.covariance[(0, 0)]).sqrt(),
-            num_points: fit.weights.iter().filter(|weight| **weight > 0.0).count(),
-        })
-    }
-
-    /// Two places that stand for the line: a straight line through both has the mean and the inclination of the whole
-    /// piece (Gauss and Legendre's points).
-    fn places(&self) -> [[f64; 2]; 2] {
-        let half = 0.5 * (self.along_px[1] - self.along_px[0]) / 3.0_f64.sqrt();
-        let middle = self.middle_px();
-        [-half, half].map(|from| [middle + from, self.across_px + self.slope * from])
-    }
-
-    /// Middle along the stripe, pixels.
-    #[must_use]
-    pub fn middle_px(&self) -> f64 {
-        0.5 * (self.along_px[0] + self.along_px[1])
-    }
-}
 
 /// Why heights do not calibrate.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -118,9 +58,9 @@ pub enum StepsError {
 #[derive(Clone, Debug)]
 pub struct StepsCalibration {
     /// From image positions to heights.
-    pub model: Model,
+    pub model: HeightModel,
     /// What each plateau says, in the order given.
-    pub checks: Vec<Check>,
+    pub checks: Vec<PlateauCheck>,
     /// Root mean square of the residuals, metres.
     pub rms_m: f64,
     /// Largest residual as a share of the range of heights.
@@ -135,7 +75,7 @@ pub struct StepsCalibration {
 
 /// A plateau and what the map says of it.
 #[derive(Clone, Debug)]
-pub struct Check {
+pub struct PlateauCheck {
     /// The plateau.
     pub plateau: Plateau,
     /// Its height by the map, metres.
@@ -150,16 +90,18 @@ pub struct Check {
 ///
 /// # Errors
 /// Fewer than three different heights, heights in another order than their positions, positions without a map.
-pub fn calibrate(
+pub fn calibrate_steps(
     plateaus: &[Plateau],
-    terms: Option<Term>,
+    terms: Option<HeightTerms>,
 ) -> Result<StepsCalibration, StepsError> {
     check_heights(plateaus)?;
-    let across = Model::fit(plateaus, Term::Across).ok_or(StepsError::NoMap)?;
+    let across = HeightModel::fit(plateaus, HeightTerms::Across).ok_or(StepsError::NoMap)?;
     let model = match terms {
-        Some(Term::Across) => across,
-        Some(Term::Both) => Model::fit(plateaus, Term::Both).ok_or(StepsError::NoMap)?,
-        None => match Model::fit(plateaus, Term::Both) {
+        Some(HeightTerms::Across) => across,
+        Some(HeightTerms::Both) => {
+            HeightModel::fit(plateaus, HeightTerms::Both).ok_or(StepsError::NoMap)?
+        }
+        None => match HeightModel::fit(plateaus, HeightTerms::Both) {
             Some(both) if is_better(&both, &across, plateaus) => both,
             _ => across,
         },
@@ -191,14 +133,14 @@ pub fn calibrate(
     })
 }
 
-fn check(plateaus: &[Plateau], at: usize, model: &Model) -> Option<Check> {
+fn check(plateaus: &[Plateau], at: usize, model: &HeightModel) -> Option<PlateauCheck> {
     let plateau = plateaus[at].clone();
     let place = [plateau.middle_px(), plateau.across_px];
     let others: Vec<_> =
         plateaus.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, p)| p.clone()).collect();
     let is_enough = check_heights(&others).is_ok();
-    let left_out = if is_enough { Model::fit(&others, model.term) } else { None };
-    Some(Check {
+    let left_out = if is_enough { HeightModel::fit(&others, model.term) } else { None };
+    Some(PlateauCheck {
         measured_m: model.height_m(place)?,
         left_out_m: left_out.and_then(|model| model.height_m(place)),
         noise_m: model.slope_m_per_px(place)?.abs() * plateau.sigma_px,
@@ -227,7 +169,7 @@ fn check_heights(plateaus: &[Plateau]) -> Result<(), StepsError> {
 
 /// Whether the two further numbers explain more than chance does: Fisher's test, whose quantile for two numbers is
 /// elementary.
-fn is_better(both: &Model, across: &Model, plateaus: &[Plateau]) -> bool {
+fn is_better(both: &HeightModel, across: &HeightModel, plateaus: &[Plateau]) -> bool {
     let freedom = 2 * plateaus.len() as i64 - 5;
     let (with, without) = (both.squares(plateaus), across.squares(plateaus));
     if freedom < 1 || !(with.is_finite() && without.is_finite()) {

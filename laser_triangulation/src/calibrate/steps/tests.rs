@@ -61,7 +61,7 @@ const HEIGHTS_M: [f64; 5] = [0.0, 0.002, 0.005, 0.009, 0.012];
 #[test]
 fn three_numbers_are_a_camera_that_is_not_rolled() {
     let pinhole = Pinhole::new(0.0);
-    let result = calibrate(&pinhole.whole(&HEIGHTS_M, 0.0, 0), None).unwrap();
+    let result = calibrate_steps(&pinhole.whole(&HEIGHTS_M, 0.0, 0), None).unwrap();
     assert!(result.rms_m < 1e-12, "{}", result.rms_m);
     for z_m in [-0.002, 0.007, 0.015] {
         let measured = result.model.height_m(pinhole.see(0.004, z_m)).unwrap();
@@ -73,20 +73,20 @@ fn three_numbers_are_a_camera_that_is_not_rolled() {
 fn a_rolled_camera_needs_terms_along_the_stripe_and_gets_them() {
     let pinhole = Pinhole::new(0.02);
     let plateaus = pinhole.whole(&HEIGHTS_M, 0.02, 1);
-    let result = calibrate(&plateaus, None).unwrap();
-    assert_eq!(result.model.term, Term::Both);
+    let result = calibrate_steps(&plateaus, None).unwrap();
+    assert_eq!(result.model.term, HeightTerms::Both);
     for (x_m, z_m) in [(-0.015, 0.001), (0.0, 0.006), (0.015, 0.011)] {
         let measured = result.model.height_m(pinhole.see(x_m, z_m)).unwrap();
         assert!((measured - z_m).abs() < 2e-6, "{measured} {z_m}");
     }
-    let level = calibrate(&Pinhole::new(0.0).whole(&HEIGHTS_M, 0.02, 1), None).unwrap();
-    assert_eq!(level.model.term, Term::Across, "nothing to gain");
+    let level = calibrate_steps(&Pinhole::new(0.0).whole(&HEIGHTS_M, 0.02, 1), None).unwrap();
+    assert_eq!(level.model.term, HeightTerms::Across, "nothing to gain");
 }
 
 #[test]
 fn rows_are_the_map() {
     let plateaus = Pinhole::new(0.02).whole(&HEIGHTS_M, 0.02, 2);
-    let model = calibrate(&plateaus, None).unwrap().model;
+    let model = calibrate_steps(&plateaus, None).unwrap().model;
     let [z, w] = model.rows();
     for place in [[300.0, 900.0], [2000.0, 700.0]] {
         let row = |row: [f64; 3]| row[0] * place[0] + row[1] * place[1] + row[2];
@@ -99,7 +99,9 @@ fn the_stated_uncertainty_of_a_height_covers_the_truth() {
     let pinhole = Pinhole::new(0.0);
     let (mut covered, num) = (0, 400);
     for seed in 0..num {
-        let result = calibrate(&pinhole.whole(&HEIGHTS_M, 0.3, seed), Some(Term::Across)).unwrap();
+        let result =
+            calibrate_steps(&pinhole.whole(&HEIGHTS_M, 0.3, seed), Some(HeightTerms::Across))
+                .unwrap();
         let place = pinhole.see(0.0, 0.007);
         let error = result.model.height_m(place).unwrap() - 0.007;
         let u95 =
@@ -115,9 +117,9 @@ fn the_stated_uncertainty_of_a_height_covers_the_truth() {
 fn one_length_more_tells_the_geometry_of_formula_6() {
     let pinhole = Pinhole::new(0.0);
     let plateaus = pinhole.whole(&[0.0, 0.01, 0.02, 0.03, 0.045], 0.005, 3);
-    let model = calibrate(&plateaus, Some(Term::Across)).unwrap().model;
+    let model = calibrate_steps(&plateaus, Some(HeightTerms::Across)).unwrap().model;
     let [a, pitch, b, beta] = RIG;
-    for known in [Known::ImageDistance(a), Known::ObjectDistance(b)] {
+    for known in [KnownDistance::ImageDistance(a), KnownDistance::ObjectDistance(b)] {
         let found = vertical_incidence(&model, pitch, known).unwrap();
         let values = [
             (found.image_distance_m, a),
@@ -132,15 +134,16 @@ fn one_length_more_tells_the_geometry_of_formula_6() {
         let rises = pinhole.see(0.0, 0.01)[1] > pinhole.see(0.0, 0.0)[1];
         assert_eq!(found.height_sign == 1, rises);
     }
-    let error = vertical_incidence(&model, pitch, Known::ObjectDistance(0.6)).unwrap_err();
+    let error = vertical_incidence(&model, pitch, KnownDistance::ObjectDistance(0.6)).unwrap_err();
     assert!(error.to_string().contains("contradicts"), "{error}");
 }
 
 #[test]
 fn flat_perspective_is_told_and_not_guessed() {
     let plateaus = Pinhole::new(0.0).whole(&[0.0, 0.0002, 0.0004, 0.0006], 0.5, 4);
-    let model = calibrate(&plateaus, Some(Term::Across)).unwrap().model;
-    let error = vertical_incidence(&model, 4.8e-6, Known::ImageDistance(0.026)).unwrap_err();
+    let model = calibrate_steps(&plateaus, Some(HeightTerms::Across)).unwrap().model;
+    let error =
+        vertical_incidence(&model, 4.8e-6, KnownDistance::ImageDistance(0.026)).unwrap_err();
     assert!(matches!(error, VerticalIncidenceError::NotIdentified { .. }), "{error}");
 }
 
@@ -149,7 +152,7 @@ fn wrong_heights_are_seen() {
     let pinhole = Pinhole::new(0.0);
     let mut plateaus = pinhole.whole(&HEIGHTS_M, 0.02, 5);
     plateaus[2].height_m += 50e-6;
-    let result = calibrate(&plateaus, None).unwrap();
+    let result = calibrate_steps(&plateaus, None).unwrap();
     let left_out = |i: usize| {
         let check = &result.checks[i];
         (check.left_out_m.unwrap() - check.plateau.height_m).abs()
@@ -157,8 +160,8 @@ fn wrong_heights_are_seen() {
     assert!(left_out(2) > 45e-6 && left_out(2) > left_out(1), "{} {}", left_out(2), left_out(1));
     assert!(result.rms_m > 10e-6);
 
-    assert_eq!(calibrate(&plateaus[..2], None).unwrap_err(), StepsError::TooFew { found: 2 });
+    assert_eq!(calibrate_steps(&plateaus[..2], None).unwrap_err(), StepsError::TooFew { found: 2 });
     plateaus[1].height_m = 0.02;
-    let error = calibrate(&plateaus, None).unwrap_err().to_string();
+    let error = calibrate_steps(&plateaus, None).unwrap_err().to_string();
     assert!(error.contains("0.02 m") && error.contains("order"), "{error}");
 }

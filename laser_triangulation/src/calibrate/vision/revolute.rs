@@ -19,7 +19,7 @@ const STARTS: usize = 3;
 
 /// A marker's middle in one picture.
 #[derive(Clone, Copy, Debug)]
-pub struct Sighting {
+pub(super) struct Sighting {
     /// Which picture, from 0 without gaps.
     pub frame: usize,
     /// Which marker, from 0 without gaps.
@@ -30,7 +30,7 @@ pub struct Sighting {
 
 /// An axis whose distance is not known: all lengths are in units of the distance from the lens to the markers' plane.
 #[derive(Clone, Debug)]
-pub struct RevoluteFit {
+pub(super) struct RevoluteFit {
     /// Along the axis, away from the lens; the angles grow as a right hand turns about it.
     pub direction: Unit<Vector3<f64>>,
     /// Where the axis meets the plane of the first marker, in units.
@@ -72,7 +72,7 @@ pub enum RevoluteError {
 ///
 /// # Errors
 /// Too few pictures, too small an angle, or no common axis.
-pub fn fit(camera: &Camera, sightings: &[Sighting]) -> Result<RevoluteFit, RevoluteError> {
+pub(super) fn fit(camera: &Camera, sightings: &[Sighting]) -> Result<RevoluteFit, RevoluteError> {
     let frames = sightings.iter().map(|s| s.frame + 1).max().unwrap_or(0);
     let markers = sightings.iter().map(|s| s.marker + 1).max().unwrap_or(0);
     if frames < MIN_FRAMES {

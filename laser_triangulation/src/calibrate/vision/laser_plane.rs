@@ -1,10 +1,16 @@
 //! The laser's plane through its lines on many boards.
 
-use nalgebra::{Matrix3, Point3, Unit, Vector3};
+use nalgebra::{Matrix3, Unit, Vector3};
 use thiserror::Error;
 
-use crate::scanner::laser_plane::LaserPlane;
-use crate::statistics::median;
+use super::laser_lines::{BoardLine, LaserLines};
+use crate::{
+    scanner::{
+        calibration::{CameraAndPlane, CameraCalibration, PlaneQuality},
+        laser_plane::LaserPlane,
+    },
+    statistics::median,
+};
 
 /// Fewest boards: the scatter between them is the uncertainty.
 const MIN_BOARDS: usize = 4;
@@ -17,15 +23,6 @@ const MIN_SPREAD: f64 = 0.01;
 
 /// Largest root mean square distance from the plane, as a share of the distance from the camera.
 const MAX_RMS: f64 = 0.01;
-
-/// The line on one board.
-#[derive(Clone, Debug)]
-pub struct BoardLine<'a> {
-    /// Which board.
-    pub index: usize,
-    /// Its points in the camera's frame, metres.
-    pub points: &'a [Point3<f64>],
-}
 
 /// How a board's line lies to the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +39,7 @@ pub struct BoardResidual {
 
 /// A calibrated laser plane.
 #[derive(Clone, Debug)]
-pub struct PlaneFit {
+pub struct LaserPlaneFit {
     /// The plane.
     pub plane: LaserPlane,
     /// Root mean square distance of all points, metres.
@@ -58,7 +55,7 @@ pub struct PlaneFit {
 
 /// Why there is no plane.
 #[derive(Debug, Error, PartialEq)]
-pub enum PlaneError {
+pub enum LaserPlaneError {
     /// Too few lines.
     #[error(
         "{usable} boards with a usable line, at least {MIN_BOARDS} are needed (20 are good): hold the board into the laser \
@@ -97,9 +94,10 @@ pub enum PlaneError {
 ///
 /// # Errors
 /// Too few boards, or lines that determine no plane.
-pub fn fit(boards: &[BoardLine<'_>]) -> Result<PlaneFit, PlaneError> {
+pub fn calibrate_plane(found: &LaserLines) -> Result<LaserPlaneFit, LaserPlaneError> {
+    let boards = &found.lines;
     if boards.len() < MIN_BOARDS {
-        return Err(PlaneError::Few { usable: boards.len() });
+        return Err(LaserPlaneError::Few { usable: boards.len() });
     }
     let mut kept: Vec<_> = boards.iter().collect();
     let mut start = robust_start(boards)?;
@@ -108,7 +106,7 @@ pub fn fit(boards: &[BoardLine<'_>]) -> Result<PlaneFit, PlaneError> {
         let found: Vec<_> = find_outliers(&kept, &start);
         kept.retain(|board| !found.iter().any(|outlier| outlier.index == board.index));
         if kept.len() < MIN_BOARDS {
-            return Err(PlaneError::Few { usable: kept.len() });
+            return Err(LaserPlaneError::Few { usable: kept.len() });
         }
         start = least_squares(&kept)?;
         let is_settled = found.is_empty();
@@ -122,16 +120,59 @@ pub fn fit(boards: &[BoardLine<'_>]) -> Result<PlaneFit, PlaneError> {
     let points: usize = used.iter().map(|board| board.points).sum();
     let squares = used.iter().map(|board| board.points as f64 * board.rms_m.powi(2));
     let rms_m = (squares.sum::<f64>() / points as f64).sqrt();
-    let distances_m = kept.iter().flat_map(|board| board.points).map(|point| point.coords.norm());
+    let distances_m =
+        kept.iter().flat_map(|board| &board.line.points).map(|point| point.coords.norm());
     if rms_m > MAX_RMS * distances_m.sum::<f64>() / points as f64 {
-        return Err(PlaneError::NoPlane { rms_mm: 1e3 * rms_m });
+        return Err(LaserPlaneError::NoPlane { rms_mm: 1e3 * rms_m });
     }
     let covariance = leave_one_out(&kept, &start)?;
-    Ok(PlaneFit { plane: start, rms_m, used, outliers, covariance })
+    Ok(LaserPlaneFit { plane: start, rms_m, used, outliers, covariance })
+}
+
+impl LaserPlaneFit {
+    /// Returns one standard deviation of the two tilts of the normal, radians, and of the distance, metres.
+    #[must_use]
+    pub fn sigmas(&self) -> [f64; 3] {
+        std::array::from_fn(|i| self.covariance[(i, i)].sqrt())
+    }
+
+    /// Returns the calibration of camera and plane, without an axis and without a date. `frame_id` names the frame of the
+    /// profiles.
+    #[must_use]
+    pub fn calibration(&self, camera: CameraCalibration, frame_id: &str) -> CameraAndPlane {
+        let covariance = std::array::from_fn(|i| self.covariance[(i / 3, i % 3)]);
+        CameraAndPlane {
+            frame_id: frame_id.to_owned(),
+            camera_name: camera.camera_name,
+            camera: camera.camera,
+            camera_quality: camera.quality,
+            plane: self.plane,
+            plane_quality: Some(PlaneQuality {
+                rms_m: self.rms_m,
+                boards_used: self.used.len() as u32,
+                covariance: Some(covariance),
+            }),
+            alignment: None,
+            part: None,
+            axis: None,
+            axis_quality: None,
+            calibrated_at: None,
+        }
+    }
+
+    /// Describes how a board contradicts the others.
+    #[must_use]
+    pub fn describe_outlier(&self, outlier: &BoardResidual) -> String {
+        format!(
+            "the line lies {:.2} mm from the other boards' plane, all others {:.2} mm: the board moved or bends",
+            1e3 * outlier.rms_m,
+            1e3 * self.rms_m
+        )
+    }
 }
 
 /// Of the planes through three boards' lines, the one with the least median distance of all boards.
-fn robust_start(boards: &[BoardLine<'_>]) -> Result<LaserPlane, PlaneError> {
+fn robust_start(boards: &[BoardLine]) -> Result<LaserPlane, LaserPlaneError> {
     let every = boards.len().div_ceil(MAX_TRIED);
     let tried: Vec<_> = boards.iter().step_by(every).collect();
     let mut best: Option<(f64, LaserPlane)> = None;
@@ -153,27 +194,28 @@ fn robust_start(boards: &[BoardLine<'_>]) -> Result<LaserPlane, PlaneError> {
     best.map_or_else(all, |(_, plane)| Ok(plane))
 }
 
-fn find_outliers(boards: &[&BoardLine<'_>], plane: &LaserPlane) -> Vec<BoardResidual> {
+fn find_outliers(boards: &[&BoardLine], plane: &LaserPlane) -> Vec<BoardResidual> {
     let residuals: Vec<_> = boards.iter().map(|board| residual(board, plane)).collect();
     let mut all_m: Vec<_> = residuals.iter().map(|board| board.rms_m).collect();
     let limit_m = OUTLIER_FACTOR * median(&mut all_m).unwrap_or(f64::NAN);
     residuals.into_iter().filter(|board| board.rms_m > limit_m && board.rms_m > 1e-9).collect()
 }
 
-fn residual(board: &BoardLine<'_>, plane: &LaserPlane) -> BoardResidual {
-    let count = board.points.len() as f64;
-    let distances = || board.points.iter().map(|p| plane.normal.dot(&p.coords) - plane.distance_m);
+fn residual(board: &BoardLine, plane: &LaserPlane) -> BoardResidual {
+    let count = board.line.points.len() as f64;
+    let distances =
+        || board.line.points.iter().map(|p| plane.normal.dot(&p.coords) - plane.distance_m);
     BoardResidual {
         index: board.index,
-        points: board.points.len(),
+        points: board.line.points.len(),
         mean_m: distances().sum::<f64>() / count,
         rms_m: (distances().map(|d| d * d).sum::<f64>() / count).sqrt(),
     }
 }
 
 /// Every point counts alike.
-fn least_squares(boards: &[&BoardLine<'_>]) -> Result<LaserPlane, PlaneError> {
-    let points = || boards.iter().flat_map(|board| board.points);
+fn least_squares(boards: &[&BoardLine]) -> Result<LaserPlane, LaserPlaneError> {
+    let points = || boards.iter().flat_map(|board| &board.line.points);
     let count = points().count() as f64;
     let middle: Vector3<f64> = points().map(|point| point.coords).sum::<Vector3<f64>>() / count;
     let spread: Matrix3<f64> = points()
@@ -187,22 +229,22 @@ fn least_squares(boards: &[&BoardLine<'_>]) -> Result<LaserPlane, PlaneError> {
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let sigma = |i: usize| (eigen.eigenvalues[order[i]].max(0.0) / count).sqrt();
     if sigma(1) < MIN_SPREAD * middle.norm() || sigma(1) < 4.0 * sigma(0) {
-        return Err(PlaneError::OneLine { spread_mm: 1e3 * sigma(1) });
+        return Err(LaserPlaneError::OneLine { spread_mm: 1e3 * sigma(1) });
     }
     let normal = eigen.eigenvectors.column(order[0]).into_owned();
     let normal = if normal.dot(&middle) < 0.0 { -normal } else { normal };
     let distance_m = normal.dot(&middle);
     if distance_m < 1e-6 {
-        return Err(PlaneError::ThroughLens);
+        return Err(LaserPlaneError::ThroughLens);
     }
     Ok(LaserPlane { normal: Unit::new_normalize(normal), distance_m })
 }
 
 /// The jackknife (Efron and Stein 1981): `(n - 1) / n · Σ (θᵢ - θ̄)²`, θᵢ without board i.
 fn leave_one_out(
-    boards: &[&BoardLine<'_>],
+    boards: &[&BoardLine],
     plane: &LaserPlane,
-) -> Result<Matrix3<f64>, PlaneError> {
+) -> Result<Matrix3<f64>, LaserPlaneError> {
     let [first, second] = plane.tangents();
     let mut found = Vec::with_capacity(boards.len());
     for left_out in 0..boards.len() {

@@ -14,7 +14,7 @@ const MAX_PAIRED: usize = 400;
 
 /// A picture and its positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Position {
+pub(super) struct Position {
     /// What the joint or encoder said, in its unit.
     pub stated: f64,
     /// What the picture shows: radians or metres.
@@ -59,7 +59,7 @@ pub enum PositionError {
 ///
 /// # Errors
 /// Stated positions that do not move or have nothing to do with the pictures.
-pub fn compare(positions: &[Position]) -> Result<Agreement, PositionError> {
+pub(super) fn compare(positions: &[Position]) -> Result<Agreement, PositionError> {
     let mut slopes = Vec::new();
     let ends = |values: &dyn Fn(&Position) -> f64| {
         let ends = positions

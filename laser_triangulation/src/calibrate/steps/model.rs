@@ -8,7 +8,7 @@ const MAX_ROUNDS: usize = 50;
 
 /// What the height depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Term {
+pub enum HeightTerms {
     /// The position across the stripe alone: three numbers.
     Across,
     /// Also the position along it, as when the camera is rolled or the gauge lies at an angle: five numbers.
@@ -19,9 +19,9 @@ pub enum Term {
 /// of a length that make the numbers alike. A camera sees a plane by a projective map (Hartley and Zisserman 2004,
 /// section 2.3); this is its row of heights.
 #[derive(Clone, Debug)]
-pub struct Model {
+pub struct HeightModel {
     /// What the height depends on.
-    pub term: Term,
+    pub term: HeightTerms,
     middle_px: [f64; 2],
     unit_px: f64,
     /// p, q, r, then p', r'.
@@ -29,11 +29,11 @@ pub struct Model {
     covariance: DMatrix<f64>,
 }
 
-impl Model {
+impl HeightModel {
     /// The map that fits best, every plateau of one weight. None: the plateaus leave it open.
-    pub(super) fn fit(plateaus: &[Plateau], term: Term) -> Option<Self> {
+    pub(super) fn fit(plateaus: &[Plateau], term: HeightTerms) -> Option<Self> {
         let (middle_px, unit_px) = extent(plateaus)?;
-        let num = if term == Term::Both { 5 } else { 3 };
+        let num = if term == HeightTerms::Both { 5 } else { 3 };
         let blank = Self {
             term,
             middle_px,
@@ -146,7 +146,7 @@ impl Model {
         let residual = |(place, height_m): ([f64; 2], f64)| {
             self.height_m(place).map_or(f64::INFINITY, |measured_m| measured_m - height_m)
         };
-        equations(plateaus, Term::Both).map(|equation| residual(equation).powi(2)).sum()
+        equations(plateaus, HeightTerms::Both).map(|equation| residual(equation).powi(2)).sum()
     }
 
     fn local(&self, [along, across]: [f64; 2]) -> [f64; 2] {
@@ -186,10 +186,11 @@ impl Model {
 }
 
 /// Places and their heights: the middle of each plateau, or two places where its inclination tells something too.
-fn equations(plateaus: &[Plateau], term: Term) -> impl Iterator<Item = ([f64; 2], f64)> {
+fn equations(plateaus: &[Plateau], term: HeightTerms) -> impl Iterator<Item = ([f64; 2], f64)> {
     plateaus.iter().flat_map(move |plateau| {
         let middle = [plateau.middle_px(), plateau.across_px];
-        let places = if term == Term::Both { plateau.places().to_vec() } else { vec![middle] };
+        let places =
+            if term == HeightTerms::Both { plateau.places().to_vec() } else { vec![middle] };
         places.into_iter().map(|place| (place, plateau.height_m))
     })
 }

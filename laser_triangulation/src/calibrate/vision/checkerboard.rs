@@ -26,16 +26,16 @@ pub struct Checkerboard {
     "{text:?} is no target: write checkerboard:COLUMNSxROWS:SQUARE with inner corners ({MIN_SIDE} to {MAX_SIDE}) and \
      metres, as checkerboard:8x6:0.040 for 9 x 7 squares of 40 mm"
 )]
-pub struct TargetError {
+pub struct CheckerboardError {
     /// What was written.
     text: String,
 }
 
 impl FromStr for Checkerboard {
-    type Err = TargetError;
+    type Err = CheckerboardError;
 
-    fn from_str(text: &str) -> Result<Self, TargetError> {
-        parse(text).ok_or_else(|| TargetError { text: text.to_owned() })
+    fn from_str(text: &str) -> Result<Self, CheckerboardError> {
+        parse(text).ok_or_else(|| CheckerboardError { text: text.to_owned() })
     }
 }
 

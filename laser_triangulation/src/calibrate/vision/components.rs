@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use super::board::Gray;
+use super::picture::GrayPicture;
 
 /// Half the side of the square about a pixel whose mean is its surroundings.
 const RADIUS: usize = 15;
@@ -12,7 +12,7 @@ const DARK: f64 = 0.85;
 const MIN_PIXELS: usize = 60;
 
 /// The outline of every dark region: the first and last pixel of each of its rows.
-pub(super) fn dark_outlines(picture: &Gray<'_>) -> Vec<Vec<Point2<f64>>> {
+pub(super) fn dark_outlines(picture: &GrayPicture) -> Vec<Vec<Point2<f64>>> {
     let (width, height) = (picture.width as usize, picture.height as usize);
     let mut is_dark = dark(picture);
     let mut outlines = Vec::new();
@@ -60,7 +60,7 @@ pub(super) fn dark_outlines(picture: &Gray<'_>) -> Vec<Vec<Point2<f64>>> {
 }
 
 /// Pixels darker than their surroundings.
-fn dark(picture: &Gray<'_>) -> Vec<bool> {
+fn dark(picture: &GrayPicture) -> Vec<bool> {
     let (width, height) = (picture.width as usize, picture.height as usize);
     // Sums of everything above and to the left.
     let mut sums = vec![0_u64; (width + 1) * (height + 1)];
