@@ -8,7 +8,7 @@ use crate::{
     ros::transport::{Publication, TopicEndpoint, Transport, TransportError},
 };
 
-/// A failure is told when it is the first one, and then each time that its number has doubled.
+/// Failures are logged when their number is a power of two.
 const fn is_told(num_failed: u64) -> bool {
     num_failed.is_power_of_two()
 }
