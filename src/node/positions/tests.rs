@@ -149,7 +149,7 @@ fn a_message_without_the_joint_is_refused_and_counted() {
 #[test]
 fn a_missing_joint_is_reported_with_those_received() {
     let mut positions = positions(&params(MotionSource::JointState), "table");
-    assert!(positions.why_nothing_came().contains("no sample has come"));
+    assert!(positions.why_nothing_came().contains("no usable sample"));
     positions.take(&joint(0, &["arm", "lift"], &[1.0, 2.0]));
     assert_eq!(found(&mut positions, 0), None);
     let why = positions.why_nothing_came();

@@ -80,7 +80,7 @@ impl Worker {
         }
         if before.is_some() {
             tracing::warn!(
-                "camera_info changes within the stream: now {} x {} pixels from ({}, {}), binned {} x {}; a new scan begins",
+                "camera_info changes within the stream: now {} x {} pixels from ({}, {}), binned {} x {}; starting a new scan",
                 view.size_px[0],
                 view.size_px[1],
                 view.offset_px[0],
