@@ -12,9 +12,10 @@ use crate::{
     },
     msg::{convert::compressed, sensor_msgs::CompressedImage},
     scanner::{
+        frame_index::FrameIndex,
         image::Frame,
         params::{Params, StripeDirection},
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
         stripe::Centerline,
     },
 };

@@ -16,6 +16,7 @@ use crate::{
     },
     ros::node_params::ImageTransport,
     scanner::{
+        axis::RawPosition,
         motion::{Position, doubt},
         params::Params,
     },
@@ -130,7 +131,8 @@ impl Worker {
             self.counts.located += u64::from(position.is_some());
             self.counts.unlocated += u64::from(position.is_none());
         }
-        let Some(Position { doubts, value, .. }) = position.filter(|position| position.doubts != 0)
+        let Some(Position { doubts, value: RawPosition(value), .. }) =
+            position.filter(|position| position.doubts != 0)
         else {
             return;
         };

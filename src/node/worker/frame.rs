@@ -24,10 +24,8 @@ use crate::{
     },
     ros::node_params::ImageTransport,
     scanner::{
-        coverage::LARGEST_SHARE,
-        exposure_pair::Pairing,
-        image,
-        pipeline::{FrameError, FrameIndex, Stage},
+        coverage::LARGEST_SHARE, exposure_pair::Pairing, frame_error::FrameError,
+        frame_index::FrameIndex, image, pipeline::Stage,
     },
 };
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use crate::{
     ros::node_params::ImageTransport,
-    scanner::{calibration::Calibration, pipeline::Pipeline},
+    scanner::{axis::AxisTravel, calibration::Calibration, pipeline::Pipeline},
 };
 
 use super::{
@@ -71,8 +71,8 @@ pub struct Worker {
     /// Pixels of a decoded compressed image.
     pixels: Vec<u8>,
     last_time_ns: i64,
-    /// How far the last measured frame came since the first of its scan, metres (radians).
-    travelled: f64,
+    /// Distance of the last measured frame from the first of its scan.
+    travelled: Option<AxisTravel>,
     /// Where frames were taken, when that is measured.
     positions: Option<Positions>,
     /// Where messages about that wait, live.
@@ -111,7 +111,7 @@ impl Worker {
             stages: StageTimes::default(),
             pixels: Vec::new(),
             last_time_ns: 0,
-            travelled: 0.0,
+            travelled: None,
             positions: None,
             inbox: None,
             position_topics: Vec::new(),
