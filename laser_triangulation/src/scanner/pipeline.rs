@@ -4,9 +4,9 @@
 use super::{
     ambient::{Ambient, AmbientError},
     calibration::{Calibration, Lines},
-    channel::{Decoder, RoiError, window},
+    channel::{Decoder, RoiError, SearchedRegion},
     coverage::share_above_threshold,
-    exposure_pair::{ExposurePairs, Pairing},
+    exposure_pair::{ExposurePairing, ExposurePairs},
     height_map::HeightMap,
     image::{Frame, OwnedImage},
     motion::{Motion, Position, doubt, placement::Placement, travel::Travel},
@@ -110,7 +110,7 @@ impl Pipeline {
         let full_scale = self.params.full_scale_of(image.format())?;
         self.check_size(image.width(), image.height())?;
         // Step 1: crop.
-        let searched = window(self.params.roi, image.width(), image.height())?;
+        let searched = SearchedRegion::new(self.params.roi, image.width(), image.height())?;
         self.ambient.prepare(&image, &searched, &self.params, &mut self.extractor)?;
 
         // Step 2: one grey level a pixel.
@@ -122,7 +122,7 @@ impl Pipeline {
             share_above_threshold(&plane, &self.params.extraction, full_scale);
 
         // Steps 3 to 8: blur, segment, coarse peak, width, window, centre.
-        self.extractor.extract(&plane, (searched.x, searched.y), full_scale, &mut self.centerline);
+        self.extractor.extract_plane(&plane, searched.offset(), full_scale, &mut self.centerline);
         let image_px = (image.width(), image.height());
         // Alternating exposures: what this frame lacks, the frame before has.
         let pairs = self.pairs.as_mut();
@@ -337,7 +337,7 @@ pub struct Output<'a> {
     /// The centreline, perhaps without points.
     pub centerline: &'a Centerline,
     /// How it was made of two exposures, when those alternate.
-    pub pairing: Option<Pairing>,
+    pub pairing: Option<ExposurePairing>,
     /// Share of the searched pixels above a fixed segment threshold, from 0 to 1: above [`LARGEST_SHARE`] the threshold is
     /// too low for the scene. `None` where the threshold follows the scene.
     ///

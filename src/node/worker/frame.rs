@@ -25,7 +25,7 @@ use crate::{
     ros::node_params::ImageTransport,
     scanner::{
         coverage::LARGEST_SHARE,
-        exposure_pair::Pairing,
+        exposure_pair::ExposurePairing,
         image,
         pipeline::{FrameError, FrameIndex, Stage},
     },
@@ -222,11 +222,11 @@ impl Worker {
 }
 
 /// Whether a frame lacks its other exposure. Tells why, when the scene or the parameters are to blame.
-fn is_unpaired(pairing: Option<Pairing>) -> bool {
-    if pairing == Some(Pairing::Alike) {
+fn is_unpaired(pairing: Option<ExposurePairing>) -> bool {
+    if pairing == Some(ExposurePairing::Alike) {
         tracing::debug!("exposures alternate, but this frame is as bright as the one before it");
     }
-    matches!(pairing, Some(Pairing::Alone | Pairing::Alike))
+    matches!(pairing, Some(ExposurePairing::Alone | ExposurePairing::Alike))
 }
 
 /// Counts a frame of which too much is above the threshold for a line, and says so once.

@@ -4,7 +4,7 @@ use crate::{
     cli::settings::Settings,
     ros::camera_params::CameraParams,
     scanner::{
-        channel::{AnyPlane, Decoder, Plane, Window, window},
+        channel::{AnyPlane, Decoder, Plane, SearchedRegion},
         image::{Image, PixelFormat},
         params::{Background, Channel, ExtractionParams, Method, Params, PeakSelection, Threshold},
         stripe::{Centerline, Extractor},
@@ -91,7 +91,7 @@ impl Stripes {
     /// # Errors
     /// A region of interest outside the picture, or a full scale that it cannot hold.
     pub(super) fn extract(&self, image: &Image<'_>) -> Result<Vec<(Light, Centerline)>, String> {
-        let searched = window(self.params.roi, image.width(), image.height());
+        let searched = SearchedRegion::new(self.params.roi, image.width(), image.height());
         let searched = searched.map_err(|error| error.to_string())?;
         let full_scale = self.params.full_scale_of(image.format());
         let full_scale = full_scale.map_err(|error| error.to_string())?;
@@ -99,23 +99,24 @@ impl Stripes {
             let mut extractor =
                 Extractor::new(self.params.extraction, self.params.stripe_direction);
             let mut line = Centerline::default();
-            let offset = (searched.x, searched.y);
+            let offset = searched.offset();
             match light {
                 Light::Channel(channel) => {
                     let mut decoder = Decoder::default();
                     let plane = decoder.decode(image, channel, &searched);
-                    extractor.extract(&plane, offset, full_scale, &mut line);
+                    extractor.extract_plane(&plane, offset, full_scale, &mut line);
                 }
                 Light::Over(colour) => {
                     let samples = over_the_others(image, colour, &searched, full_scale);
-                    let Window { width, height, .. } = searched;
-                    let plane = Plane { width, height, stride: width, samples: &samples };
-                    extractor.extract(&AnyPlane::Eight(plane), offset, 255, &mut line);
+                    let SearchedRegion { width, height, .. } = searched;
+                    let plane = Plane::new(width, height, width, &samples);
+                    let plane = plane.map_err(|error| error.to_string())?.into();
+                    extractor.extract_plane(&plane, offset, 255, &mut line);
                 }
             }
-            (light, line)
+            Ok((light, line))
         };
-        Ok(self.lights(image.format()).into_iter().map(line).collect())
+        self.lights(image.format()).into_iter().map(line).collect()
     }
 }
 
@@ -123,7 +124,7 @@ impl Stripes {
 fn over_the_others(
     image: &Image<'_>,
     colour: Channel,
-    searched: &Window,
+    searched: &SearchedRegion,
     full_scale: u32,
 ) -> Vec<u8> {
     let twice = |wanted: Channel| if wanted == colour { 2 } else { -1 };
@@ -132,11 +133,11 @@ fn over_the_others(
         let mut add = |at: usize, level: i32| sums[at] += twice(channel) * level;
         match Decoder::default().decode(image, channel, searched) {
             AnyPlane::Eight(plane) => {
-                let levels = (0..plane.height).flat_map(|y| plane.row(y));
+                let levels = plane.rows().flatten();
                 levels.enumerate().for_each(|(at, &level)| add(at, level.into()));
             }
             AnyPlane::Sixteen(plane) => {
-                let levels = (0..plane.height).flat_map(|y| plane.row(y));
+                let levels = plane.rows().flatten();
                 levels.enumerate().for_each(|(at, &level)| {
                     add(at, (u32::from(level) * 255 / full_scale.max(1)) as i32);
                 });

@@ -20,7 +20,7 @@ use crate::{
     msg::{convert::compressed, sensor_msgs::CompressedImage},
     ros::camera_params::CameraParams,
     scanner::{
-        channel::{AnyPlane, Decoder, Window},
+        channel::{AnyPlane, Decoder, SearchedRegion},
         image::{Image, OwnedImage},
         params::Channel,
     },
@@ -226,13 +226,11 @@ impl Views {
 
 /// A picture's grey levels, one byte a pixel.
 pub(super) fn gray(image: &Image<'_>, full_scale: u32) -> Vec<u8> {
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let all = Window { x: 0, y: 0, width, height };
-    match Decoder::default().decode(image, Channel::Gray, &all) {
-        AnyPlane::Eight(plane) => (0..height).flat_map(|y| plane.row(y).iter().copied()).collect(),
+    match Decoder::default().decode(image, Channel::Gray, &SearchedRegion::whole(image)) {
+        AnyPlane::Eight(plane) => plane.rows().flatten().copied().collect(),
         AnyPlane::Sixteen(plane) => {
             let eight = |level: u16| (u32::from(level) * 255 / full_scale.max(1)).min(255) as u8;
-            (0..height).flat_map(|y| plane.row(y).iter().copied().map(eight)).collect()
+            plane.rows().flatten().copied().map(eight).collect()
         }
     }
 }
