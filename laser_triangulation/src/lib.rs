@@ -4,9 +4,9 @@
 
 mod named_enum;
 
+pub mod statistics;
 pub mod scanner;
 pub mod metrology;
 pub mod simulate;
 pub mod evaluate;
-#[cfg(feature = "calibrate")]
 pub mod calibrate;

@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use thiserror::Error;
 
+use crate::statistics::{median, sigma_about_zero};
+
 /// A longer line is thinned out before it is cut: the search grows with the square of its points.
 const MAX_SEARCHED: usize = 2048;
 /// Fewest points of a plateau.
@@ -32,6 +34,12 @@ pub enum PlateauError {
         /// Plateaus asked for.
         wanted: usize,
     },
+    /// A plateau through which no line can be fitted.
+    #[error("plateau {plateau} has too few points")]
+    TooFewPoints {
+        /// Number of the plateau along the stripe, from 0.
+        plateau: usize,
+    },
     /// Another number of plateaus.
     #[error("{wanted} heights are given, but the line has {found} plateaus{}: {}", at_least(*.found, *.wanted), listed(.places))]
     Count {
@@ -55,7 +63,7 @@ fn listed(places: &[[i64; 2]]) -> String {
 
 /// A plateau as indices into the line's points.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Piece {
+pub(crate) struct Piece {
     /// From border to border.
     pub whole: Range<usize>,
     /// Without the outer sixths, which the blur and the edges of the gauge spoil.
@@ -69,7 +77,7 @@ pub struct Piece {
 ///
 /// # Errors
 /// Too few points, or another number of plateaus than asked for.
-pub fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, PlateauError> {
+pub(crate) fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, PlateauError> {
     let num = points.len();
     if count == 0 || num < count * MIN_POINTS {
         return Err(PlateauError::TooShort { num, wanted: count });
@@ -114,8 +122,7 @@ fn medians(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let range = at.saturating_sub(MEDIAN_REACH)..(at + MEDIAN_REACH + 1).min(points.len());
         window.clear();
         window.extend(points[range].iter().map(|point| point[1]));
-        window.sort_by(f64::total_cmp);
-        window[window.len() / 2]
+        median(window).unwrap_or(f64::NAN)
     };
     (0..points.len()).map(|at| [points[at][0], median_at(at, &mut window)]).collect()
 }
@@ -124,8 +131,7 @@ fn medians(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 fn noise_of(points: &[[f64; 2]]) -> f64 {
     let mut steps: Vec<f64> =
         points.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).map_or(0.0, |median| 1.4826 * median / std::f64::consts::SQRT_2)
+    sigma_about_zero(&mut steps).map_or(0.0, |sigma| sigma / std::f64::consts::SQRT_2)
 }
 
 /// How far two straight pieces lie apart where they meet.

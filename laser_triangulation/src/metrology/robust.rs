@@ -4,10 +4,10 @@ use nalgebra::{SMatrix, SVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::statistics::{NORMAL_MEDIAN_MAGNITUDE, median, order_statistic};
+
 /// Residuals beyond this many scales have no weight; 95 % efficiency on normal noise (Beaton and Tukey 1974).
 pub(super) const TUKEY: f64 = 4.685;
-/// Median magnitude of a normal variable of standard deviation 1.
-const MAD: f64 = 0.674_489_75;
 /// Draws of the start: with a third of outliers one of them is sound but for one case in 10^20 with three unknowns.
 const NUM_DRAWS: usize = 130;
 /// Residuals that judge a draw.
@@ -18,7 +18,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// One equation `row · x = value`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Equation<const P: usize> {
+pub(crate) struct Equation<const P: usize> {
     /// Coefficients.
     pub row: SVector<f64, P>,
     /// Right-hand side.
@@ -27,7 +27,7 @@ pub struct Equation<const P: usize> {
 
 /// A robust solution.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fit<const P: usize> {
+pub(crate) struct Fit<const P: usize> {
     /// The solution.
     pub x: SVector<f64, P>,
     /// Left over, in the order of the equations: value - row · x.
@@ -44,7 +44,7 @@ pub struct Fit<const P: usize> {
 /// the least median of squares (Rousseeuw 1984), with the sandwich covariance of M-estimators (Huber 1981, equation 6.6.3 with unequal
 /// spreads). None: too few equations, or they leave the solution open.
 #[must_use]
-pub fn solve<const P: usize>(equations: &[Equation<P>]) -> Option<Fit<P>> {
+pub(crate) fn solve<const P: usize>(equations: &[Equation<P>]) -> Option<Fit<P>> {
     if equations.len() < P {
         return None;
     }
@@ -85,8 +85,7 @@ fn least_median<const P: usize>(equations: &[Equation<P>]) -> Option<SVector<f64
         let Some(x) = weighted(&drawn, &[1.0; P]) else { continue };
         magnitudes.clear();
         magnitudes.extend(judges.iter().map(|judge| (judge.value - judge.row.dot(&x)).abs()));
-        let middle = magnitudes.len() / 2;
-        let (_, &mut median, _) = magnitudes.select_nth_unstable_by(middle, f64::total_cmp);
+        let Some(median) = median(&mut magnitudes) else { continue };
         if best.as_ref().is_none_or(|(least, _)| median < *least) {
             best = Some((median, x));
         }
@@ -139,11 +138,10 @@ fn tukey(residuals: &[f64], scale: f64, weights: &mut [f64]) {
 /// Robust standard deviation: the median magnitude, for so many fitted values.
 fn scale_of(residuals: &[f64], num_fitted: usize) -> f64 {
     let mut magnitudes: Vec<f64> = residuals.iter().map(|residual| residual.abs()).collect();
-    magnitudes.sort_by(f64::total_cmp);
     let num = magnitudes.len();
     // The fitted values make so many residuals smaller than they are.
     let middle = num.midpoint(num_fitted).min(num - 1);
-    magnitudes[middle] / MAD
+    order_statistic(&mut magnitudes, middle).unwrap_or(f64::NAN) / NORMAL_MEDIAN_MAGNITUDE
 }
 
 /// `A⁻¹ B A⁻¹` with `A = Σ ψ'(r) row rowᵀ` and `B = Σ ψ(r)² row rowᵀ`.

@@ -10,6 +10,7 @@ use super::{
     student::factor_95,
     surface::{Surface, is_measured},
 };
+use crate::statistics::median;
 
 /// Fewest points of each of the three parts of a profile.
 const MIN_POINTS: usize = 4;
@@ -146,8 +147,7 @@ fn find_edges(surface: &Surface) -> Result<[f64; 2], StepHeightError> {
     let profile = median_profile(surface);
     let mut steps: Vec<f64> =
         profile.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()).collect();
-    steps.sort_by(f64::total_cmp);
-    let noise = steps.get(steps.len() / 2).copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
+    let noise = median(&mut steps).unwrap_or(0.0).max(f64::MIN_POSITIVE);
     let scaled: Vec<_> = profile.iter().map(|[x, z]| [*x, z * NOISE / noise]).collect();
     let pieces = plateaus::cut(&scaled, 3).map_err(StepHeightError::Edges)?;
     let (difference_m, height_m) = levels(&profile, &pieces).ok_or(StepHeightError::TooFew(1))?;
@@ -176,20 +176,13 @@ fn levels(profile: &[[f64; 2]], pieces: &[Piece]) -> Option<(f64, f64)> {
 
 /// Median position and height of every column, ascending along the row.
 fn median_profile(surface: &Surface) -> Vec<[f64; 2]> {
-    let median = |mut values: Vec<f64>| {
-        let middle = values.len() / 2;
-        *values.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
     let mut profile = Vec::with_capacity(surface.width);
     for column in 0..surface.width {
         let points = surface.points.iter().skip(column).step_by(surface.width);
         let points: Vec<_> = points.filter(|point| is_measured(point)).collect();
-        if points.is_empty() {
-            continue;
-        }
         let [x, z] = [|p: &Point3<f64>| p.x, |p: &Point3<f64>| p.z]
-            .map(|of| median(points.iter().map(|point| of(point)).collect()));
-        profile.push([x, z]);
+            .map(|of| median(&mut points.iter().map(|point| of(point)).collect::<Vec<_>>()));
+        profile.extend(x.zip(z).map(|(x, z)| [x, z]));
     }
     profile.sort_by(|a, b| a[0].total_cmp(&b[0]));
     profile

@@ -2,6 +2,8 @@
 
 use nalgebra::Point3;
 
+use crate::statistics::median;
+
 /// Points row by row, one row a profile. A point with NaN was not measured, or is not meant.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
@@ -94,7 +96,7 @@ impl Surface {
         let width = self.width.max(1);
         let below = self.points.iter().zip(self.points.iter().skip(width));
         let between = below.map(|(upper, lower)| far([upper, lower]));
-        [median(in_rows), median(between)]
+        [typical(in_rows), typical(between)]
     }
 
     /// Values of measured points laid out as the points are; NaN elsewhere.
@@ -116,11 +118,7 @@ pub fn is_measured(point: &Point3<f64>) -> bool {
 }
 
 /// Median of all finite values; 0 without any.
-fn median(values: impl Iterator<Item = f64>) -> f64 {
+fn typical(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return 0.0;
-    }
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    median(&mut values).unwrap_or(0.0)
 }

@@ -22,6 +22,7 @@ use super::{
     pipeline::FrameIndex,
     stripe::{Centerline, flag},
 };
+use crate::statistics::median;
 use points::{MergeWriter, Points, join};
 
 /// Exposures whose grey levels differ less are alike.
@@ -137,9 +138,7 @@ fn ratio(own: Points<'_>, before: Points<'_>, ratios: &mut Vec<f32>) -> Option<f
             }
         });
         if ratios.len() >= MIN_COMMON {
-            let middle = ratios.len() / 2;
-            let (_, median, _) = ratios.select_nth_unstable_by(middle, f32::total_cmp);
-            return Some(*median).filter(|ratio| ratio.max(1.0 / ratio) >= MIN_RATIO);
+            return median(ratios).filter(|ratio| ratio.max(1.0 / ratio) >= MIN_RATIO);
         }
     }
     if num_common < MIN_COMMON {

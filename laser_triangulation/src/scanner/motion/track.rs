@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use thiserror::Error;
 
 use super::doubt;
+use crate::statistics::median;
 
 /// Samples that are kept: seconds of a fast encoder, and more than any frame looks back.
 pub const MAX_SAMPLES: usize = 8192;
@@ -165,8 +166,7 @@ impl<T: Measured> Track<T> {
         }
         let mut intervals_ns = self.intervals_ns;
         let known = &mut intervals_ns[..self.num_intervals.min(NUM_INTERVALS)];
-        known.sort_unstable();
-        known.get(known.len() / 2).map(|usual| usual.saturating_mul(GAP_INTERVALS))
+        median(known).map(|usual| usual.saturating_mul(GAP_INTERVALS))
     }
 
     /// How long before `time_ns` the last sample was taken, nanoseconds; `None`: there is none before it.

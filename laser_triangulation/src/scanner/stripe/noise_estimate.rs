@@ -14,6 +14,7 @@ use super::{
     picture::Picture,
     section::{LineCandidate, Noise},
 };
+use crate::statistics::NORMAL_MEDIAN_MAGNITUDE;
 
 /// Classes of levels.
 const CLASSES: usize = 16;
@@ -27,8 +28,6 @@ const MARGIN: u32 = 8;
 const MOST_POSITIONS: usize = 96;
 /// A class with fewer triples says nothing.
 const CLASS_LEAST: u32 = 64;
-/// Of a normal distribution, half lies within so many standard deviations.
-const MEDIAN_SIGMAS: f64 = 0.674_489_75;
 /// Variance of a second difference, in variances of a sample.
 const DIFFERENCE_GAIN: f64 = 6.0;
 /// Rounding to integers.
@@ -157,7 +156,8 @@ impl Class {
             if below + count >= half {
                 let (from, to) = (edge(cell), edge(cell + 1));
                 let median = from + (to - from) * (half - below) / count.max(1.0);
-                return ((median / MEDIAN_SIGMAS).powi(2) / DIFFERENCE_GAIN).max(ROUNDING);
+                return ((median / NORMAL_MEDIAN_MAGNITUDE).powi(2) / DIFFERENCE_GAIN)
+                    .max(ROUNDING);
             }
             below += count;
         }

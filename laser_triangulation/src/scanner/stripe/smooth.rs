@@ -12,12 +12,11 @@
 
 use super::{Centerline, correlation::Correlation};
 use crate::scanner::params::{ExtractionParams, StripeDirection};
+use crate::statistics::{NORMAL_MEDIAN_MAGNITUDE, median};
 use std::ops::Range;
 
 /// Fewer differences say nothing about the scatter.
 const MIN_DIFFERENCES: usize = 16;
-/// Median of |x| of a standard normal distribution.
-const MEDIAN_ABSOLUTE: f64 = 0.674_489_75;
 
 /// Smooths centreline after centreline without allocating once the longest has been seen.
 #[derive(Debug)]
@@ -163,8 +162,7 @@ impl Smoother {
         if num < MIN_DIFFERENCES {
             return 1.0;
         }
-        let (_, median, _) = differences.select_nth_unstable_by(num / 2, f64::total_cmp);
-        let scatter = *median / MEDIAN_ABSOLUTE;
+        let scatter = median(differences).unwrap_or(f64::NAN) / NORMAL_MEDIAN_MAGNITUDE;
         // What chance alone makes of so few differences is no scatter.
         if scatter > 1.0 + 4.0 / (num as f64).sqrt() { scatter } else { 1.0 }
     }

@@ -5,11 +5,10 @@
 //! grid of samples, so that the cost is bounded.
 
 use super::blur::UNITS;
+use crate::statistics::{MAD_TO_SIGMA, median};
 
 /// Samples of the grid in a row and in a column, at most.
 const GRID: usize = 128;
-/// From the median absolute deviation to the standard deviation of a Gaussian.
-const SIGMAS_PER_MAD: f64 = 1.4826;
 
 /// Finds thresholds frame after frame. The buffer is kept.
 #[derive(Debug, Default)]
@@ -31,24 +30,18 @@ impl NoiseThreshold {
         for y in (step_y / 2..height).step_by(step_y) {
             self.samples.extend((step_x / 2..width).step_by(step_x).map(|x| sample(x, y)));
         }
-        let median = middle(&mut self.samples);
+        let middle = median(&mut self.samples).unwrap_or_default();
         for sample in &mut self.samples {
-            *sample = sample.abs_diff(median);
+            *sample = sample.abs_diff(middle);
         }
-        let deviation = SIGMAS_PER_MAD * f64::from(middle(&mut self.samples));
-        (f64::from(median) + sigmas * deviation.max(floor)).round() as u32
+        let deviation = MAD_TO_SIGMA * f64::from(median(&mut self.samples).unwrap_or_default());
+        (f64::from(middle) + sigmas * deviation.max(floor)).round() as u32
     }
 }
 
 /// Standard deviation of rounding to whole grey levels, blurred units.
 pub(super) fn rounding_noise() -> f64 {
     f64::from(UNITS) / 12.0_f64.sqrt()
-}
-
-/// The upper median; 0 of nothing.
-fn middle(samples: &mut [u32]) -> u32 {
-    let at = samples.len() / 2;
-    if samples.is_empty() { 0 } else { *samples.select_nth_unstable(at).1 }
 }
 
 #[cfg(test)]
