@@ -22,8 +22,8 @@ pub enum Command {
 pub struct ScanRequest {
     /// What is scanned; may be empty.
     pub part_id: String,
-    /// Length at which it ends, metres; 0: when it is stopped.
-    pub length_m: f64,
+    /// Length at which the scan ends, metres, above 0; `None`: it ends when stopped.
+    pub length_m: Option<f64>,
 }
 
 /// What came of a command.

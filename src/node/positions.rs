@@ -15,7 +15,7 @@ use crate::{
     bag::RawMessage,
     ros::camera_params::{CameraParams, Moved},
     scanner::{
-        axis::AxisKind,
+        axis::{AxisKind, RawPosition},
         calibration::Calibration,
         motion::{
             Position,
@@ -277,7 +277,7 @@ impl Positions {
                     tracing::warn!("{advice}");
                 }
                 found.map(|found| Position {
-                    value: found.value.position,
+                    value: RawPosition(found.value.position),
                     counts: found.value.counts,
                     doubts: found.doubts,
                     is_exact: found.is_exact,
@@ -289,7 +289,7 @@ impl Positions {
                     doubts: found.doubts,
                     is_exact: found.is_exact,
                     part_from_sensor: Some(found.value),
-                    ..Position::at(0.0)
+                    ..Position::at(RawPosition(0.0))
                 }),
                 Err(reason) => {
                     self.warn_missing(Some(reason));

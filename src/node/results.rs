@@ -10,10 +10,11 @@ use crate::{
     },
     scanner::{
         calibration::Calibration,
+        frame_index::FrameIndex,
         image::Image,
         motion::{Position, doubt},
         params::{MotionSource, Params, RegionOfInterest},
-        pipeline::{FrameIndex, Output as Measurement},
+        pipeline::Output as Measurement,
         scan::{Completed, Point},
     },
 };
@@ -158,7 +159,7 @@ impl Results {
             frames_missing: index.frames_missing,
             frames_missing_valid: place.missing.is_some(),
             encoder: output.position.map_or(0, |position| position.counts),
-            position: output.position.map_or(0.0, |position| position.value),
+            position: output.position.map_or(0.0, |position| position.value.0),
             encoder_source: self.position_source(output.position),
             encoder_status: output.position.map_or(doubt::STALE, |position| position.doubts),
             receive_stamp: Time::from_ns(*time_ns),

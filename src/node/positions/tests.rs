@@ -79,7 +79,7 @@ fn positions(params: &MotionParams, joint: &str) -> Positions {
 /// Value and doubts of a frame of that time.
 fn found(positions: &mut Positions, at_ms: i64) -> Option<(f64, u8)> {
     let stamp_ns = START_NS + at_ms * MS;
-    positions.at(stamp_ns, stamp_ns).map(|position| (position.value, position.doubts))
+    positions.at(stamp_ns, stamp_ns).map(|position| (position.value.0, position.doubts))
 }
 
 #[test]
@@ -187,7 +187,7 @@ fn an_encoder_counts_over_its_wrap() {
     }
     let position = positions.at(START_NS + 15 * MS, START_NS + 15 * MS).unwrap();
     assert_eq!((position.counts, position.doubts, position.is_exact), (65_750, 0, false));
-    assert!((position.value - 0.065_750).abs() < 1e-12);
+    assert!((position.value.0 - 0.065_750).abs() < 1e-12);
     assert!(positions.at(START_NS + 20 * MS, START_NS + 20 * MS).unwrap().is_exact);
 }
 

@@ -12,10 +12,12 @@ use crate::{
         statistics::Counts,
     },
     scanner::{
+        axis::RawPosition,
         coverage::LARGEST_SHARE,
         exposure_pair::ExposurePairing,
+        frame_error::FrameError,
+        frame_index::FrameIndex,
         motion::{Position, doubt},
-        pipeline::{FrameError, FrameIndex},
     },
 };
 
@@ -224,7 +226,8 @@ impl Ledger {
 
     /// Counts a frame with a doubtful position. Warns about the first.
     fn count_doubtful(&mut self, stamp_ns: i64, position: Option<Position>) {
-        let Some(Position { doubts, value, .. }) = position.filter(|position| position.doubts != 0)
+        let Some(Position { doubts, value: RawPosition(value), .. }) =
+            position.filter(|position| position.doubts != 0)
         else {
             return;
         };

@@ -16,11 +16,13 @@ use crate::{
         statistics::StageTimes,
     },
     scanner::{
+        axis::AxisTravel,
         exposure_pair::ExposurePairing,
+        frame_index::FrameIndex,
         image,
         motion::Position,
         params::MotionParams,
-        pipeline::{FrameIndex, Pipeline, Stage},
+        pipeline::{Pipeline, Stage},
     },
 };
 
@@ -56,8 +58,8 @@ pub(super) struct Measurer {
     pub(super) positions: Option<Positions>,
     /// Buffer for the pixels of a decoded compressed image.
     pub(super) pixels: Vec<u8>,
-    /// How far the last measured frame came since the first of its scan, metres (radians).
-    pub(super) travelled: f64,
+    /// Distance of the last measured frame from the first of its scan.
+    pub(super) travelled: Option<AxisTravel>,
     stages: StageTimes,
 }
 
@@ -68,7 +70,7 @@ impl Measurer {
             results,
             positions: None,
             pixels: Vec::new(),
-            travelled: 0.0,
+            travelled: None,
             stages: StageTimes::default(),
         }
     }

@@ -50,8 +50,8 @@ pub struct Online {
     next_tick: Instant,
     latency: Histogram,
     queue_depth: u32,
-    /// Length at which the open scan ends, metres; 0: when it is stopped.
-    length_m: f64,
+    /// Length at which the open scan ends, metres; `None`: it ends when stopped.
+    length_m: Option<f64>,
     /// Scans that were asked for, which makes their identities differ.
     num_asked: u64,
     /// Who waits for everything to be measured.
@@ -76,7 +76,7 @@ impl Online {
             next_tick: Instant::now() + TICK,
             latency: Histogram::default(),
             queue_depth: 0,
-            length_m: 0.0,
+            length_m: None,
             num_asked: 0,
             drain_reply: None,
         }
@@ -217,8 +217,7 @@ impl Worker {
         reply: &Reply,
         out: &mut Publisher<'_>,
     ) -> Result<(), PublishError> {
-        if !self.measurer.pipeline.is_calibrated() {
-            let message = "without a calibration there is no scan: set calibration_file".to_owned();
+        if let Err(message) = self.check_scan(&request) {
             drop(reply.try_send(Answer { success: false, message, scan_id: None }));
             return Ok(());
         }
@@ -229,6 +228,20 @@ impl Worker {
         self.set_scan(request);
         answer(reply, "the scan begins with the next frame", scan_id);
         Ok(())
+    }
+
+    /// `Err`: the reason to refuse the request.
+    fn check_scan(&self, request: &ScanRequest) -> Result<(), String> {
+        if !self.measurer.pipeline.is_calibrated() {
+            return Err("without a calibration there is no scan: set calibration_file".to_owned());
+        }
+        match request.length_m {
+            Some(length_m) if self.measurer.pipeline.travels_by_angle() => Err(format!(
+                "length is {length_m} m, but the axis is revolute and turns by an angle: set length to 0 and end the scan \
+                 with ~/stop_scan, or limit its frames with scan.max_profiles"
+            )),
+            _ => Ok(()),
+        }
     }
 
     /// Known before the first frame: a camera may be triggered by the motion that waits for this answer.
@@ -255,13 +268,15 @@ impl Worker {
 
     /// Ends a scan that has the length that was asked for.
     pub(super) fn end_at_length(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
-        let length_m = self.online.as_ref().map_or(0.0, |online| online.length_m);
+        let length_m = self.online.as_ref().and_then(|online| online.length_m);
         let is_open = self.measurer.pipeline.scan_id().is_some();
-        if length_m > 0.0 && is_open && self.measurer.travelled >= length_m {
-            tracing::info!("the scan has its length of {length_m} m: it ends");
-            return self.stop_scan(out);
+        match (length_m, self.measurer.travelled) {
+            (Some(length_m), Some(travelled)) if is_open && travelled.reaches_m(length_m) => {
+                tracing::info!("the scan has reached its length of {length_m} m: it ends");
+                self.stop_scan(out)
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// Lets time pass: a camera that sends nothing is reported too.
