@@ -14,7 +14,7 @@ pub enum Command {
     /// Throws the open scan away and begins a new one with the next frame.
     Reset(Reply),
     /// Measures what waits, then ends the open scan and the session.
-    Rest(Reply),
+    Drain(Reply),
 }
 
 /// Which scan.
@@ -22,8 +22,8 @@ pub enum Command {
 pub struct ScanRequest {
     /// What is scanned; may be empty.
     pub part_id: String,
-    /// Length at which it ends, metres; 0: when it is stopped.
-    pub length_m: f64,
+    /// Length at which the scan ends, metres, above 0; `None`: it ends when stopped.
+    pub length_m: Option<f64>,
 }
 
 /// What came of a command.

@@ -10,18 +10,18 @@ use crate::{
     },
     scanner::{
         calibration::Calibration,
-        height_map::HeightMap,
+        frame_index::FrameIndex,
         image::Image,
         motion::{Position, doubt},
         params::{MotionSource, Params, RegionOfInterest},
-        pipeline::{FrameIndex, Output as Measurement},
-        scan::{Point, Slice},
+        pipeline::Output as Measurement,
+        scan::{Completed, Point},
     },
 };
 
 use super::{
     order::{NumberSource, Place},
-    publisher::{Halt, Publisher},
+    publisher::{PublishError, Publisher},
     topics::Output,
 };
 
@@ -97,9 +97,10 @@ impl Results {
         &mut self,
         measured: &Measured<'_>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         let &Measured { header, image, output, time_ns, .. } = measured;
-        self.publish_completed((output.slice, output.height_map), time_ns, out)?;
+        let completed = Completed { slice: output.slice, height_map: output.height_map };
+        self.publish_completed(completed, time_ns, out)?;
         let source = results::FrameSource {
             header: header.borrowed(),
             trace: self.trace(measured),
@@ -121,10 +122,11 @@ impl Results {
     /// Publishes a slice with its companions, and a height map.
     pub(super) fn publish_completed(
         &mut self,
-        (slice, height_map): (Option<&Slice>, Option<&HeightMap>),
+        completed: Completed<'_>,
         time_ns: i64,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
+        let Completed { slice, height_map } = completed;
         if let Some(slice) = slice {
             out.publish(Output::Points, time_ns, &cloud::organised(&self.part_frame, slice))?;
             let dense = cloud::dense(&self.part_frame, slice, &mut self.dense);
@@ -157,7 +159,7 @@ impl Results {
             frames_missing: index.frames_missing,
             frames_missing_valid: place.missing.is_some(),
             encoder: output.position.map_or(0, |position| position.counts),
-            position: output.position.map_or(0.0, |position| position.value),
+            position: output.position.map_or(0.0, |position| position.value.0),
             encoder_source: self.position_source(output.position),
             encoder_status: output.position.map_or(doubt::STALE, |position| position.doubts),
             receive_stamp: Time::from_ns(*time_ns),

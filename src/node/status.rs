@@ -4,12 +4,15 @@ use std::borrow::Cow;
 
 use sha2::{Digest, Sha256};
 
-use crate::msg::{
-    builtin_interfaces::Time,
-    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
-    laser_profiler_msgs::StreamStatus,
-    std_msgs::Header,
-    unique_identifier_msgs::Uuid,
+use crate::{
+    msg::{
+        builtin_interfaces::Time,
+        diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
+        laser_profiler_msgs::StreamStatus,
+        std_msgs::Header,
+        unique_identifier_msgs::Uuid,
+    },
+    scanner::uuid::uuid_v8,
 };
 
 use super::statistics::Counts;
@@ -38,11 +41,7 @@ pub fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
         .chain_update([0])
         .chain_update(parameters_sha256)
         .finalize();
-    let mut id = [0; 16];
-    id.copy_from_slice(&digest[..16]);
-    id[6] = (id[6] & 0x0f) | 0x80;
-    id[8] = (id[8] & 0x3f) | 0x80;
-    id
+    uuid_v8(&digest.into())
 }
 
 /// Decides when a report is due, from the times of the messages alone.

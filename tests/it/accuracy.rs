@@ -5,12 +5,13 @@ use laser_profiler::{
     scanner::{
         calibration::Calibration,
         channel::{AnyPlane, Plane},
+        frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         params::{
             ExtractionParams, Method, Params, PeakSelection, RegionOfInterest, StripeDirection,
             Window,
         },
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
         stripe::{Centerline, Extractor, flag},
     },
     simulate::stripe::{StripeScene, render_stripe},

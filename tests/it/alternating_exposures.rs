@@ -4,9 +4,10 @@ use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
         exposure_pair::Pairing,
+        frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         params::{Exposure, ExtractionParams, Params},
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
         stripe::flag,
     },
     simulate::{scenario::Scenario, world::RenderedFrame},

@@ -9,6 +9,7 @@ use super::{
     robust::{self, Equation},
     surface::Surface,
 };
+use crate::scanner::pose::perpendicular_basis;
 
 /// Rounds of turning the frame to the plane; the second one changes little, unless many points are none of its.
 const MAX_ROUNDS: usize = 20;
@@ -100,7 +101,7 @@ pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
     let middle = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / found as f64);
     let mut normal = narrowest(&points, &middle).ok_or_else(degenerate)?;
     for round in 1..=MAX_ROUNDS {
-        let directions = directions(&normal);
+        let directions = perpendicular_basis(&normal);
         let equations: Vec<Equation<3>> = points
             .iter()
             .map(|point| {
@@ -149,7 +150,7 @@ fn finish(
         sigma_m: covariance[(0, 0)].sqrt(),
         tilt_sigma_rad: [covariance[(1, 1)].sqrt(), covariance[(2, 2)].sqrt()],
         covariance,
-        directions: directions(&normal),
+        directions: perpendicular_basis(&normal),
         scatter_m: solved.scale,
         flatness,
         num_points,
@@ -174,13 +175,6 @@ fn narrowest(points: &[Point3<f64>], middle: &Point3<f64>) -> Option<Vector3<f64
     }
     let normal = eigen.eigenvectors.column(order[0]).into_owned();
     Some(if normal.z < 0.0 { -normal } else { normal })
-}
-
-/// Two directions at right angles to the normal, the first nearly along x.
-fn directions(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let start = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
-    let first = (start - normal * normal.dot(&start)).normalize();
-    [first, normal.cross(&first)]
 }
 
 /// The motion that lays a plane level at height 0: the smallest turn that takes its normal to z, about its middle.

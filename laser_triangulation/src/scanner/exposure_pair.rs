@@ -18,8 +18,8 @@ mod points;
 mod tests;
 
 use super::{
+    frame_index::FrameIndex,
     params::StripeDirection,
-    pipeline::FrameIndex,
     stripe::{Centerline, flag},
 };
 use crate::statistics::median;

@@ -9,7 +9,7 @@ pub use motion::{AxisChoice, MotionParams, MotionSource, ScanDirection};
 
 use crate::named_enum;
 
-use super::{image::PixelFormat, pipeline::FrameError, scan::ScanLimits};
+use super::{frame_error::FrameError, image::PixelFormat, scan::ScanLimits};
 
 named_enum! {
     /// Which grey level a colour pixel contributes.

@@ -19,9 +19,10 @@ use crate::{
     msg::{cdr, laser_profiler_msgs},
     scanner::{
         channel::{self, window},
+        frame_index::FrameIndex,
         image::Frame,
         params::{ExtractionParams, Method, Params, StripeDirection},
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
     },
 };
 

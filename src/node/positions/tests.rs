@@ -79,7 +79,7 @@ fn positions(params: &MotionParams, joint: &str) -> Positions {
 /// Value and doubts of a frame of that time.
 fn found(positions: &mut Positions, at_ms: i64) -> Option<(f64, u8)> {
     let stamp_ns = START_NS + at_ms * MS;
-    positions.at(stamp_ns, stamp_ns).map(|position| (position.value, position.doubts))
+    positions.at(stamp_ns, stamp_ns).map(|position| (position.value.0, position.doubts))
 }
 
 #[test]
@@ -187,7 +187,7 @@ fn an_encoder_counts_over_its_wrap() {
     }
     let position = positions.at(START_NS + 15 * MS, START_NS + 15 * MS).unwrap();
     assert_eq!((position.counts, position.doubts, position.is_exact), (65_750, 0, false));
-    assert!((position.value - 0.065_750).abs() < 1e-12);
+    assert!((position.value.0 - 0.065_750).abs() < 1e-12);
     assert!(positions.at(START_NS + 20 * MS, START_NS + 20 * MS).unwrap().is_exact);
 }
 
@@ -213,7 +213,7 @@ fn an_encoder_that_says_something_is_wrong_is_believed() {
 #[test]
 fn poses_are_looked_up_at_the_stamp() {
     let mut positions = positions(&params(MotionSource::Tf), "");
-    positions.see_frame("optical");
+    positions.set_camera_frame("optical");
     assert_eq!((found(&mut positions, 0), positions.patience_ns()), (None, None));
     positions.take(&tf("/tf_static", 0, "carriage", "optical", 1.0));
     for number in 0..4 {
@@ -242,9 +242,9 @@ fn what_comes_after_a_frame_was_given_up_is_told_once() {
     assert_eq!(found(&mut positions, 25), Some((1.0, doubt::EXTRAPOLATED)));
     assert_eq!(positions.given_up, Some((START_NS + 25 * MS, START_NS + 25 * MS)));
     positions.take(&joint(24, &["table"], &[1.0]));
-    assert!(!positions.has_told_late);
+    assert!(!positions.has_warned_late);
     positions.take(&joint(30, &["table"], &[1.0]));
-    assert!(positions.has_told_late && positions.given_up.is_none());
+    assert!(positions.has_warned_late && positions.given_up.is_none());
 }
 
 #[test]

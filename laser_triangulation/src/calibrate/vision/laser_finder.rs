@@ -4,9 +4,9 @@ use thiserror::Error;
 
 use crate::scanner::{
     channel::{AnyPlane, Decoder, Plane, RoiError, Window, window},
+    frame_error::FrameError,
     image::{Image, PixelFormat},
     params::{Background, Channel, ExtractionParams, Method, Params, PeakSelection, Threshold},
-    pipeline::FrameError,
     stripe::{Centerline, Extractor},
 };
 
