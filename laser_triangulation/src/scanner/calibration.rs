@@ -190,4 +190,4 @@ pub struct PlacedPoint {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -57,6 +57,19 @@ impl Camera {
         Some(Vector3::new(straight.x, straight.y, 1.0))
     }
 
+    /// A calibrated value by its name in a covariance: fx, fy, cx, cy, `tau_x`, `tau_y` or a distortion coefficient.
+    pub(crate) fn value_mut(&mut self, name: &str) -> Option<&mut f64> {
+        match name {
+            "fx" => Some(&mut self.fx_px),
+            "fy" => Some(&mut self.fy_px),
+            "cx" => Some(&mut self.cx_px),
+            "cy" => Some(&mut self.cy_px),
+            "tau_x" => Some(&mut self.tilt_rad[0]),
+            "tau_y" => Some(&mut self.tilt_rad[1]),
+            _ => self.distortion.coefficient_mut(name),
+        }
+    }
+
     /// From the inclined sensor to the plane z = 1; `None` where it is not inclined.
     pub(super) fn untilt(&self) -> Option<Matrix3<f64>> {
         let is_inclined = self.tilt_rad.iter().any(|angle| *angle != 0.0);

@@ -7,11 +7,13 @@ pub mod track;
 pub mod reading;
 pub mod counter;
 pub mod frames;
-pub mod travel;
+mod travel;
+pub mod locator;
 pub mod placement;
 
 use nalgebra::Isometry3;
 
+use super::axis::RawPosition;
 use super::params::{MotionParams, MotionSource};
 
 /// Why a position is in doubt: bits, as in `FrameTrace.encoder_status`.
@@ -29,8 +31,8 @@ pub mod doubt {
 /// Where the axis was in the middle of a frame's exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Position {
-    /// Metres, or radians of a rotary axis; 0 where a pose says more.
-    pub value: f64,
+    /// Position along the scan, before the scale of the axis. For a measured pose: metres from the first frame of the scan.
+    pub value: RawPosition,
     /// Encoder, counts; 0 where there is none.
     pub counts: i64,
     /// Bits of [`doubt`]; 0: none.
@@ -43,7 +45,7 @@ pub struct Position {
 
 impl Position {
     /// A position beyond doubt.
-    pub const fn at(value: f64) -> Self {
+    pub const fn at(value: RawPosition) -> Self {
         Self { value, counts: 0, doubts: 0, is_exact: false, part_from_sensor: None }
     }
 }
@@ -77,7 +79,7 @@ impl Motion {
             }
             MotionSource::JointState | MotionSource::Encoder | MotionSource::Tf => return None,
         };
-        Some(Position::at(position_m))
+        Some(Position::at(RawPosition(position_m)))
     }
 
     /// Starts again at 0 with the next frame.
@@ -97,7 +99,7 @@ mod tests {
     }
 
     fn position_m(motion: &mut Motion, frame_number: u64, stamp_ns: i64) -> f64 {
-        motion.position(frame_number, stamp_ns).unwrap().value
+        motion.position(frame_number, stamp_ns).unwrap().value.0
     }
 
     #[test]

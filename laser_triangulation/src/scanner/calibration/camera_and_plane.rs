@@ -3,7 +3,6 @@
 mod cuts;
 mod frame;
 mod part;
-mod uncertainty;
 
 pub use part::PartPose;
 
