@@ -18,12 +18,12 @@ const PATIENCE: Duration = Duration::from_mins(1);
 
 /// A message as it was heard.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Heard {
+pub(super) struct Received {
     pub(super) topic: String,
     pub(super) data: Vec<u8>,
 }
 
-impl Heard {
+impl Received {
     pub(super) fn decode<'de, M: Message + Deserialize<'de>>(&'de self) -> M {
         cdr::decode(&self.data).unwrap()
     }
@@ -31,20 +31,24 @@ impl Heard {
 
 /// Keeps what it hears, in order.
 #[derive(Clone, Default)]
-pub(super) struct Ear(Arc<(Mutex<Vec<Heard>>, Condvar)>);
+pub(super) struct Listener(Arc<(Mutex<Vec<Received>>, Condvar)>);
 
-impl Ear {
+impl Listener {
     pub(super) fn on_arrival(&self, topic: &str) -> OnArrival {
         let (kept, topic) = (Arc::clone(&self.0), topic.to_owned());
         Box::new(move |arrival| {
             let data = arrival.unwrap().data;
-            kept.0.lock().unwrap().push(Heard { topic: topic.clone(), data });
+            kept.0.lock().unwrap().push(Received { topic: topic.clone(), data });
             kept.1.notify_all();
         })
     }
 
     /// Waits until what was heard is as it should be.
-    pub(super) fn wait(&self, what: &str, mut is_so: impl FnMut(&[Heard]) -> bool) -> Vec<Heard> {
+    pub(super) fn wait(
+        &self,
+        what: &str,
+        mut is_so: impl FnMut(&[Received]) -> bool,
+    ) -> Vec<Received> {
         let guard = self.0.0.lock().unwrap();
         let (guard, timeout) =
             self.0.1.wait_timeout_while(guard, PATIENCE, |heard| !is_so(heard)).unwrap();
@@ -53,7 +57,7 @@ impl Ear {
     }
 
     /// Waits for that many messages of a topic, and returns them.
-    pub(super) fn wait_for(&self, topic: &str, num: usize) -> Vec<Heard> {
+    pub(super) fn wait_for(&self, topic: &str, num: usize) -> Vec<Received> {
         let heard = self.wait(&format!("{num} of {topic}"), |heard| {
             heard.iter().filter(|message| message.topic == topic).count() >= num
         });
@@ -65,7 +69,7 @@ impl Ear {
         &self,
         what: &str,
         topic: &str,
-        mut read: impl FnMut(&Heard) -> Option<T>,
+        mut read: impl FnMut(&Received) -> Option<T>,
     ) -> T {
         let mut found = None;
         self.wait(what, |heard| {
@@ -77,7 +81,7 @@ impl Ear {
     }
 
     /// What was heard of a topic so far.
-    pub(super) fn heard(&self, topic: &str) -> Vec<Heard> {
+    pub(super) fn received(&self, topic: &str) -> Vec<Received> {
         let heard = self.0.0.lock().unwrap();
         heard.iter().filter(|message| message.topic == topic).cloned().collect()
     }

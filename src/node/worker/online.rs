@@ -5,14 +5,14 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Now, Pending, Worker};
+use super::{Now, Worker};
 use crate::node::{
     board::Board,
-    camera_info::{ImageHeader, Pairing},
+    camera_info::{CameraMatch, ImageHeader},
     clock::{RosClock, system_ns},
     command::{Answer, Command, Mailbox, Reply, ScanRequest, Settings},
     histogram::Histogram,
-    publisher::{Halt, Publisher},
+    publisher::{PublishError, Publisher},
     queue::Queue,
     status::{self, Load, Note},
 };
@@ -35,10 +35,10 @@ pub struct Surroundings {
 pub type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
 
 /// Looks at every image that is measured, and says what is known of its camera.
-pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> Pairing + Send>;
+pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> CameraMatch + Send>;
 
 /// The live side of a worker.
-pub struct Live {
+pub struct Online {
     settings: Arc<Mailbox<Settings>>,
     clock: RosClock,
     /// Breaks in the clock's time that the session before this one ended with.
@@ -55,10 +55,10 @@ pub struct Live {
     /// Scans that were asked for, which makes their identities differ.
     num_asked: u64,
     /// Who waits for everything to be measured.
-    resting: Option<Reply>,
+    drain_reply: Option<Reply>,
 }
 
-impl Live {
+impl Online {
     /// A live side that takes new settings from the mailbox.
     pub fn new(
         settings: Arc<Mailbox<Settings>>,
@@ -78,7 +78,7 @@ impl Live {
             queue_depth: 0,
             length_m: 0.0,
             num_asked: 0,
-            resting: None,
+            drain_reply: None,
         }
     }
 
@@ -93,8 +93,8 @@ impl Live {
     }
 
     /// Whether somebody waits for everything to be measured.
-    pub(super) const fn is_resting(&self) -> bool {
-        self.resting.is_some()
+    pub(super) const fn is_draining(&self) -> bool {
+        self.drain_reply.is_some()
     }
 
     pub(super) fn surroundings(&self) -> Surroundings {
@@ -111,7 +111,7 @@ impl Live {
         std::mem::replace(&mut self.num_breaks, num_breaks) != num_breaks
     }
 
-    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) -> Pairing {
+    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         (self.observe)(image)
     }
 
@@ -142,13 +142,13 @@ impl Live {
 
 impl Worker {
     /// Between two frames: takes new settings, and notices when time does not go on.
-    pub(super) fn look_up(
+    pub(super) fn apply_changes(
         &mut self,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         self.apply_settings(spare, out)?;
-        if self.live.as_mut().is_some_and(Live::has_time_broken) {
+        if self.online.as_mut().is_some_and(Online::has_time_broken) {
             self.release(Now::End, spare, out)?;
             tracing::warn!("{}: time did not go on: a new session begins", self.reporter.topic);
             self.begin_session(out)?;
@@ -161,29 +161,34 @@ impl Worker {
         &mut self,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
-        let Some(settings) = self.live.as_ref().and_then(|live| live.settings.take()) else {
+    ) -> Result<(), PublishError> {
+        let Some(settings) = self.online.as_ref().and_then(|online| online.settings.take()) else {
             return Ok(());
         };
-        self.move_by(&settings.params, spare, out)?;
-        if self.pipeline.must_end_for(&settings.params) {
+        self.release(Now::End, spare, out)?;
+        self.measurer.reconfigure_positions(&settings.params.motion);
+        if self.measurer.pipeline.must_end_for(&settings.params) {
             self.end_scan(out)?;
         }
-        self.pipeline.reconfigure(settings.params);
-        self.results.reconfigure(&settings.params, &settings.parameters_sha256);
+        self.measurer.pipeline.reconfigure(settings.params);
+        self.measurer.results.reconfigure(&settings.params, &settings.parameters_sha256);
         self.options.sends_images = settings.sends_images;
         Ok(())
     }
 
     /// Counters go on, but what comes next has another identity.
-    fn begin_session(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        self.begin_anew(out)?;
+    fn begin_session(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
+        self.restart_stream(out)?;
         self.reporter.begin_session(system_ns());
         Ok(())
     }
 
-    pub(super) fn obey(&mut self, command: Command, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        let scan_id = self.pipeline.scan_id();
+    pub(super) fn execute(
+        &mut self,
+        command: Command,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), PublishError> {
+        let scan_id = self.measurer.pipeline.scan_id();
         match command {
             Command::StartScan(request, reply) => self.start_scan(request, &reply, out)?,
             Command::StopScan(reply) => {
@@ -191,15 +196,15 @@ impl Worker {
                 answer(&reply, scan_id.map_or("no scan was open", |_| "scan ended"), scan_id);
             }
             Command::Reset(reply) => {
-                self.pipeline.discard();
-                self.pending = Pending::default();
-                self.pipeline.start_scanning();
+                self.measurer.pipeline.discard();
+                self.ledger.take_gap();
+                self.measurer.pipeline.start_scanning();
                 self.set_scan(ScanRequest::default());
                 answer(&reply, scan_id.map_or("no scan was open", |_| "scan discarded"), scan_id);
             }
-            Command::Rest(reply) => {
-                if let Some(live) = &mut self.live {
-                    live.resting = Some(reply);
+            Command::Drain(reply) => {
+                if let Some(online) = &mut self.online {
+                    online.drain_reply = Some(reply);
                 }
             }
         }
@@ -211,16 +216,16 @@ impl Worker {
         request: ScanRequest,
         reply: &Reply,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
-        if !self.pipeline.is_calibrated() {
+    ) -> Result<(), PublishError> {
+        if !self.measurer.pipeline.is_calibrated() {
             let message = "without a calibration there is no scan: set calibration_file".to_owned();
             drop(reply.try_send(Answer { success: false, message, scan_id: None }));
             return Ok(());
         }
         self.end_scan(out)?;
         let scan_id = self.next_scan_id();
-        self.pipeline.start_scanning();
-        self.pipeline.set_next_scan_id(scan_id);
+        self.measurer.pipeline.start_scanning();
+        self.measurer.pipeline.set_next_scan_id(scan_id);
         self.set_scan(request);
         answer(reply, "the scan begins with the next frame", scan_id);
         Ok(())
@@ -228,31 +233,31 @@ impl Worker {
 
     /// Known before the first frame: a camera may be triggered by the motion that waits for this answer.
     fn next_scan_id(&mut self) -> Option<[u8; 16]> {
-        let live = self.live.as_mut()?;
-        live.num_asked += 1;
-        let asked = format!("{:?} {} {}", self.reporter.session_id, live.num_asked, system_ns());
+        let online = self.online.as_mut()?;
+        online.num_asked += 1;
+        let asked = format!("{:?} {} {}", self.reporter.session_id, online.num_asked, system_ns());
         Some(status::session_id(&self.reporter.topic, &asked))
     }
 
-    fn stop_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+    fn stop_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
         self.end_scan(out)?;
-        self.pipeline.stop_scanning();
+        self.measurer.pipeline.stop_scanning();
         self.set_scan(ScanRequest::default());
         Ok(())
     }
 
     fn set_scan(&mut self, request: ScanRequest) {
-        self.results.set_part_id(request.part_id);
-        if let Some(live) = &mut self.live {
-            live.length_m = request.length_m;
+        self.measurer.results.set_part_id(request.part_id);
+        if let Some(online) = &mut self.online {
+            online.length_m = request.length_m;
         }
     }
 
     /// Ends a scan that has the length that was asked for.
-    pub(super) fn end_at_length(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        let length_m = self.live.as_ref().map_or(0.0, |live| live.length_m);
-        let is_open = self.pipeline.scan_id().is_some();
-        if length_m > 0.0 && is_open && self.travelled >= length_m {
+    pub(super) fn end_at_length(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
+        let length_m = self.online.as_ref().map_or(0.0, |online| online.length_m);
+        let is_open = self.measurer.pipeline.scan_id().is_some();
+        if length_m > 0.0 && is_open && self.measurer.travelled >= length_m {
             tracing::info!("the scan has its length of {length_m} m: it ends");
             return self.stop_scan(out);
         }
@@ -260,15 +265,19 @@ impl Worker {
     }
 
     /// Lets time pass: a camera that sends nothing is reported too.
-    pub(super) fn tick(&mut self, queue_depth: usize, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        let Some(live) = &mut self.live else { return Ok(()) };
-        live.queue_depth = live.queue_depth.max(queue_depth as u32);
-        let rested = if queue_depth == 0 { live.resting.take() } else { None };
-        let is_due = Instant::now() >= live.next_tick;
+    pub(super) fn tick(
+        &mut self,
+        queue_depth: usize,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), PublishError> {
+        let Some(online) = &mut self.online else { return Ok(()) };
+        online.queue_depth = online.queue_depth.max(queue_depth as u32);
+        let drained = if queue_depth == 0 { online.drain_reply.take() } else { None };
+        let is_due = Instant::now() >= online.next_tick;
         if is_due {
-            live.next_tick = Instant::now() + TICK;
+            online.next_tick = Instant::now() + TICK;
         }
-        if let Some(reply) = rested {
+        if let Some(reply) = drained {
             self.begin_session(out)?;
             answer(&reply, "everything is measured", None);
         }
@@ -276,7 +285,7 @@ impl Worker {
             return Ok(());
         }
         let now_ns = self.report_time_ns();
-        match self.schedule.poll(now_ns, &self.counts) {
+        match self.schedule.poll(now_ns, self.ledger.counts()) {
             Some(interval) => self.report(now_ns, interval, out),
             None => Ok(()),
         }
