@@ -1,4 +1,4 @@
-//! What the pipeline said, as messages on their topics.
+//! Converts the output of the pipeline to messages and publishes them.
 
 use crate::{
     msg::{
@@ -36,7 +36,7 @@ pub(super) struct Measured<'a> {
     pub(super) time_ns: i64,
 }
 
-/// What every result repeats, and buffers for those that need one.
+/// Values that every result repeats, and buffers.
 pub struct Results {
     roi: RegionOfInterest,
     method: String,
@@ -73,7 +73,7 @@ impl Results {
         results
     }
 
-    /// Says from now on that results were measured with these values.
+    /// Sets the values with which results are measured from now on.
     pub fn reconfigure(&mut self, params: &Params, parameters_sha256: &str) {
         let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
         self.roi = params.roi;

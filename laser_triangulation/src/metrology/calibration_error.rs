@@ -1,4 +1,4 @@
-//! What a calibration that is not known exactly does to measured points.
+//! The effect of a calibration's uncertainty on measured points.
 
 mod axes;
 mod rig;
@@ -33,7 +33,7 @@ enum Map {
     Rays(Box<[Rig; 2]>),
 }
 
-/// Whether a scan's points tell what the calibration adds only together with the positions of its profiles: its axis turns
+/// Returns true if the calibration's contribution depends on the positions of the profiles: its axis turns
 /// the part, or leans, or the part's frame was laid on a flat.
 #[must_use]
 pub fn needs_positions(calibration: &Calibration) -> bool {
@@ -50,7 +50,7 @@ pub fn needs_positions(calibration: &Calibration) -> bool {
 /// the axis is, it moves by its direction, its place and its scale.
 ///
 /// # Errors
-/// Why it is not known: the file states no covariance.
+/// The file states no covariance.
 pub fn perturbations(
     calibration: &Calibration,
     direction: StripeDirection,

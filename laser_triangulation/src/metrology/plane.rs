@@ -34,17 +34,17 @@ pub struct PlaneFit {
     pub directions: [Vector3<f64>; 2],
     /// Robust standard deviation of the points about the plane, metres.
     pub scatter_m: f64,
-    /// How flat all points are, outliers included.
+    /// Flatness over all points, outliers included.
     pub flatness: Form,
     /// Points that took part.
     pub num_points: usize,
     /// Points without weight: farther away than 4.7 standard deviations.
     pub num_outliers: usize,
-    /// So many independent points would tell as much: neighbours deviate together.
+    /// Number of independent points with the same information: the errors of neighbours are correlated.
     pub effective_points: f64,
 }
 
-/// Why there is no plane.
+/// The reason why no form can be fitted.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum FormError {
     /// Too few points.
@@ -87,8 +87,7 @@ impl PlaneFit {
 }
 
 /// The plane with the smallest distances from the points along its normal, by Tukey's weights; see
-/// [`robust::solve`]. Uncertainties count neighbours that deviate together as what they tell:
-/// [`inflation`].
+/// Huber 1981. Uncertainties account for the correlation of neighbouring points' errors.
 ///
 /// # Errors
 /// Too few points, or points on a line.

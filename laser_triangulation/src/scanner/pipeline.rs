@@ -5,9 +5,9 @@ use super::{
     ambient::Ambient,
     axis::{Axis, AxisKind, AxisTravel},
     calibration::{Calibration, Lines},
-    channel::{Decoder, window},
+    channel::{Decoder, SearchedRegion},
     coverage::share_above_threshold,
-    exposure_pair::{ExposurePairs, Pairing},
+    exposure_pair::{ExposurePairing, ExposurePairs},
     frame_error::FrameError,
     frame_index::FrameIndex,
     height_map::HeightMap,
@@ -101,7 +101,7 @@ impl Pipeline {
         let full_scale = self.params.full_scale_of(image.format())?;
         self.check_size(image_px)?;
         // Step 1: crop.
-        let searched = window(self.params.roi, image.width(), image.height())?;
+        let searched = SearchedRegion::new(self.params.roi, image.width(), image.height())?;
         self.ambient.prepare(&image, &searched, &self.params, &mut self.extractor)?;
 
         // Step 2: one grey level a pixel.
@@ -111,7 +111,7 @@ impl Pipeline {
         // Steps 3 to 8: blur, segment, coarse peak, width, window, centre.
         let share_above_threshold =
             share_above_threshold(&plane, &self.params.extraction, full_scale);
-        self.extractor.extract(&plane, (searched.x, searched.y), full_scale, &mut self.centerline);
+        self.extractor.extract_plane(&plane, searched.offset(), full_scale, &mut self.centerline);
         let pairs = self.pairs.as_mut();
         let pairing = pairs.map(|pairs| pairs.merge(&mut self.centerline, index, image_px));
         on_stage(Stage::Extract);
@@ -248,7 +248,7 @@ pub struct Output<'a> {
     /// The centreline; it may have no points.
     pub centerline: &'a Centerline,
     /// Pairing of the two exposures, if they alternate.
-    pub pairing: Option<Pairing>,
+    pub pairing: Option<ExposurePairing>,
     /// Share of the searched pixels above a fixed segment threshold, 0 to 1: above [`LARGEST_SHARE`] the threshold is too
     /// low for the scene. `None` if the threshold is adaptive.
     ///

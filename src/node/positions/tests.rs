@@ -117,7 +117,7 @@ fn the_only_joint_needs_no_name() {
 }
 
 #[test]
-fn what_says_nothing_of_the_joint_is_refused_and_counted() {
+fn a_message_without_the_joint_is_refused_and_counted() {
     let bad: [(&str, RawMessage, &str); 7] = [
         ("short", joint(0, &["arm", "table"], &[7.0]), "1 positions for 2 names"),
         ("nan", joint(0, &["table"], &[f64::NAN]), "the position is NaN"),
@@ -147,9 +147,9 @@ fn what_says_nothing_of_the_joint_is_refused_and_counted() {
 }
 
 #[test]
-fn a_joint_that_does_not_exist_is_told_with_those_that_do() {
+fn a_missing_joint_is_reported_with_those_received() {
     let mut positions = positions(&params(MotionSource::JointState), "table");
-    assert!(positions.why_nothing_came().contains("no sample has come"));
+    assert!(positions.why_nothing_came().contains("no usable sample"));
     positions.take(&joint(0, &["arm", "lift"], &[1.0, 2.0]));
     assert_eq!(found(&mut positions, 0), None);
     let why = positions.why_nothing_came();
@@ -234,7 +234,7 @@ fn poses_are_looked_up_at_the_stamp() {
 }
 
 #[test]
-fn what_comes_after_a_frame_was_given_up_is_told_once() {
+fn a_sample_that_comes_too_late_is_reported_once() {
     let mut positions = positions(&params(MotionSource::JointState), "table");
     for at_ms in [0, 10, 20] {
         positions.take(&joint(at_ms, &["table"], &[1.0]));

@@ -14,7 +14,7 @@ use crate::{
     scanner::{
         axis::RawPosition,
         coverage::LARGEST_SHARE,
-        exposure_pair::Pairing,
+        exposure_pair::ExposurePairing,
         frame_error::FrameError,
         frame_index::FrameIndex,
         motion::{Position, doubt},
@@ -243,11 +243,11 @@ impl Ledger {
 }
 
 /// True if a frame lacks its other exposure. Logs the reason where the scene or the parameters are to blame.
-fn is_unpaired(pairing: Option<Pairing>) -> bool {
-    if pairing == Some(Pairing::Alike) {
+fn is_unpaired(pairing: Option<ExposurePairing>) -> bool {
+    if pairing == Some(ExposurePairing::Alike) {
         tracing::debug!("exposures alternate, but this frame is as bright as the one before it");
     }
-    matches!(pairing, Some(Pairing::Alone | Pairing::Alike))
+    matches!(pairing, Some(ExposurePairing::Alone | ExposurePairing::Alike))
 }
 
 fn in_words(doubts: u8) -> String {

@@ -17,7 +17,7 @@ use crate::{
     },
     scanner::{
         axis::AxisTravel,
-        exposure_pair::Pairing,
+        exposure_pair::ExposurePairing,
         frame_index::FrameIndex,
         image,
         motion::Position,
@@ -43,7 +43,7 @@ pub(super) struct Outcome {
     pub(super) stamp_ns: i64,
     pub(super) num_points: u64,
     pub(super) has_slice: bool,
-    pub(super) pairing: Option<Pairing>,
+    pub(super) pairing: Option<ExposurePairing>,
     pub(super) share_above_threshold: Option<f64>,
     pub(super) position: Option<Position>,
     /// True if positions are measured rather than assumed.

@@ -45,7 +45,7 @@ pub(super) struct RevoluteFit {
     pub sigma: [f64; 2],
 }
 
-/// Why there is no axis.
+/// The reason why markers determine no axis.
 #[derive(Debug, Error, PartialEq)]
 pub enum RevoluteError {
     /// Too few pictures.
@@ -91,11 +91,11 @@ pub(super) fn fit(camera: &Camera, sightings: &[Sighting]) -> Result<RevoluteFit
     });
     let best = found.min_by(|a, b| a.1.rms().total_cmp(&b.1.rms()));
     let (normal, solution) =
-        best.ok_or_else(|| RevoluteError::NoAxis("no start leads anywhere".to_owned()))?;
+        best.ok_or_else(|| RevoluteError::NoAxis("no starting point converges".to_owned()))?;
     problem.result(normal, &solution)
 }
 
-/// What is seen, and the unknowns in their order: two tilts of the normal, two coordinates of the centre in the plane,
+/// The sightings. The unknowns are, in this order: two tilts of the normal, two coordinates of the centre in the plane,
 /// the angle of every picture but the first, and each marker's radius, phase and height but the first one's height.
 struct Problem<'a> {
     camera: &'a Camera,
@@ -117,7 +117,7 @@ impl Problem<'_> {
         self.rays.iter().map(point).collect()
     }
 
-    /// How badly a normal explains the middles as circles about one point, and the unknowns that do so best.
+    /// Returns the misfit of circles about one point for a normal, and the unknowns that fit best.
     fn guess(&self, normal: Vector3<f64>) -> Option<(f64, DVector<f64>)> {
         let points = self.in_plane(normal)?;
         let center = common_center(&points, self.sightings, self.markers)?;
@@ -202,7 +202,7 @@ impl Problem<'_> {
             return Err(RevoluteError::Still { turned_deg: (ends.1 - ends.0).to_degrees() });
         }
         let Some(covariance) = &found.unit_covariance else {
-            return Err(RevoluteError::NoAxis("the pictures leave it open".to_owned()));
+            return Err(RevoluteError::NoAxis("the pictures do not determine it".to_owned()));
         };
         let degrees = (2 * self.sightings.len()).saturating_sub(self.unknowns()).max(1);
         let variance = found.residuals.norm_squared() / degrees as f64;
