@@ -6,7 +6,7 @@ use std::{
     process::Command,
 };
 
-use laser_profiler::simulate::scene;
+use laser_profiler::simulate::scene_from_yaml;
 
 use crate::program::{end, laser_profiler};
 
@@ -14,15 +14,16 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
 /// The modules that each module may use.
-const MAY_USE: [(&str, &[&str]); 13] = [
-    ("scanner", &[]),
-    ("metrology", &["scanner"]),
+const MAY_USE: [(&str, &[&str]); 14] = [
+    ("statistics", &[]),
+    ("scanner", &["statistics"]),
+    ("metrology", &["scanner", "statistics"]),
     ("simulate", &["scanner"]),
     ("evaluate", &["scanner", "simulate"]),
-    ("calibrate", &["scanner"]),
+    ("calibrate", &["metrology", "scanner", "statistics"]),
     ("msg", &["scanner"]),
-    ("results", &["bag", "msg", "metrology", "scanner"]),
-    ("report", &["results", "bag", "msg", "scanner"]),
+    ("results", &["bag", "msg", "metrology", "scanner", "statistics"]),
+    ("report", &["results", "bag", "msg", "scanner", "statistics"]),
     ("ros", &["msg", "scanner"]),
     ("bag", &["msg"]),
     ("foxglove", &["msg"]),
@@ -41,13 +42,14 @@ const MAY_USE: [(&str, &[&str]); 13] = [
             "evaluate",
             "metrology",
             "calibrate",
+            "statistics",
         ],
     ),
 ];
 
 /// Words that pure modules must not contain.
-const PURE: [&str; 7] =
-    ["scanner", "metrology", "simulate", "evaluate", "calibrate", "msg", "report"];
+const PURE: [&str; 8] =
+    ["statistics", "scanner", "metrology", "simulate", "evaluate", "calibrate", "msg", "report"];
 const IMPURE: [&str; 14] = [
     "std::fs",
     "std::net",
@@ -305,7 +307,7 @@ fn every_stored_parameter_file_and_scenario_loads() {
         assert!(matches!(ended.code, Some(0 | 3)), "{}: {ended:?}", path.display());
     }
     for path in files_ending_in(".scenario.yaml") {
-        let scenario = scene::from_yaml(&text(&path));
+        let scenario = scene_from_yaml(&text(&path));
         assert!(scenario.is_ok(), "{}: {:?}", path.display(), scenario.err());
     }
 }
