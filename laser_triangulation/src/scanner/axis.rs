@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-/// What an axis does.
+/// Kind of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisKind {
     /// It shifts the part.
@@ -12,7 +12,7 @@ pub enum AxisKind {
 }
 
 impl AxisKind {
-    /// Its name in files.
+    /// Name in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Prismatic => "prismatic",
@@ -66,11 +66,11 @@ impl AxisTravel {
 /// A linear or rotary axis in the camera's frame (x right, y down, z forward, metres).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
-    /// Whether it shifts or turns.
+    /// Shift or turn.
     pub kind: AxisKind,
-    /// A point that does not move when the part turns, metres; without meaning for a prismatic axis.
+    /// A point of a revolute axis, metres; unused for a prismatic axis.
     pub point_m: Point3<f64>,
-    /// Where the part goes when the position grows; for a revolute axis the turn is right-handed about it.
+    /// Direction of motion for growing positions; a revolute axis turns right-handed about it.
     pub direction: Unit<Vector3<f64>>,
     /// Metres (radians, for a revolute axis) in one unit of the raw position: 1, or the calibrated value. Not 0.
     pub scale: f64,
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rotary_axis_turns_by_the_right_hand() {
+    fn a_revolute_axis_turns_right_handed() {
         let (kind, point_m) = (AxisKind::Revolute, Point3::new(1.0, 0.0, 5.0));
         let axis = Axis { kind, point_m, direction: Vector3::z_axis(), scale: 1.0 };
         let moved = axis.pose(RawPosition(FRAC_PI_2)) * Point3::new(2.0, 0.0, 7.0);

@@ -1,4 +1,4 @@
-//! A camera: where it sees a point, and along which ray a pixel looks.
+//! The camera model: projects points to pixels and pixels to rays.
 //!
 //! Camera frame, as ROS has optical frames: x right, y down, z forward, metres. Image positions: (column, row), (0, 0) is
 //! the centre of the top-left pixel. The model is OpenCV's (calib3d documentation, "Detailed Description"): pinhole,
@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Point2, Point3, Vector3};
 pub use distortion::Distortion;
 pub use view::View;
 
-/// What a camera calibration knows.
+/// Intrinsic parameters of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Columns of its images.
@@ -28,15 +28,15 @@ pub struct Camera {
     pub cx_px: f64,
     /// Row of the principal point, pixels.
     pub cy_px: f64,
-    /// What the lens bends.
+    /// Lens distortion.
     pub distortion: Distortion,
     /// Inclination of the sensor after Scheimpflug, OpenCV's τx and τy, radians; zeros for an ordinary camera.
     pub tilt_rad: [f64; 2],
 }
 
 impl Camera {
-    /// Where the camera sees a point, pixels; also outside the image. `None` for a point that lies behind the lens or
-    /// where the distortion model folds back and means nothing.
+    /// Projects a point to a pixel, which may lie outside the image. `None` for a point behind the lens or where the
+    /// distortion model folds back.
     pub fn project(&self, point: Point3<f64>) -> Option<Point2<f64>> {
         if point.z.is_nan() || point.z <= 0.0 {
             return None;

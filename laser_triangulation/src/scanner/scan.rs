@@ -12,9 +12,9 @@ use super::{
 
 pub use slice::{Point, Slice, SliceAccount, SliceState};
 
-/// Most points of a scan, 1 GiB of heights: one message must hold its height map. A scan ends before it has more.
+/// Maximum points of a scan, 1 GiB of heights: one message must hold its height map.
 pub const MAX_SCAN_POINTS: usize = 1 << 28;
-/// Most points of a slice, 1 GiB of points: one message must hold it. A slice is full before it has more.
+/// Maximum points of a slice, 1 GiB: one message must hold it.
 pub const MAX_SLICE_POINTS: usize = 1 << 26;
 
 /// A measured frame, for [`Scan::push`].
@@ -40,15 +40,15 @@ struct LeftOut {
     rejected: u32,
 }
 
-/// Stacks profiles. A scan is a sequence of profiles of one length from images of one size; it ends with its last slice and its height map.
-/// Positions come with the profiles: they go on from a scan that reached its limit to the next.
+/// Stacks profiles. A scan is a sequence of profiles of one length from images of one size; it ends with its last slice
+/// and its height map. Positions continue from a scan that reached its limit to the next one.
 ///
-/// A full slice is handed out when the next profile arrives or the scan ends: only then is it known whether it is the
-/// last one. Two slices and two height maps take turns and are kept: after two scans of a length nothing is allocated.
+/// A full slice is returned when the next profile arrives or the scan ends: only then is it known to be the last one or
+/// not. Two slices and two height maps take turns: after two scans of a length nothing is allocated.
 #[derive(Debug)]
 pub struct Scan {
     limits: ScanLimits,
-    /// Makes scan ids of different calibrations differ.
+    /// Makes the identities of scans with different calibrations differ.
     seed: String,
     /// Requested identity of the next scan.
     next_id: Option<[u8; 16]>,
@@ -62,7 +62,7 @@ pub struct Scan {
     finished: HeightMap,
 }
 
-/// Where slices and scans end.
+/// Limits of slices and scans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScanLimits {
     /// Profiles a slice.
@@ -73,7 +73,7 @@ pub struct ScanLimits {
     pub scan_profiles: u32,
 }
 
-/// What a push or the end completed.
+/// Slice and height map that a push or the end completed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Completed<'a> {
     /// A slice.
@@ -83,8 +83,8 @@ pub struct Completed<'a> {
 }
 
 impl Scan {
-    /// An empty scan, whose slices and itself end at these limits, and earlier where the profiles are so long that
-    /// [`MAX_SLICE_POINTS`] or [`MAX_SCAN_POINTS`] would be passed. `seed` tells scans of different calibrations apart.
+    /// An empty scan with these limits. Slices and scans end earlier where profiles are so long that they would exceed
+    /// [`MAX_SLICE_POINTS`] or [`MAX_SCAN_POINTS`]. `seed` makes scans of different calibrations differ.
     pub fn new(limits: ScanLimits, seed: String) -> Self {
         Self {
             limits,
@@ -211,7 +211,7 @@ impl Scan {
         self.growing.width = width;
         self.growing.stamp_ns = entry.stamp_ns;
         self.image_px = entry.image_px;
-        // Ahead, so that no frame waits for memory. Where the system does not promise so much, the buffers grow.
+        // Reserved ahead, so that no frame waits for memory. If the system refuses, the buffers grow on demand.
         let (scan, slice) = (self.scan_limit(width) as usize, self.slice_limit(width) as usize);
         self.growing.z_m.try_reserve_exact(scan * width as usize).unwrap_or_default();
         self.open.points.try_reserve_exact(slice * width as usize).unwrap_or_default();
