@@ -4,6 +4,7 @@
 
 mod named_enum;
 
+pub mod parameters;
 pub mod statistics;
 pub mod scanner;
 pub mod metrology;

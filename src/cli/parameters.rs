@@ -11,7 +11,7 @@ use serde_json::{Value as Json, json};
 use super::Outcome;
 use crate::ros::{
     parameters::Parameters,
-    table::{Kind, Parameter, camera::CAMERA, node::NODE},
+    table::{CAMERA, Kind, NODE, Parameter},
 };
 
 const HELP: &str = "\

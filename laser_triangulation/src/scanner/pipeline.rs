@@ -10,7 +10,7 @@ use super::{
     height_map::HeightMap,
     image::{Frame, OwnedImage},
     motion::{Motion, Position, doubt, placement::Placement, travel::Travel},
-    params::{Exposure, Params},
+    params::{Exposure, FullScaleError, Params},
     profile::Profile,
     scan::{Completed, Placed, Scan, Slice},
     stripe::{Centerline, Extractor},
@@ -376,11 +376,6 @@ pub enum FrameError {
         calibrated: (u32, u32),
     },
     /// Saturation above what the image can hold.
-    #[error("full_scale is {full_scale}, but samples of this encoding end at {max_level}")]
-    FullScale {
-        /// The parameter.
-        full_scale: u32,
-        /// Largest level of the encoding.
-        max_level: u32,
-    },
+    #[error(transparent)]
+    FullScale(#[from] FullScaleError),
 }
