@@ -134,7 +134,7 @@ fn white(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The same stripe of 1024 columns in ever larger frames: what is more than one read must stay.
+/// The same stripe of 1024 columns in ever larger frames: the time beyond one read must stay constant.
 fn frame_sizes(criterion: &mut Criterion) {
     let mut group = group(criterion, "frame_size");
     for (label, size) in [

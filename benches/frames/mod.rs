@@ -120,7 +120,7 @@ impl Frame {
         self.times(1)
     }
 
-    /// So many frames like this one, each in memory of its own.
+    /// Copies of this frame, each in its own memory.
     pub(crate) fn times(self, number: usize) -> Ring {
         Ring { frames: vec![self; number], next: Cell::new(0) }
     }

@@ -10,5 +10,4 @@ pub mod scanner;
 pub mod metrology;
 pub mod simulate;
 pub mod evaluate;
-#[cfg(feature = "calibrate")]
 pub mod calibrate;

@@ -5,11 +5,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::Args;
 use serde_json::json;
 
-use super::{Outcome, Usage};
+use super::{Outcome, Usage, output};
 use crate::{
     node::ambient::{self, Mean},
     scanner::params::Channel,
@@ -55,8 +55,8 @@ pub fn run(args: &AmbientArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         let (name, names) = (&args.channel, Channel::NAMES.join(", "));
         return Err(Usage(format!("--channel is {name}, allowed is one of {names}")).into());
     };
-    if args.output.exists() && !args.force {
-        bail!("{} is there already: --force replaces it", args.output.display());
+    if !args.force {
+        output::refuse_existing(&args.output)?;
     }
     let mean = ambient::mean(&args.bag, channel, args.max_frame_bytes, |_| {})
         .with_context(|| args.bag.display().to_string())?;
@@ -74,7 +74,7 @@ pub fn run(args: &AmbientArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
             "{output}: mean of {num_frames} frames, {width} x {height} pixels, {bits} bits"
         )
     };
-    super::quiet_pipe(printed).context("standard output")?;
+    output::printed(printed)?;
     Ok(Outcome::Done)
 }
 

@@ -1,20 +1,17 @@
 //! `laser_profiler compare`: how two results of one recording differ, where and why.
 
-mod join;
-mod why;
 mod told;
 mod page;
 
 use std::{io::Write, path::PathBuf};
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{anyhow, bail};
 
-use super::{
-    Outcome,
-    report::{Notes, refuse_existing, source::Source, write},
-    results::ResultsArgs,
+use super::{Outcome, output};
+use crate::{
+    report::difference::Differences,
+    results::{Notes, ResultsRecording, ScanSelection, for_each_pair, reasons},
 };
-use crate::report::difference::Differences;
 use told::Answer;
 
 const HELP: &str = "\
@@ -79,24 +76,24 @@ fn limit(text: &str) -> Result<f64, String> {
 /// written, a difference above the limit.
 pub fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     if let (Some(path), false) = (&args.output, args.force) {
-        refuse_existing(path)?;
+        output::refuse_existing(path)?;
     }
     let mut notes = Notes::default();
     let open = |bag: &PathBuf, notes: &mut Notes| {
-        let args = ResultsArgs { bag: bag.clone(), topic: args.topic.clone(), scan: None };
-        Source::open(&args, notes)
+        let selection = ScanSelection { bag: bag.clone(), topic: args.topic.clone(), scan: None };
+        ResultsRecording::open(&selection, notes)
     };
-    let sources = [open(&args.before, &mut notes)?, open(&args.after, &mut notes)?];
-    let sources = [&sources[0], &sources[1]];
-    for told in unlike(sources, &mut notes) {
+    let recordings = [open(&args.before, &mut notes)?, open(&args.after, &mut notes)?];
+    let recordings = [&recordings[0], &recordings[1]];
+    for told in unlike(recordings, &mut notes) {
         if !args.force {
             bail!("{told}: --force compares them all the same");
         }
-        notes.tell(told);
+        notes.add(told);
     }
     let mut differences = Differences::default();
     let mut methods = [String::new(), String::new()];
-    let alone = join::join(sources, &mut notes, |pair| {
+    let alone = for_each_pair(recordings, &mut notes, |pair| {
         for (method, line) in
             methods.iter_mut().zip(pair.lines).filter(|(known, _)| known.is_empty())
         {
@@ -108,32 +105,33 @@ pub fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     if differences.num_frames[0] == 0 {
         bail!("no frame is in both: {} frames only in A, {} only in B", alone[0], alone[1]);
     }
-    let answer =
-        Answer { sources, methods, differences: &differences, reasons: why::reasons(sources) };
+    let reasons = reasons(recordings.map(ResultsRecording::provenance));
+    let answer = Answer { recordings, methods, differences: &differences, reasons };
     if let Some(path) = &args.output {
         let page = page::page(&answer, &mut notes)?;
-        write(path, &page)?;
+        output::write_file(path, page.html()?)?;
     }
     notes.log();
     let text = if args.json { answer.json(&notes) } else { answer.text()? };
-    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    output::print(out, &text)?;
     if let Some(limit_px) = args.fail_above {
         require_below(limit_px, &differences)?;
     }
-    Ok(notes.outcome())
+    Ok(Outcome::with_losses(notes.num_lost()))
 }
 
 /// By what the results say that they were made from different recordings.
-fn unlike(sources: [&Source; 2], notes: &mut Notes) -> Vec<String> {
+fn unlike(recordings: [&ResultsRecording; 2], notes: &mut Notes) -> Vec<String> {
     let mut found = Vec::new();
     for key in ["input", "input_topic"] {
-        let named = sources.map(|source| source.record.get(key).cloned().unwrap_or_default());
+        let named =
+            recordings.map(|recording| recording.provenance().recorded(key).unwrap_or_default());
         let [a, b] = &named;
-        if named.iter().any(String::is_empty) {
+        if named.iter().any(|name| name.is_empty()) {
             let unnamed = usize::from(!a.is_empty());
-            notes.tell(format!(
+            notes.add(format!(
                 "{} does not say what it was made from ({key})",
-                sources[unnamed].path.display()
+                recordings[unnamed].path().display()
             ));
         } else if a != b {
             found.push(format!("A was made from {a:?}, B from {b:?} ({key})"));

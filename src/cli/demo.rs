@@ -10,7 +10,7 @@ use std::{
 
 use anyhow::{Context, Result};
 
-use super::{Outcome, quiet_pipe, replay::replay};
+use super::{Outcome, output, replaying::replay};
 use crate::{
     bag::{BagReader, Filter, ReadOptions},
     msg::{cdr, sensor_msgs::PointCloud2},
@@ -83,7 +83,7 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> Result<Outcome> {
     let findings = Findings::read(&results)?;
     findings.draw(directory)?;
     let report = findings.report(&summary, directory)?;
-    quiet_pipe(out.write_all(report.as_bytes())).context("standard output")?;
+    output::print(out, &report)?;
     // The recording lacks frames on purpose; nothing else may be missing.
     let is_as_recorded = summary.counts.lost() == findings.scenario.dropped_frames.len() as u64
         && summary.counts.received == summary.counts.processed;

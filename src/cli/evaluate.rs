@@ -3,7 +3,6 @@
 mod document;
 mod page;
 mod paper;
-pub(in crate::cli) mod plots;
 mod recorded_truth;
 mod rendered;
 mod rendered_tables;
@@ -18,7 +17,7 @@ use std::{
 use anyhow::Context;
 use serde_json::Value as Json;
 
-use super::{Outcome, progress::progress_bar, recording, settings};
+use super::{Outcome, output, plots, progress::progress_bar, recording, settings};
 use crate::ros::arguments::RosArguments;
 use document::Section;
 use plots::Plot;
@@ -98,7 +97,7 @@ fn write(report: &Report, output: &OutputArgs, out: &mut dyn Write) -> anyhow::R
     } else {
         document::plain(&report.sections)
     };
-    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    output::print(out, &text)?;
     Ok(report.outcome)
 }
 

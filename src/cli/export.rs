@@ -3,8 +3,6 @@
 mod cloud;
 mod csv;
 mod grid;
-mod outline;
-mod picture;
 
 use std::{
     fs,
@@ -12,23 +10,25 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context, anyhow};
-use nalgebra::{Isometry3, Point3};
+use anyhow::Context;
+use nalgebra::Isometry3;
 use serde_json::{Value as Json, json};
 
 use super::{
-    Outcome, Usage,
-    length::positive_m,
-    measure::{edges, region},
-    results::{ANY_HEIGHT_M, Read, Results, ResultsArgs},
+    Outcome, Usage, height_picture,
+    length::{interval_m, positive_m, region},
+    output,
+    results_args::ResultsArgs,
 };
-use crate::metrology::{
-    height_map::{CellState, GridLayout, RegularHeightMap, Resampler, fill_gaps},
-    plane,
-    surface::Region,
+use crate::{
+    metrology::{
+        height_map::{CellState, RegularHeightMap, fill_gaps},
+        plane,
+        surface::Region,
+    },
+    results::{ANY_HEIGHT_M, Outline, Placing, ReadCounts, Results},
 };
 use cloud::{CloudFormat, CloudWriter};
-use outline::{Outline, Placing};
 
 const HELP: &str = "\
 Examples:
@@ -67,7 +67,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
     /// Only heights from LOW to HIGH, before the scan is laid level.
-    #[arg(long, value_name = "LOW,HIGH", value_parser = edges, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = interval_m, allow_hyphen_values = true)]
     heights: Option<[f64; 2]>,
     /// Lays the scan level: turned and lifted so that the robust plane through its points lies at height 0.
     #[arg(long)]
@@ -148,26 +148,27 @@ pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         .map(|path| Format::of(path).map(|format| (path.as_path(), format)))
         .collect::<Result<_, _>>()?;
     for path in args.output.iter().chain(&args.picture) {
-        if path.exists() && !args.force {
-            return Err(anyhow!("{} is there already: --force replaces it", path.display()));
+        if !args.force {
+            output::refuse_existing(path)?;
         }
     }
-    let results = Results::open(&args.results)?;
+    let results = Results::open(&args.results.selection())?;
     let region = args.region.unwrap_or(Region::ALL);
     let heights_m = args.heights.unwrap_or(ANY_HEIGHT_M);
     let motion = motion(args, &results, &region)?;
     let placing = Placing { region, heights_m, motion };
-    let (outline, mut read) = outline::of(&results, &placing)?;
+    let outline = results.outline(&placing)?;
     let (mut files, num_lost) = clouds(args, &formats, &results, &placing, &outline)?;
-    read.rejected += num_lost;
+    let counts = ReadCounts { rejected: outline.counts.rejected + num_lost, ..outline.counts };
     if args.picture.is_some() || formats.iter().any(|(_, format)| format.is_grid()) {
-        let map = height_map(&results, &placing, &outline, args.cell)?;
+        let cell_m = args.cell.map_or_else(|| outline.cell_m(), Ok)?;
+        let map = results.height_map(&placing, &outline, cell_m)?;
         let map = filled(map, args.fill);
         files.extend(grids(args, &formats, &results, &map)?);
     }
-    let text = report(args, &results, &outline, read, &files);
-    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
-    Ok(read.outcome())
+    let text = report(args, &results, &outline, counts, &files);
+    output::print(out, &text)?;
+    Ok(Outcome::with_losses(counts.rejected))
 }
 
 /// How the points are moved before they are written.
@@ -199,7 +200,7 @@ fn clouds(
             Format::Cloud(format) => write_whole(path, |file| {
                 let scale_m = (args.color == "height").then_some(outline.color_scale_m());
                 let mut writer = CloudWriter::begin(file, format, outline.num_points, scale_m)?;
-                results.profiles(|row| {
+                results.for_each_profile(|row| {
                     placing.points(row).try_for_each(|point| writer.point(&point))?;
                     Ok(())
                 })?;
@@ -233,42 +234,6 @@ fn write_whole<T>(
     written
 }
 
-/// A picture of a whole scan, as `--picture` makes it.
-pub(super) fn save_picture(results: &Results, path: &Path) -> anyhow::Result<()> {
-    let heights_m = [f64::NEG_INFINITY, f64::INFINITY];
-    let placing = Placing { region: Region::ALL, heights_m, motion: None };
-    let (outline, _) = outline::of(results, &placing)?;
-    picture::save(path, &results.topic, &height_map(results, &placing, &outline, None)?)
-}
-
-fn height_map(
-    results: &Results,
-    placing: &Placing,
-    outline: &Outline,
-    cell_m: Option<f64>,
-) -> anyhow::Result<RegularHeightMap> {
-    let pitch_m = outline.pitch_m;
-    let cell_m = cell_m.unwrap_or_else(|| (pitch_m[0] * pitch_m[1]).sqrt());
-    if cell_m <= 0.0 {
-        return Err(Usage(
-            "the points lie on one line: --cell must say how large a cell is".into(),
-        )
-        .into());
-    }
-    let mut resampler = Resampler::new(GridLayout::covering(&outline.region(), cell_m)?, pitch_m);
-    let mut row = Vec::new();
-    results.profiles(|profile| {
-        row.clear();
-        row.extend(profile.iter().map(|point| {
-            let placed = placing.point(point);
-            placed.map_or(Point3::new(f64::NAN, f64::NAN, f64::NAN), |(place, _)| place)
-        }));
-        resampler.push(&row);
-        Ok(())
-    })?;
-    Ok(resampler.finish())
-}
-
 fn filled(mut map: RegularHeightMap, max_gap: usize) -> RegularHeightMap {
     if max_gap > 0 {
         fill_gaps(&mut map, max_gap);
@@ -284,7 +249,7 @@ fn grids(
     map: &RegularHeightMap,
 ) -> anyhow::Result<Vec<Json>> {
     let mut files = Vec::new();
-    let about = grid::about(map, &results.topic);
+    let about = grid::about(map, results.topic());
     for &(path, format) in formats.iter().filter(|(_, format)| format.is_grid()) {
         let told = match format {
             Format::Png => grid::write_png(path, map, &about),
@@ -308,7 +273,7 @@ fn grids(
         files.push(told);
     }
     if let Some(path) = &args.picture {
-        picture::save(path, &results.topic, map)?;
+        height_picture::save(path, results.topic(), map)?;
         files.push(json!({"path": path, "format": "picture"}));
     }
     Ok(files)
@@ -318,15 +283,15 @@ fn report(
     args: &ExportArgs,
     results: &Results,
     outline: &Outline,
-    read: Read,
+    counts: ReadCounts,
     files: &[Json],
 ) -> String {
     if args.json {
         let object = json!({
-            "topic": results.topic,
-            "profiles": read.profiles,
+            "topic": results.topic(),
+            "profiles": counts.profiles,
             "points": outline.num_points,
-            "rejected": read.rejected,
+            "rejected": counts.rejected,
             "from_m": outline.from_m,
             "to_m": outline.to_m,
             "files": files,

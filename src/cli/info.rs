@@ -3,10 +3,12 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 
-use super::Outcome;
+use super::{
+    Outcome, output,
+    units::{bytes, date},
+};
 use crate::bag::info::{BagInfo, Depth, TopicInfo, describe};
 use crate::bag::{BagReader, ReadOptions};
 
@@ -52,7 +54,7 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let depth = if args.verify { Depth::Messages } else { Depth::Index };
     let info = describe(&args.bag, &bag, depth)?;
     let printed = if args.json { print_json(&info, out) } else { print_text(&info, out) };
-    super::quiet_pipe(printed).context("standard output")?;
+    output::printed(printed)?;
     Ok(if info.damaged.is_empty() { Outcome::Done } else { Outcome::DataLost })
 }
 
@@ -150,61 +152,4 @@ fn print_topics(topics: &[TopicInfo], out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "{}", cells.collect::<Vec<_>>().join("  ").trim_end())?;
     }
     writeln!(out)
-}
-
-/// A length with three digits and a binary unit.
-pub(super) fn bytes(length: u64) -> String {
-    const UNITS: [&str; 5] = ["KiB", "MiB", "GiB", "TiB", "PiB"];
-    if length < 1024 {
-        return format!("{length} B");
-    }
-    let mut value = length as f64 / 1024.0;
-    let mut unit = 0;
-    while value >= 1000.0 && unit + 1 < UNITS.len() {
-        value /= 1024.0;
-        unit += 1;
-    }
-    let digits = if value < 10.0 { 2 } else { 1 };
-    format!("{value:.digits$} {}", UNITS[unit])
-}
-
-/// The time in UTC, as in `2018-07-18 08:00:00`.
-pub(super) fn date(time_ns: i64) -> String {
-    let seconds = time_ns.div_euclid(NS);
-    let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
-    // Days since 0000-03-01 in eras of 400 years: H. Hinnant, "chrono-compatible low-level date algorithms".
-    let shifted = days + 719_468;
-    let (era, day_of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
-    let year_of_era =
-        (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
-    let year = year_of_era + era * 400 + i64::from(month <= 2);
-    format!(
-        "{year:04}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC",
-        second / 3600,
-        second / 60 % 60,
-        second % 60
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        // From `date -u -d @…`.
-        assert_eq!(date(1_531_900_000_980_000_000), "2018-07-18 07:46:40 UTC");
-        assert_eq!(date(951_782_400 * NS), "2000-02-29 00:00:00 UTC");
-        assert_eq!(date(-NS), "1969-12-31 23:59:59 UTC");
-    }
-
-    #[test]
-    fn lengths_have_a_unit() {
-        let lengths = [0, 1023, 1024, 1_000_000, 60_644_376, u64::MAX].map(bytes);
-        assert_eq!(lengths, ["0 B", "1023 B", "1.00 KiB", "976.6 KiB", "57.8 MiB", "16384.0 PiB"]);
-    }
 }

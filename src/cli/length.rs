@@ -1,4 +1,6 @@
-//! Lengths on the command line.
+//! Lengths, intervals and regions on the command line.
+
+use crate::metrology::surface::Region;
 
 /// A length in metres from `2.5mm`, `80um`, `0.3m` or a bare number of metres.
 ///
@@ -26,6 +28,30 @@ pub(super) fn positive_m(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A region `x0,y0,x1,y1` with `x0 < x1` and `y0 < y1`.
+///
+/// # Errors
+/// Anything else.
+pub(super) fn region(text: &str) -> Result<Region, String> {
+    let numbers = text.split(',').map(length_m).collect::<Result<Vec<_>, _>>()?;
+    match numbers[..] {
+        [x0, y0, x1, y1] if x0 < x1 && y0 < y1 => Ok(Region { from_m: [x0, y0], to_m: [x1, y1] }),
+        _ => Err(format!("{text:?} is not a region x0,y0,x1,y1 with x0 < x1 and y0 < y1")),
+    }
+}
+
+/// An interval `FROM,TO` with `FROM < TO`, metres.
+///
+/// # Errors
+/// Anything else.
+pub(super) fn interval_m(text: &str) -> Result<[f64; 2], String> {
+    let numbers = text.split(',').map(length_m).collect::<Result<Vec<_>, _>>()?;
+    match numbers[..] {
+        [from, to] if from < to => Ok([from, to]),
+        _ => Err(format!("{text:?} is not FROM,TO with FROM < TO")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -41,5 +67,15 @@ mod tests {
             assert!(length_m(text).unwrap_err().contains("2.5mm"), "{text}");
         }
         assert!(positive_m("0mm").is_err() && positive_m("1mm").is_ok());
+    }
+
+    #[test]
+    fn regions_and_intervals_are_parsed() {
+        let found = region("-1mm,0,2cm,0.03").unwrap();
+        assert!((found.from_m[0] + 1e-3).abs() < 1e-15 && (found.to_m[1] - 0.03).abs() < 1e-15);
+        for text in ["0,0,1", "1,0,0,1", "0,0,1,1,1", "a,b,c,d"] {
+            assert!(region(text).is_err(), "{text}");
+        }
+        assert!(interval_m("1mm,2mm").is_ok() && interval_m("2mm,1mm").is_err());
     }
 }

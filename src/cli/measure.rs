@@ -1,17 +1,15 @@
 //! `laser_profiler measure`: planes, steps, spheres and volumes in the results of a replay, with their uncertainty.
 
-mod calibration;
 mod report;
 mod tools;
 
 use std::io::Write;
 
-use anyhow::Context;
-
 use super::{
     Outcome,
-    length::{length_m, positive_m},
-    results::ResultsArgs,
+    length::{interval_m, positive_m, region},
+    output,
+    results_args::ResultsArgs,
 };
 use crate::metrology::surface::Region;
 
@@ -71,7 +69,7 @@ struct Common {
     #[command(flatten)]
     results: ResultsArgs,
     /// Only heights from LOW to HIGH.
-    #[arg(long, value_name = "LOW,HIGH", value_parser = edges, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = interval_m, allow_hyphen_values = true)]
     heights: Option<[f64; 2]>,
     /// One JSON object on standard output; see `measure --help`.
     #[arg(long)]
@@ -95,7 +93,7 @@ struct StepArgs {
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
     /// Where the middle part begins and ends; found in the median of all profiles, when not given.
-    #[arg(long, value_name = "FROM,TO", value_parser = edges, allow_hyphen_values = true)]
+    #[arg(long, value_name = "FROM,TO", value_parser = interval_m, allow_hyphen_values = true)]
     edges: Option<[f64; 2]>,
     /// Along what the profiles run: x along the stripe, y along the motion.
     #[arg(long, value_name = "AXIS", default_value = "x", value_parser = ["x", "y"])]
@@ -126,24 +124,6 @@ struct VolumeArgs {
     cell: Option<f64>,
 }
 
-/// `x0,y0,x1,y1` with `x0 < x1` and `y0 < y1`.
-pub(super) fn region(text: &str) -> Result<Region, String> {
-    let numbers = text.split(',').map(length_m).collect::<Result<Vec<_>, _>>()?;
-    match numbers[..] {
-        [x0, y0, x1, y1] if x0 < x1 && y0 < y1 => Ok(Region { from_m: [x0, y0], to_m: [x1, y1] }),
-        _ => Err(format!("{text:?} is not a region x0,y0,x1,y1 with x0 < x1 and y0 < y1")),
-    }
-}
-
-/// `FROM,TO` with `FROM < TO`.
-pub(super) fn edges(text: &str) -> Result<[f64; 2], String> {
-    let numbers = text.split(',').map(length_m).collect::<Result<Vec<_>, _>>()?;
-    match numbers[..] {
-        [from, to] if from < to => Ok([from, to]),
-        _ => Err(format!("{text:?} is not FROM,TO with FROM < TO")),
-    }
-}
-
 /// Measures and tells on `out`.
 ///
 /// # Errors
@@ -158,21 +138,6 @@ pub fn run(args: &MeasureArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Tool::Volume(args) => (&args.common, tools::volume(args)?),
     };
     let text = if common.json { answer.json() } else { answer.text() };
-    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    output::print(out, &text)?;
     Ok(answer.outcome)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn regions_are_understood_and_nothing_else() {
-        let found = region("-1mm,0,2cm,0.03").unwrap();
-        assert!((found.from_m[0] + 1e-3).abs() < 1e-15 && (found.to_m[1] - 0.03).abs() < 1e-15);
-        for text in ["0,0,1", "1,0,0,1", "0,0,1,1,1", "a,b,c,d"] {
-            assert!(region(text).is_err(), "{text}");
-        }
-        assert!(edges("1mm,2mm").is_ok() && edges("2mm,1mm").is_err());
-    }
 }

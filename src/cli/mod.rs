@@ -6,11 +6,16 @@ mod logging;
 mod summary;
 mod chart;
 mod length;
+mod output;
 mod progress;
+mod plots;
+mod height_picture;
+pub mod replaying;
+mod units;
 mod status_line;
 mod settings;
 mod recording;
-mod results;
+mod results_args;
 mod view;
 pub mod run;
 pub mod replay;
@@ -32,7 +37,7 @@ use std::{ffi::OsString, io};
 use clap::{Parser, Subcommand};
 use thiserror::Error;
 
-use crate::ros::arguments;
+use crate::{results::SelectionError, ros::arguments};
 
 /// How a command ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +46,13 @@ pub enum Outcome {
     Done,
     /// Done, but data was lost or rejected. Exit code 3.
     DataLost,
+}
+
+impl Outcome {
+    /// [`Done`](Self::Done) without losses.
+    const fn with_losses(num_lost: u64) -> Self {
+        if num_lost == 0 { Self::Done } else { Self::DataLost }
+    }
 }
 
 /// A command line that cannot be followed. Exit code 2.
@@ -101,7 +113,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
     let command_line = CommandLine::try_parse_from(with_verb(rest, &arguments))?;
     let rosout = logging::start(&logging::Levels::new(&ros.log_levels, &ros.remaps)?);
     let out = &mut io::stdout().lock();
-    match command_line.verb {
+    let ended = match command_line.verb {
         Verb::Run(args) => run::run(args, ros, rosout, out),
         Verb::Replay(args) => replay::run(args, ros, out),
         Verb::Info(args) => info::run(&args, out),
@@ -116,7 +128,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),
-    }
+    };
+    ended.map_err(|error| match error.downcast::<SelectionError>() {
+        Ok(error) => Usage(error.0).into(),
+        Err(error) => error,
+    })
 }
 
 /// `ros2 run` and launch files give ROS arguments alone: the node is meant.
@@ -125,14 +141,6 @@ fn with_verb(mut rest: Vec<String>, all: &[String]) -> Vec<String> {
         rest.push("run".to_owned());
     }
     rest
-}
-
-/// A reader that goes away, as `| head` does, has seen enough.
-pub(crate) fn quiet_pipe(printed: io::Result<()>) -> io::Result<()> {
-    match printed {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        printed => printed,
-    }
 }
 
 #[cfg(test)]

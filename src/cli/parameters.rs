@@ -5,10 +5,9 @@ use std::{
     io::{self, Write},
 };
 
-use anyhow::Context;
 use serde_json::{Value as Json, json};
 
-use super::Outcome;
+use super::{Outcome, output};
 use crate::ros::{
     parameters::Parameters,
     table::{CAMERA, Kind, NODE, Parameter},
@@ -43,7 +42,7 @@ pub fn run(args: &ParametersArgs, out: &mut dyn Write) -> anyhow::Result<Outcome
         (_, true) => out.write_all(markdown().as_bytes()),
         _ => print_file(out),
     };
-    super::quiet_pipe(printed).context("standard output")?;
+    output::printed(printed)?;
     Ok(Outcome::Done)
 }
 

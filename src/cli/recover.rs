@@ -3,12 +3,10 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::Outcome;
-use super::info::bytes;
+use super::{Outcome, output, units::bytes};
 use crate::bag::Compression;
 use crate::bag::recover::{RecoverOptions, Recovery, recover};
 
@@ -68,7 +66,7 @@ pub fn run(args: &RecoverArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let options = RecoverOptions { compression, force: args.force };
     let recovery = recover(&args.bag, &args.output, &options)?;
     let printed = if args.json { print_json(&recovery, out) } else { print_text(&recovery, out) };
-    super::quiet_pipe(printed).context("standard output")?;
+    output::printed(printed)?;
     Ok(if recovery.damaged.is_empty() { Outcome::Done } else { Outcome::DataLost })
 }
 

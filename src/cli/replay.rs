@@ -2,21 +2,17 @@
 
 use std::{io::Write, path::PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 
 use super::{
-    Outcome, Usage, interrupt,
-    progress::progress_bar,
+    Outcome, interrupt, output,
+    replaying::replay,
     summary::{self, Told},
     view::{self, ReplayViewArgs},
 };
 use crate::{
-    node::{
-        replay::{Replay, ReplayError, ReplayRequest},
-        statistics::Summary,
-        stop::Stop,
-    },
-    ros::{arguments::RosArguments, node_params::ImageTransport},
+    node::{replay::ReplayRequest, stop::Stop},
+    ros::arguments::RosArguments,
 };
 
 const HELP: &str = "\
@@ -116,40 +112,8 @@ fn write(
         }
         Form::Text => format!("{}results: {output}\n", summary::text(&summary)),
     };
-    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    output::print(out, &text)?;
     Ok(if summary.is_complete() { Outcome::Done } else { Outcome::DataLost })
-}
-
-/// Replays with a progress bar when standard error is a terminal.
-///
-/// # Errors
-/// [`Usage`] when the request cannot be followed, else whatever cannot be read or written.
-pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
-    let told = |error: ReplayError| {
-        if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
-    };
-    let replay = Replay::prepare(request).map_err(told)?;
-    for topic in replay.image_topics() {
-        let lossy = match topic.transport {
-            ImageTransport::Raw => "",
-            ImageTransport::Compressed => {
-                " (compressed; JPEG would move centrelines by some hundredths of a pixel)"
-            }
-        };
-        tracing::info!("taking images from {}{lossy}", topic.name);
-    }
-    for topic in replay.position_topics() {
-        tracing::info!("taking positions from {topic}");
-    }
-    let topics: Vec<_> = replay.image_topics().map(|topic| topic.name.clone()).collect();
-    let bar = progress_bar(replay.num_messages(), "frames");
-    let summary = replay.run(stop, &mut |num_messages| bar.set_position(num_messages));
-    bar.finish_and_clear();
-    let summary = summary.map_err(told)?;
-    if summary.counts.received == 0 && !summary.was_interrupted {
-        return Err(anyhow!("no frame could be read from {}", topics.join(", ")));
-    }
-    Ok(summary)
 }
 
 fn request(args: ReplayArgs, mut ros: RosArguments) -> ReplayRequest {
@@ -168,10 +132,6 @@ fn request(args: ReplayArgs, mut ros: RosArguments) -> ReplayRequest {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        bag::{RecordOptions, Recorder, Topic},
-        msg::{qos::QosProfile, schema::Message, sensor_msgs::Image},
-    };
 
     fn args(bag: &str, output: &str) -> ReplayArgs {
         ReplayArgs {
@@ -194,19 +154,5 @@ mod tests {
         let request = request(args("bag", "out"), ros);
         assert_eq!(request.ros.parameter_files, [PathBuf::from("own.yaml"), "ros.yaml".into()]);
         assert!(request.force && !request.with_images);
-    }
-
-    #[test]
-    fn a_recording_without_frames_is_a_failure() {
-        let place = tempfile::tempdir().unwrap();
-        let bag = place.path().join("empty");
-        let mut recorder = Recorder::create(&bag, &RecordOptions::default()).unwrap();
-        let topic = Topic::new("/image_raw", Image::TYPE, QosProfile::reliable(10));
-        recorder.add_topic(&topic).unwrap();
-        recorder.finish().unwrap();
-        let output = place.path().join("out");
-        let request = ReplayRequest { bags: vec![bag], output, ..ReplayRequest::default() };
-        let error = replay(request, &Stop::default()).unwrap_err();
-        assert_eq!(error.to_string(), "no frame could be read from /image_raw");
     }
 }

@@ -1,6 +1,5 @@
 //! `laser_profiler report`: a scan as one page for people.
 
-pub(super) mod source;
 mod gathered;
 mod status;
 pub(super) mod map;
@@ -9,19 +8,16 @@ mod images;
 pub(super) mod described;
 mod plots;
 
-use std::{
-    fs,
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::{io::Write, path::PathBuf};
 
-use anyhow::{Context, bail};
 use serde_json::json;
 
-use super::{Outcome, results::ResultsArgs};
-use crate::report::page::Page;
+use super::{Outcome, output, results_args::ResultsArgs};
+use crate::{
+    report::page::Page,
+    results::{Notes, ResultsRecording},
+};
 use gathered::Gathered;
-use source::Source;
 
 const HELP: &str = "\
 Examples:
@@ -67,52 +63,6 @@ pub struct ReportArgs {
     json: bool,
 }
 
-/// What is missing or lost, told once each.
-#[derive(Debug, Default)]
-pub(super) struct Notes {
-    told: Vec<String>,
-    lost: u64,
-}
-
-impl Notes {
-    /// Most notes of a page; more are only counted.
-    const MOST: usize = 24;
-
-    /// Says something.
-    pub(super) fn tell(&mut self, note: impl Into<String>) {
-        let note = note.into();
-        if !self.told.contains(&note) && self.told.len() < Self::MOST {
-            self.told.push(note);
-        }
-    }
-
-    /// Says that something could not be read. Said again, it is the same loss.
-    pub(super) fn lose(&mut self, note: impl Into<String>) {
-        let note = note.into();
-        if !self.told.contains(&note) {
-            self.lost += 1;
-            self.tell(note);
-        }
-    }
-
-    /// Says in the log what was told.
-    pub(super) fn log(&self) {
-        self.told.iter().for_each(|note| tracing::warn!("{note}"));
-    }
-
-    pub(super) fn told(&self) -> &[String] {
-        &self.told
-    }
-
-    pub(super) const fn lost(&self) -> u64 {
-        self.lost
-    }
-
-    pub(super) const fn outcome(&self) -> Outcome {
-        if self.lost == 0 { Outcome::Done } else { Outcome::DataLost }
-    }
-}
-
 /// Reads a recording, writes its page and figures, and tells on `out` what was written.
 ///
 /// # Errors
@@ -123,10 +73,10 @@ pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         return Err(super::Usage(told).into());
     }
     if let (Some(path), false) = (&args.output, args.force) {
-        refuse_existing(path)?;
+        output::refuse_existing(path)?;
     }
     let mut notes = Notes::default();
-    let source = Source::open(&args.results, &mut notes)?;
+    let source = ResultsRecording::open(&args.results.selection(), &mut notes)?;
     let gathered = Gathered::read(&source, &mut notes);
     let overlays = frames::overlays(args, &source, &gathered, &mut notes);
     let measured = map::read(args, &source, &mut notes)?;
@@ -146,7 +96,7 @@ pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         title: described::title(&source),
         subtitle: described::subtitle(&source, &gathered),
         facts: described::facts(&gathered, size.as_ref()),
-        notes: notes.told().to_vec(),
+        notes: notes.texts().to_vec(),
         map,
         overlays,
         charts,
@@ -155,7 +105,7 @@ pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         program: concat!("laser_profiler ", env!("CARGO_PKG_VERSION")).to_owned(),
     };
     if let Some(path) = &args.output {
-        write(path, &page)?;
+        output::write_file(path, page.html()?)?;
     }
     let text = if args.json {
         let object = json!({
@@ -169,28 +119,14 @@ pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
             "lost_frames": gathered.quality.num_lost,
             "rows": size.as_ref().map(|size| size.rows),
             "columns": size.as_ref().map(|size| size.columns),
-            "notes": notes.told(),
-            "lost": notes.lost(),
+            "notes": notes.texts(),
+            "lost": notes.num_lost(),
         });
         format!("{object}\n")
     } else {
         let files = args.output.iter().chain(&plots).map(|path| format!("{}\n", path.display()));
         files.collect()
     };
-    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
-    Ok(notes.outcome())
-}
-
-/// Whatever is there stays.
-pub(super) fn refuse_existing(path: &Path) -> anyhow::Result<()> {
-    if path.exists() {
-        bail!("{} is there already: --force replaces it", path.display());
-    }
-    Ok(())
-}
-
-/// Writes a page.
-pub(super) fn write(path: &Path, page: &Page) -> anyhow::Result<()> {
-    let html = page.html()?;
-    fs::write(path, html).with_context(|| format!("cannot write {}", path.display()))
+    output::print(out, &text)?;
+    Ok(Outcome::with_losses(notes.num_lost()))
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow};
 use serde::Serialize;
 
 use super::{
-    Outcome, Usage, interrupt,
+    Outcome, Usage, interrupt, output,
     status_line::StatusShow,
     summary::{self, Told},
     view::{self, ViewArgs},
@@ -89,7 +89,7 @@ pub fn run(
         .map(|CameraSummary { name, summary }| Ok((name, summary?)))
         .collect::<anyhow::Result<_>>()?;
     let text = if json { told(&summaries)? } else { text(&summaries) };
-    super::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
+    output::print(out, &text)?;
     let is_complete = summaries.iter().all(|(_, summary)| summary.is_complete());
     Ok(if is_complete { Outcome::Done } else { Outcome::DataLost })
 }

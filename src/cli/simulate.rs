@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result};
 
-use super::{Outcome, Usage};
+use super::{Outcome, Usage, output};
 use crate::{
     bag::{Compression, RecordOptions},
     simulate::scene,
@@ -73,7 +73,7 @@ pub fn run(args: &SimulateArgs, out: &mut dyn Write) -> Result<Outcome> {
             summary.bytes as f64 / 1e6,
         )
     };
-    super::quiet_pipe(writeln!(out, "{report}")).context("standard output")?;
+    output::printed(writeln!(out, "{report}"))?;
     Ok(Outcome::Done)
 }
 

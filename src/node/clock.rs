@@ -33,10 +33,10 @@ pub enum TimeSource {
 
 /// The node's clock. Clones share it.
 #[derive(Clone, Default)]
-pub struct RosClock(Arc<Shared>);
+pub struct RosClock(Arc<ClockState>);
 
 #[derive(Default)]
-struct Shared {
+struct ClockState {
     uses_sim_time: AtomicBool,
     sim: Arc<SimTime>,
     subscription: Mutex<Option<Box<dyn Subscription>>>,

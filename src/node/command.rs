@@ -14,7 +14,7 @@ pub enum Command {
     /// Throws the open scan away and begins a new one with the next frame.
     Reset(Reply),
     /// Measures what waits, then ends the open scan and the session.
-    Rest(Reply),
+    Drain(Reply),
 }
 
 /// Which scan.

@@ -86,8 +86,8 @@ pub struct Positions {
     /// The last frame that was given up for want of a sample: middle of its exposure, and when it was received.
     given_up: Option<(i64, i64)>,
     num_refused: u64,
-    has_told_missing: bool,
-    has_told_late: bool,
+    has_warned_missing: bool,
+    has_warned_late: bool,
 }
 
 /// What the positions of that camera are of.
@@ -160,8 +160,8 @@ impl Positions {
             lag: ConstantLag::default(),
             given_up: None,
             num_refused: 0,
-            has_told_missing: false,
-            has_told_late: false,
+            has_warned_missing: false,
+            has_warned_late: false,
         })
     }
 
@@ -204,7 +204,7 @@ impl Positions {
     }
 
     /// Learns the frame of the images.
-    pub fn see_frame(&mut self, frame_id: &str) {
+    pub fn set_camera_frame(&mut self, frame_id: &str) {
         if self.camera_frame != frame_id {
             frame_id.clone_into(&mut self.camera_frame);
         }
@@ -223,7 +223,7 @@ impl Positions {
     }
 
     /// Counts messages that never came this far.
-    pub fn lose(&mut self, num_lost: u64, why: &str) {
+    pub fn count_lost(&mut self, num_lost: u64, why: &str) {
         if num_lost > 0 {
             if self.num_refused == 0 {
                 tracing::warn!("positions lost: {why}; further ones are only counted");
@@ -292,13 +292,13 @@ impl Positions {
                     ..Position::at(0.0)
                 }),
                 Err(reason) => {
-                    self.tell_missing(Some(reason));
+                    self.warn_missing(Some(reason));
                     return None;
                 }
             },
         };
         if found.is_none() {
-            self.tell_missing(None);
+            self.warn_missing(None);
         }
         found
     }
@@ -310,7 +310,7 @@ impl Positions {
             return;
         };
         self.given_up = None;
-        if !std::mem::replace(&mut self.has_told_late, true) {
+        if !std::mem::replace(&mut self.has_warned_late, true) {
             let lag_s = received_ns.saturating_sub(frame_ns) as f64 * 1e-9;
             tracing::warn!(
                 "positions lag the images: the one for {time_ns} ns came {lag_s:.3} s after its frame, which did not wait so \
@@ -331,8 +331,8 @@ impl Positions {
     }
 
     /// Says once why a frame has no position, and what is there instead.
-    fn tell_missing(&mut self, reason: Option<NotFound>) {
-        if std::mem::replace(&mut self.has_told_missing, true) {
+    fn warn_missing(&mut self, reason: Option<NotFound>) {
+        if std::mem::replace(&mut self.has_warned_missing, true) {
             return;
         }
         let (part, sensor) = self.frames();

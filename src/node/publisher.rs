@@ -24,7 +24,7 @@ use super::{
 
 /// Why nothing more can be published.
 #[derive(Debug, Error)]
-pub enum Halt {
+pub enum PublishError {
     /// A sink has failed; it says why itself.
     #[error("a sink has failed")]
     SinkFailed,
@@ -59,7 +59,7 @@ impl<'a> Publisher<'a> {
         output: Output,
         time_ns: i64,
         message: &M,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         let started = Instant::now();
         cdr::encode(message, &mut self.buffer)?;
         let data = Arc::from(self.buffer.as_slice());
@@ -75,7 +75,7 @@ impl<'a> Publisher<'a> {
     ///
     /// # Errors
     /// A sink has failed.
-    pub fn forward(&mut self, message: &RawMessage, place: usize) -> Result<(), Halt> {
+    pub fn forward(&mut self, message: &RawMessage, place: usize) -> Result<(), PublishError> {
         let &RawMessage { log_time_ns, publish_time_ns, sequence, ref data, .. } = message;
         // The inputs' own topics stand behind the published ones.
         let topic = self.sequences.len() + place;
@@ -98,8 +98,8 @@ impl<'a> Publisher<'a> {
         std::mem::take(&mut self.encoding)
     }
 
-    fn send(&mut self, message: &Outgoing) -> Result<(), Halt> {
+    fn send(&mut self, message: &Outgoing) -> Result<(), PublishError> {
         self.num_bytes += message.data.len() as u64;
-        self.fan_out.send(message).map_err(|Closed(())| Halt::SinkFailed)
+        self.fan_out.send(message).map_err(|Closed(())| PublishError::SinkFailed)
     }
 }

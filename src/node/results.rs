@@ -10,18 +10,17 @@ use crate::{
     },
     scanner::{
         calibration::Calibration,
-        height_map::HeightMap,
         image::Image,
         motion::{Position, doubt},
         params::{MotionSource, Params, RegionOfInterest},
         pipeline::{FrameIndex, Output as Measurement},
-        scan::{Point, Slice},
+        scan::{Completed, Point},
     },
 };
 
 use super::{
     order::{NumberSource, Place},
-    publisher::{Halt, Publisher},
+    publisher::{PublishError, Publisher},
     topics::Output,
 };
 
@@ -97,9 +96,10 @@ impl Results {
         &mut self,
         measured: &Measured<'_>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         let &Measured { header, image, output, time_ns, .. } = measured;
-        self.publish_completed((output.slice, output.height_map), time_ns, out)?;
+        let completed = Completed { slice: output.slice, height_map: output.height_map };
+        self.publish_completed(completed, time_ns, out)?;
         let source = results::FrameSource {
             header: header.borrowed(),
             trace: self.trace(measured),
@@ -121,10 +121,11 @@ impl Results {
     /// Publishes a slice with its companions, and a height map.
     pub(super) fn publish_completed(
         &mut self,
-        (slice, height_map): (Option<&Slice>, Option<&HeightMap>),
+        completed: Completed<'_>,
         time_ns: i64,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
+        let Completed { slice, height_map } = completed;
         if let Some(slice) = slice {
             out.publish(Output::Points, time_ns, &cloud::organised(&self.part_frame, slice))?;
             let dense = cloud::dense(&self.part_frame, slice, &mut self.dense);

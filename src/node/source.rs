@@ -6,13 +6,13 @@ use super::{command::Command, unpack::Ahead};
 
 /// Which of the publishers that were seen on the topic wrote a message, counted from 0: each counts its own messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Writer(pub u32);
+pub struct PublisherId(pub u32);
 
 /// What a source has to say.
 #[derive(Debug)]
 pub enum Input {
     /// The next image message.
-    Message(RawMessage, Writer),
+    Message(RawMessage, PublisherId),
     /// The next image message, whose picture is being unpacked by another thread.
     Ahead(Ahead),
     /// The next message about the axis.

@@ -15,7 +15,7 @@ use super::endpoints::{self, SendError};
 
 /// A frame that cannot be placed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum FrameError {
+pub enum StaticFrameError {
     /// The images say nothing of their frame.
     #[error("images have no frame_id: the laser plane {child:?} cannot be placed in it")]
     Empty {
@@ -48,7 +48,7 @@ pub struct StaticTf {
     publication: Box<dyn Publication>,
     /// By camera.
     places: Vec<Option<Place>>,
-    refused: Vec<Option<FrameError>>,
+    refused: Vec<Option<StaticFrameError>>,
     num_refused: u64,
 }
 
@@ -117,23 +117,23 @@ impl StaticTf {
         })
     }
 
-    fn check(&self, camera: usize, parent: &str, child: &str) -> Result<(), FrameError> {
+    fn check(&self, camera: usize, parent: &str, child: &str) -> Result<(), StaticFrameError> {
         // Old drivers write a slash before the name.
         let parent = parent.trim_start_matches('/');
         if parent.is_empty() {
-            return Err(FrameError::Empty { child: child.to_owned() });
+            return Err(StaticFrameError::Empty { child: child.to_owned() });
         }
         if parent == child.trim_start_matches('/') {
-            return Err(FrameError::Same(child.to_owned()));
+            return Err(StaticFrameError::Same(child.to_owned()));
         }
         let mut others = self.places.iter().enumerate().filter(|(other, _)| *other != camera);
         if others.any(|(_, place)| matches!(place, Some(place) if place.laser_frame == child)) {
-            return Err(FrameError::Taken(child.to_owned()));
+            return Err(StaticFrameError::Taken(child.to_owned()));
         }
         Ok(())
     }
 
-    fn refuse(&mut self, camera: usize, error: FrameError) {
+    fn refuse(&mut self, camera: usize, error: StaticFrameError) {
         self.num_refused += 1;
         let told = &mut self.refused[camera];
         if told.as_ref() != Some(&error) {

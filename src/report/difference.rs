@@ -5,7 +5,7 @@ use super::{
     series::{Merge, Series},
     spread::Spread,
 };
-use crate::msg::laser_profiler_msgs::{Centerline, Profile};
+use crate::{msg::laser_profiler_msgs::Centerline, results::FramePair};
 
 /// Width of a bin of differences in the image, pixels: 1/4096.
 const BIN_PX: f64 = 1.0 / 4096.0;
@@ -15,17 +15,6 @@ const BIN_UM: f64 = 1.0 / 16.0;
 const MAX_SECTIONS: usize = 1 << 16;
 /// How many of the worst frames and cross-sections are named.
 const WORST: usize = 10;
-
-/// One frame as both results have it; a profile where both have a calibration.
-#[derive(Clone, Copy, Debug)]
-pub struct Pair<'a> {
-    /// Number of the frame among those of A, from 0.
-    pub frame: u64,
-    /// The centrelines of A and B.
-    pub lines: [&'a Centerline<'a>; 2],
-    /// The profiles of A and B.
-    pub profiles: Option<[&'a Profile<'a>; 2]>,
-}
 
 /// Two points of one cross-section.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,7 +105,7 @@ impl Default for Differences {
 
 impl Differences {
     /// Takes a frame that both have into account, and hands back its points.
-    pub fn add(&mut self, pair: &Pair<'_>) -> &[Matched] {
+    pub fn add(&mut self, pair: &FramePair<'_>) -> &[Matched] {
         let mut only = [0; 2];
         let mut matched = std::mem::take(&mut self.matched);
         matched.clear();
@@ -158,7 +147,7 @@ impl Differences {
         }
     }
 
-    fn take_frame(&mut self, pair: &Pair<'_>, matched: &[Matched], only: [u64; 2]) {
+    fn take_frame(&mut self, pair: &FramePair<'_>, matched: &[Matched], only: [u64; 2]) {
         let num = matched.len() as f64;
         let all = || matched.iter().map(|point| point.difference_px);
         let worst =
@@ -186,7 +175,7 @@ impl Differences {
         }
     }
 
-    fn take_heights(&mut self, pair: &Pair<'_>) {
+    fn take_heights(&mut self, pair: &FramePair<'_>) {
         let Some(profiles) = pair.profiles else { return };
         let offsets = pair
             .lines
@@ -267,7 +256,7 @@ fn match_points(section: usize, [a, b]: [&[Point]; 2], matched: &mut Vec<Matched
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scanner::stripe::flag;
+    use crate::{msg::laser_profiler_msgs::Profile, scanner::stripe::flag};
 
     fn line(points: &[(f32, f32)]) -> Centerline<'static> {
         Centerline {
@@ -278,8 +267,8 @@ mod tests {
         }
     }
 
-    fn pair<'a>(a: &'a Centerline<'a>, b: &'a Centerline<'a>) -> Pair<'a> {
-        Pair { frame: 0, lines: [a, b], profiles: None }
+    fn pair<'a>(a: &'a Centerline<'a>, b: &'a Centerline<'a>) -> FramePair<'a> {
+        FramePair { frame: 0, lines: [a, b], profiles: None }
     }
 
     #[test]
@@ -322,7 +311,7 @@ mod tests {
             [heights(&[1.0, f32::NAN]), heights(&[9.0, 9.0, 9.0, 1.0 + 0.000_25, 2.0])];
         let mut differences = Differences::default();
         let profiles = Some([&first, &second]);
-        differences.add(&Pair { profiles, ..pair(&a, &b) });
+        differences.add(&FramePair { profiles, ..pair(&a, &b) });
         assert_eq!(differences.num_flagged[0], [1, 0]);
         assert_eq!(differences.num_flagged[2], [1, 0]);
         let figures = differences.heights.figures();

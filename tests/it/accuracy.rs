@@ -95,7 +95,7 @@ fn improved_gravity_meets_its_limits() {
     }
 }
 
-/// Error of a noise-free stripe that lies at the same sub-pixel phase in every column, for 50 phases.
+/// Error of a noise-free stripe with the same sub-pixel phase in every column, for 50 phases.
 fn error_by_phase_px(params: ExtractionParams) -> Vec<f64> {
     let scene = StripeScene {
         width: 128,

@@ -68,7 +68,7 @@ fn no_selection_allocates() {
     }
 }
 
-/// Samples come and frames ask, long after the first have been forgotten.
+/// Samples arrive and frames look up positions long after the first samples have been discarded.
 #[test]
 fn positions_allocate_nothing() {
     const FRAMES: (&str, &str) = ("table", "camera");

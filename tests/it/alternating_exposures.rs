@@ -12,7 +12,7 @@ use laser_profiler::{
     simulate::{scenario::Scenario, world::RenderedFrame},
 };
 
-/// A dark film on a bright cell that stands still: the stripe crosses both.
+/// A dark film on a bright cell, not moving; the stripe crosses both.
 const SCENE: &str = "
 frames: 40
 frame_rate_hz: 22.0
@@ -38,7 +38,7 @@ part:
   film: {margin_m: 0.004, thickness_m: 0.0002, reflectance: 0.09}
 ";
 
-/// What the frames of a scenario gave.
+/// Results of the frames of a scenario.
 #[derive(Debug, Default)]
 struct Result {
     errors_px: Vec<f64>,
@@ -87,7 +87,7 @@ fn measure(factors: &str, exposure: Exposure) -> Result {
         let line = output.centerline;
         let is_saturated = |flags: &&u8| **flags & flag::SATURATED != 0;
         result.num_saturated += line.flags.iter().filter(is_saturated).count();
-        // At an edge the blur mixes two surfaces: not what the exposure decides.
+        // At an edge the blur mixes two surfaces, independent of the exposure.
         let truth = |column: usize| rendered.truth[column].center_px;
         let is_even = |column: usize| {
             (column.saturating_sub(6)..(column + 7).min(320))
@@ -133,7 +133,7 @@ fn equal_exposures_are_not_merged_and_a_warning_is_logged() {
     assert!(single.pairings.is_empty());
 }
 
-/// What becomes of a long frame after a short one when `between` happens in between.
+/// Result of a long frame after a short one if `between` happens in between.
 fn pairing_after(between: impl FnOnce(&mut Pipeline, &mut FrameIndex)) -> Pairing {
     let yaml = SCENE.replacen("seed: 5", "seed: 5\nexposure_factors: [0.15, 1.0]", 1);
     let scenario = Scenario::from_yaml(&yaml).unwrap();

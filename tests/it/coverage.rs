@@ -1,4 +1,4 @@
-//! Whether the stated uncertainty of a measured length is true: 500 rigs, each calibrated from noisy boards of its own.
+//! Coverage of the stated uncertainty of a measured length: 500 rigs, each calibrated from its own noisy boards.
 //!
 //! Boards and points are projected by the simulated lens. A calibration is the least-squares estimate from its noisy
 //! corners, to first order, as is its covariance; the plane of light is fitted to noisy points. Then a length in the plane
@@ -62,7 +62,7 @@ fn estimate(
     errors: &DVector<f64>,
     sigma: f64,
 ) -> (DVector<f64>, DMatrix<f64>) {
-    // Scaled, so that pixels and radians can stand in one matrix.
+    // Scaled so that pixels and radians fit into one matrix.
     let scales = DVector::from_iterator(
         jacobian.ncols(),
         jacobian.column_iter().map(|column| 1.0 / column.norm()),
@@ -74,7 +74,7 @@ fn estimate(
     (&covariance * (jacobian.transpose() * errors), covariance * (sigma * sigma))
 }
 
-/// A camera, and what ten noisy views of a board say of it.
+/// A camera, and its calibration from ten noisy views of a board.
 fn camera(random: &mut impl Rng) -> (Lens, Camera, CameraQuality) {
     let mut between = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
     let focal_px = between(1200.0, 2500.0);
@@ -128,7 +128,7 @@ fn camera(random: &mut impl Rng) -> (Lens, Camera, CameraQuality) {
     (lens(values.as_slice()), camera, quality)
 }
 
-/// A plane of light, and what noisy points say of it.
+/// A laser plane, and its fit to noisy points.
 fn plane(random: &mut impl Rng) -> (LaserPlane, LaserPlane, PlaneQuality) {
     let mut between = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
     let direction = Vector3::new(between(-0.3, 0.3), -0.8, between(0.4, 0.9));

@@ -14,7 +14,7 @@ use laser_profiler::{
 const COLUMNS: u32 = 2592;
 const FRAMES: u64 = 4;
 
-/// Smallest standard deviation of the centre of one column, pixels; samples say all that rounded and clipped ones can.
+/// Smallest possible standard deviation of the centre of one column, pixels, for rounded and clipped samples.
 fn bound_px(scene: &StripeScene) -> f64 {
     of_scene(scene, 0.0, Samples::Exact)
 }
@@ -58,7 +58,7 @@ fn params(method: Method, scene: &StripeScene) -> ExtractionParams {
     }
 }
 
-/// How good the points of a scene are.
+/// Errors of the points of a scene.
 struct Found {
     rms_px: f64,
     bias_px: f64,

@@ -34,6 +34,12 @@ pub enum PlateauError {
         /// Plateaus asked for.
         wanted: usize,
     },
+    /// A plateau through which no line can be fitted.
+    #[error("plateau {plateau} has too few points")]
+    TooFewPoints {
+        /// Number of the plateau along the stripe, from 0.
+        plateau: usize,
+    },
     /// Another number of plateaus.
     #[error("{wanted} heights are given, but the line has {found} plateaus{}: {}", at_least(*.found, *.wanted), listed(.places))]
     Count {
@@ -57,7 +63,7 @@ fn listed(places: &[[i64; 2]]) -> String {
 
 /// A plateau as indices into the line's points.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Piece {
+pub(crate) struct Piece {
     /// From border to border.
     pub whole: Range<usize>,
     /// Without the outer sixths, which the blur and the edges of the gauge spoil.
@@ -71,7 +77,7 @@ pub struct Piece {
 ///
 /// # Errors
 /// Too few points, or another number of plateaus than asked for.
-pub fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, PlateauError> {
+pub(crate) fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, PlateauError> {
     let num = points.len();
     if count == 0 || num < count * MIN_POINTS {
         return Err(PlateauError::TooShort { num, wanted: count });

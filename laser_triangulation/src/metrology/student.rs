@@ -10,7 +10,7 @@ const NORMAL: f64 = 1.959_964;
 /// quantile (Abramowitz and Stegun 1964, table 26.10, and their expansion 26.7.5 above 10). Below one degree of
 /// freedom the estimate tells nothing: infinite.
 #[must_use]
-pub fn factor_95(degrees_of_freedom: f64) -> f64 {
+pub(crate) fn factor_95(degrees_of_freedom: f64) -> f64 {
     let dof = degrees_of_freedom;
     if dof.is_nan() || dof < 1.0 {
         return f64::INFINITY;

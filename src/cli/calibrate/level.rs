@@ -1,21 +1,23 @@
 //! `laser_profiler calibrate level`: the part's frame, laid on a flat.
 
-use std::{fs, io::Write, path::PathBuf};
+use std::{io::Write, path::PathBuf};
 
 use anyhow::{Context, bail};
-use nalgebra::Isometry3;
 use serde_json::json;
 
 use crate::{
+    calibrate::level_part,
     cli::{
         Outcome,
-        measure::{edges, region},
-        results::{ANY_HEIGHT_M, Results, ResultsArgs},
+        length::{interval_m, region},
+        output,
+        results_args::ResultsArgs,
     },
     metrology::{
         plane::{self, PlaneFit},
         surface::Region,
     },
+    results::{ANY_HEIGHT_M, Results},
     scanner::calibration::{Calibration, CameraAndPlane, PartPose},
 };
 
@@ -41,7 +43,7 @@ pub(super) struct LevelArgs {
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
     /// Only heights from LOW to HIGH.
-    #[arg(long, value_name = "LOW,HIGH", value_parser = edges, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = interval_m, allow_hyphen_values = true)]
     heights: Option<[f64; 2]>,
     /// The calibration, a YAML file.
     #[arg(short, long, value_name = "FILE.yaml")]
@@ -60,38 +62,37 @@ pub(super) struct LevelArgs {
 /// Results without a calibration of a camera and a plane, or placed by poses; no flat; a file that is there or cannot be
 /// written.
 pub(super) fn run(args: &LevelArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
-    if args.output.exists() && !args.force {
-        bail!("{} is there already: --force replaces it", args.output.display());
+    if !args.force {
+        output::refuse_existing(&args.output)?;
     }
-    let results = Results::open(&args.results)?;
+    let results = Results::open(&args.results.selection())?;
     let bag = args.results.bag.display();
     let mut geometry = geometry(&results).with_context(|| bag.to_string())?;
     let scanned = results
         .surface(&args.region.unwrap_or(Region::ALL), args.heights.unwrap_or(ANY_HEIGHT_M))
-        .with_context(|| format!("{bag}: {}", results.topic))?;
+        .with_context(|| format!("{bag}: {}", results.topic()))?;
     let flat = plane::fit(&scanned.surface)?;
-    let unlaid_from_part = geometry.part.map_or(Isometry3::identity(), |part| part.pose());
-    let part = PartPose::new(&(unlaid_from_part * plane::leveling(&flat).inverse()));
+    let part = level_part(&flat, geometry.part);
     geometry.part = Some(part);
     geometry.calibrated_at =
         Some(jiff::Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string());
     let calibration = Calibration::CameraAndPlane(Box::new(geometry));
-    fs::write(&args.output, calibration.to_yaml())
-        .with_context(|| format!("cannot write {}", args.output.display()))?;
+    output::write_file(&args.output, calibration.to_yaml())?;
     let text = told(args, &calibration.id(), &flat, part);
-    crate::cli::quiet_pipe(out.write_all(text.as_bytes())).context("standard output")?;
-    Ok(scanned.read.outcome())
+    output::print(out, &text)?;
+    Ok(Outcome::with_losses(scanned.counts.rejected))
 }
 
 /// The calibration that the results carry.
 fn geometry(results: &Results) -> anyhow::Result<CameraAndPlane> {
-    let text = results.calibration().context(
+    let provenance = results.provenance();
+    let text = provenance.calibration.as_ref().context(
         "the results carry no calibration: replay with a calibration_file, which is then laid level",
     )?;
-    if results.is_posed() {
+    if provenance.is_posed() {
         bail!("profiles were placed by poses (motion.source: tf): their frame is that of tf");
     }
-    match Calibration::from_yaml(&text).context("the calibration in the results")? {
+    match Calibration::from_yaml(text).context("the calibration in the results")? {
         Calibration::CameraAndPlane(geometry) => Ok(*geometry),
         _ => bail!(
             "the results were measured by known heights or formula 6: a level needs a calibration of type camera_and_plane; \

@@ -2,18 +2,18 @@
 
 mod axis;
 mod axis_answer;
-mod axis_distance;
+mod axis_pictures;
 mod boards;
 mod camera;
+mod charts;
 mod file;
 mod joint;
+mod pictures;
 mod plane;
 mod plane_answer;
 mod rejected;
 mod report;
-mod report_charts;
 mod stripes;
-mod views;
 
 pub(super) use axis::run as axis;
 pub(super) use camera::run as camera;

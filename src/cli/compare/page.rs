@@ -1,9 +1,9 @@
 //! What a comparison says, as a page.
 
-use super::{join, told::Answer, why::Reason};
+use super::told::Answer;
 use crate::{
     cli::report::{
-        Notes, described,
+        described,
         map::{colors, laid_out, thinned},
     },
     report::{
@@ -13,6 +13,7 @@ use crate::{
         page::{Axis, Document, Fact, Map, Page, Table},
         quality::FLAGS,
     },
+    results::{Notes, Reason, for_each_pair},
 };
 
 const AXES: [Axis; 3] = [
@@ -26,7 +27,7 @@ const AXES: [Axis; 3] = [
 /// # Errors
 /// Those of joining the frames once more.
 pub(super) fn page(answer: &Answer<'_>, notes: &mut Notes) -> anyhow::Result<Page> {
-    let [a, b] = [0, 1].map(|which| described::title(answer.sources[which]));
+    let [a, b] = [0, 1].map(|which| described::title(answer.recordings[which]));
     let map = map(answer, notes)?;
     Ok(Page {
         title: format!("{a} and {b}"),
@@ -38,7 +39,7 @@ pub(super) fn page(answer: &Answer<'_>, notes: &mut Notes) -> anyhow::Result<Pag
             answer.methods[1]
         ),
         facts: facts(answer),
-        notes: notes.told().to_vec(),
+        notes: notes.texts().to_vec(),
         map,
         overlays: Vec::new(),
         charts: charts(answer.differences),
@@ -77,7 +78,7 @@ fn map(answer: &Answer<'_>, notes: &mut Notes) -> anyhow::Result<Option<Map>> {
     let mut rows = |take: &mut dyn FnMut(&[Place])| {
         let mut again = Differences::default();
         let mut row = Vec::new();
-        joined = join::join(answer.sources, notes, |pair| {
+        joined = for_each_pair(answer.recordings, notes, |pair| {
             row.clear();
             row.resize(width, [f32::NAN; 3]);
             for point in again.add(pair) {
@@ -164,7 +165,7 @@ fn tables(answer: &Answer<'_>) -> Vec<Table> {
     let why = answer
         .reasons
         .iter()
-        .map(|Reason { what, values: [a, b] }| vec![what.clone(), a.clone(), b.clone()]);
+        .map(|Reason { name, values: [a, b] }| vec![name.clone(), a.clone(), b.clone()]);
     let worst = answer.differences.worst.iter().map(|frame| {
         vec![
             frame.frame.to_string(),
@@ -204,11 +205,11 @@ fn tables(answer: &Answer<'_>) -> Vec<Table> {
 }
 
 fn documents(answer: &Answer<'_>) -> Vec<Document> {
-    let of = |(source, letter)| {
-        described::documents(source).into_iter().map(move |document| Document {
+    let of = |(recording, letter)| {
+        described::documents(recording).into_iter().map(move |document| Document {
             title: format!("{letter}: {}", document.title),
             ..document
         })
     };
-    answer.sources.into_iter().zip(["A", "B"]).flat_map(of).collect()
+    answer.recordings.into_iter().zip(["A", "B"]).flat_map(of).collect()
 }

@@ -4,19 +4,18 @@ use std::fmt::{self, Write as _};
 
 use serde_json::{Value as Json, json};
 
-use super::why::Reason;
 use crate::{
-    cli::report::{Notes, source::Source},
     report::{
         difference::{Differences, FrameDifference},
         quality::FLAGS,
         spread::Figures,
     },
+    results::{Notes, Reason, ResultsRecording},
 };
 
 /// Everything that was found.
 pub(super) struct Answer<'a> {
-    pub(super) sources: [&'a Source; 2],
+    pub(super) recordings: [&'a ResultsRecording; 2],
     pub(super) methods: [String; 2],
     pub(super) differences: &'a Differences,
     pub(super) reasons: Vec<Reason>,
@@ -25,8 +24,7 @@ pub(super) struct Answer<'a> {
 impl Answer<'_> {
     /// A recorded text of A or B, a dash without.
     pub(super) fn recorded(&self, which: usize, key: &str) -> &str {
-        let text = self.sources[which].record.get(key).map_or("", String::as_str);
-        if text.is_empty() { "–" } else { text }
+        self.recordings[which].provenance().recorded(key).unwrap_or("–")
     }
 
     /// The figures that there are, with their units.
@@ -49,7 +47,7 @@ impl Answer<'_> {
             writeln!(
                 text,
                 "{letter}  {}  version {}  {}",
-                self.sources[which].path.display(),
+                self.recordings[which].path().display(),
                 self.recorded(which, "version"),
                 self.methods[which]
             )?;
@@ -114,9 +112,9 @@ impl Answer<'_> {
             "\nWhat is not the same:"
         };
         writeln!(text, "{told}")?;
-        for Reason { what, values } in &self.reasons {
+        for Reason { name, values } in &self.reasons {
             let [a, b] = values.each_ref().map(|value| if value.is_empty() { "–" } else { value });
-            writeln!(text, "  {what}: {a} → {b}")?;
+            writeln!(text, "  {name}: {a} → {b}")?;
         }
         Ok(())
     }
@@ -126,10 +124,10 @@ impl Answer<'_> {
         let differences = self.differences;
         let one = |which: usize| {
             json!({
-                "path": self.sources[which].path,
-                "version": self.sources[which].record.get("version"),
+                "path": self.recordings[which].path(),
+                "version": self.recordings[which].provenance().record.get("version"),
                 "method": self.methods[which],
-                "input": self.sources[which].record.get("input"),
+                "input": self.recordings[which].provenance().record.get("input"),
                 "frames_only": differences.num_frames[1 + which],
                 "points_only": differences.num_points[1 + which],
             })
@@ -149,7 +147,7 @@ impl Answer<'_> {
         let reasons = self
             .reasons
             .iter()
-            .map(|Reason { what, values: [a, b] }| json!({"what": what, "a": a, "b": b}));
+            .map(|Reason { name, values: [a, b] }| json!({"what": name, "a": a, "b": b}));
         let object = json!({
             "a": one(0),
             "b": one(1),
@@ -161,8 +159,8 @@ impl Answer<'_> {
             "frames_worst": frames,
             "sections_worst": sections.collect::<Vec<_>>(),
             "reasons": reasons.collect::<Vec<_>>(),
-            "notes": notes.told(),
-            "lost": notes.lost(),
+            "notes": notes.texts(),
+            "lost": notes.num_lost(),
         });
         format!("{object}\n")
     }

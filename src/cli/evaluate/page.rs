@@ -14,7 +14,11 @@ use super::{
     rendered, rendered_tables,
     settings::{self, Settings, SettingsArgs},
 };
-use crate::{cli::Outcome, evaluate::trial::Plan, ros::arguments::RosArguments};
+use crate::{
+    cli::{Outcome, output},
+    evaluate::trial::Plan,
+    ros::arguments::RosArguments,
+};
 
 const HELP: &str = "\
 Example:
@@ -75,7 +79,7 @@ pub(super) fn run(
     let path = args.output.join("accuracy.md");
     let page = format!("{PREFACE}\n{}", document::markdown(&sections, Some(Path::new(""))));
     fs::write(&path, page).with_context(|| format!("cannot write {}", path.display()))?;
-    super::super::quiet_pipe(writeln!(out, "{}", path.display())).context("standard output")?;
+    output::printed(writeln!(out, "{}", path.display()))?;
     Ok(Outcome::Done)
 }
 

@@ -2,11 +2,10 @@
 
 use std::io::Write;
 
-use super::{ExportArgs, Written, outline::Placing};
+use super::{ExportArgs, Written};
 use crate::{
-    bag::Filter,
-    cli::results::Results,
     msg::{cdr, laser_profiler_msgs::Profile},
+    results::{Placing, Results},
 };
 
 /// Writes the profiles beside the clouds, with their uncertainties, or the points of the clouds. Profiles that cannot be
@@ -35,7 +34,7 @@ fn write_points(
 ) -> anyhow::Result<Written> {
     writeln!(file, "x_m,y_m,z_m,intensity")?;
     let mut num_points = 0;
-    results.profiles(|row| {
+    results.for_each_profile(|row| {
         for [x, y, z, intensity] in placing.points(row) {
             writeln!(file, "{x},{y},{z},{intensity}")?;
             num_points += 1;
@@ -53,7 +52,7 @@ fn write_profiles(
 ) -> anyhow::Result<Written> {
     writeln!(file, "frame,stamp_ns,position,x_m,z_m,intensity,sigma_z_m,flags")?;
     let mut written = Written::default();
-    for message in results.bag.messages(&Filter::topics([topic])) {
+    for message in results.messages(topic) {
         let bytes = message.map(|message| message.data);
         let decoded = bytes.as_ref().map(|bytes| cdr::decode::<Profile<'_>>(bytes));
         let Ok(Ok(profile)) = decoded else {

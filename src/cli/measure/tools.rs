@@ -4,14 +4,11 @@ use anyhow::{Context, ensure};
 use serde_json::json;
 
 use super::{
-    Common, PlaneArgs, SpheresArgs, StepArgs, VolumeArgs, calibration,
+    Common, PlaneArgs, SpheresArgs, StepArgs, VolumeArgs,
     report::{Answer, Figure, Unit},
 };
 use crate::{
-    cli::{
-        Usage,
-        results::{ANY_HEIGHT_M, Read, Results, Scanned},
-    },
+    cli::{Outcome, Usage},
     metrology::{
         between_profiles::{self, BetweenProfiles},
         form::Form,
@@ -23,14 +20,15 @@ use crate::{
         surface::{Region, Surface, is_measured},
         volume,
     },
+    results::{ANY_HEIGHT_M, ReadCounts, Results, Scanned, calibration_share},
 };
 
 /// The points of a region.
 fn points(common: &Common, region: &Region) -> anyhow::Result<(Scanned, Results)> {
-    let results = Results::open(&common.results)?;
+    let results = Results::open(&common.results.selection())?;
     let scanned = results
         .surface(region, common.heights.unwrap_or(ANY_HEIGHT_M))
-        .with_context(|| format!("{}: {}", common.results.bag.display(), results.topic))?;
+        .with_context(|| format!("{}: {}", common.results.bag.display(), results.topic()))?;
     Ok((scanned, results))
 }
 
@@ -41,7 +39,7 @@ fn shares<const N: usize>(
     scanned: &[&Scanned],
     measure: impl Fn(&[Surface]) -> anyhow::Result<[f64; N]>,
 ) -> [Option<f64>; N] {
-    match calibration::share(results, scanned, measure) {
+    match calibration_share(results, scanned, measure) {
         Ok(sigmas) => sigmas.map(Some),
         Err(why) => {
             answer.text_line("calibration_unknown", "not in sigma: calibration", &why);
@@ -51,17 +49,17 @@ fn shares<const N: usize>(
 }
 
 /// What every answer says of its input.
-fn input(answer: &mut Answer, results: &Results, read: Read, num_points: usize) {
-    answer.text_line("topic", "points of", &results.topic);
-    answer.count("profiles", "profiles", read.profiles);
+fn input(answer: &mut Answer, results: &Results, counts: ReadCounts, num_points: usize) {
+    answer.text_line("topic", "points of", results.topic());
+    answer.count("profiles", "profiles", counts.profiles);
     answer.count("points", "points", num_points as u64);
-    if read.rejected > 0 {
-        answer.count("rejected", "clouds passed over", read.rejected);
+    if counts.rejected > 0 {
+        answer.count("rejected", "clouds passed over", counts.rejected);
     } else {
         answer.hidden("rejected", json!(0));
     }
-    answer.hidden("calibration", json!(results.calibration()));
-    answer.outcome = read.outcome();
+    answer.hidden("calibration", json!(results.provenance().calibration));
+    answer.outcome = Outcome::with_losses(counts.rejected);
 }
 
 pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
@@ -69,7 +67,7 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let (scanned, results) = points(&args.common, &region)?;
     let plane = plane::fit(&scanned.surface)?;
     let mut answer = Answer::new("plane");
-    input(&mut answer, &results, scanned.read, plane.num_points);
+    input(&mut answer, &results, scanned.counts, plane.num_points);
     answer.hidden("normal", json!([plane.normal.x, plane.normal.y, plane.normal.z]));
     answer.place("center_m", "middle", plane.center_m.coords.as_slice());
     let [x_m, y_m] = [plane.center_m.x, plane.center_m.y];
@@ -112,7 +110,7 @@ pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
     };
     let step = measured(&scanned.surface, args.edges)?;
     let mut answer = Answer::new("step");
-    input(&mut answer, &results, scanned.read, scanned.surface.num_measured());
+    input(&mut answer, &results, scanned.counts, scanned.surface.num_measured());
     answer.text_line("direction", "profiles along", &args.direction);
     let [by_height] = shares(&mut answer, &results, &[&scanned], |s| {
         Ok([measured(&s[0], Some(step.edges_m))?.height_m])
@@ -138,7 +136,7 @@ pub(super) fn sphere(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let (scanned, results) = points(&args.common, &region)?;
     let sphere = sphere::fit(&scanned.surface)?;
     let mut answer = Answer::new("sphere");
-    input(&mut answer, &results, scanned.read, sphere.num_points);
+    input(&mut answer, &results, scanned.counts, sphere.num_points);
     let by = shares(&mut answer, &results, &[&scanned], |s| Ok(numbers(&sphere::fit(&s[0])?)));
     tell(&mut answer, &sphere, by);
     Ok(answer)
@@ -176,7 +174,7 @@ pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
         sphere::fit(&one.surface).context("sphere 1")?,
         sphere::fit(&other.surface).context("sphere 2")?,
     ];
-    input(&mut answer, &results, one.read, fits[0].num_points + fits[1].num_points);
+    input(&mut answer, &results, one.counts, fits[0].num_points + fits[1].num_points);
     let by = shares(&mut answer, &results, &[&one, &other], |s| {
         let fits = [sphere::fit(&s[0])?, sphere::fit(&s[1])?];
         let [a, b] = fits.each_ref().map(numbers);
@@ -240,7 +238,7 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
     };
     let found = over(surface, &plane);
     let mut answer = Answer::new("volume");
-    input(&mut answer, &results, scanned.read, num_inside);
+    input(&mut answer, &results, scanned.counts, num_inside);
     let [by_volume] = shares(&mut answer, &results, &[&scanned], |s| {
         Ok([over(&s[0], &reference(&s[0])?).volume_m3])
     });

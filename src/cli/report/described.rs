@@ -1,34 +1,35 @@
 //! What a recording is, in facts, tables and texts.
 
-use super::{gathered::Gathered, source::Source};
+use super::gathered::Gathered;
 use crate::{
-    cli::info::date,
+    cli::units::date,
     report::{
         grid::Extent,
         page::{Document, Fact, Table},
         quality::FLAGS,
     },
+    results::ResultsRecording,
 };
 
 /// The recording's name.
-pub(in crate::cli) fn title(source: &Source) -> String {
-    let name = source.path.file_name().map(|name| name.to_string_lossy().into_owned());
-    name.unwrap_or_else(|| source.path.display().to_string())
+pub(in crate::cli) fn title(source: &ResultsRecording) -> String {
+    let name = source.path().file_name().map(|name| name.to_string_lossy().into_owned());
+    name.unwrap_or_else(|| source.path().display().to_string())
 }
 
 /// When, how long, from what and how.
-pub(super) fn subtitle(source: &Source, gathered: &Gathered) -> String {
+pub(super) fn subtitle(source: &ResultsRecording, gathered: &Gathered) -> String {
     let mut parts = Vec::new();
     if let Some([first_ns, last_ns]) = gathered.stamps_ns {
         parts.push(date(first_ns));
         parts.push(format!("{:.3} s", last_ns.saturating_sub(first_ns) as f64 / 1e9));
     }
-    let recorded = |key: &str| source.record.get(key).filter(|text| !text.is_empty());
+    let recorded = |key: &str| source.provenance().recorded(key);
     if let Some(input) = recorded("input") {
         parts.push(format!("from {}", input.replace('\n', ", ")));
     }
     if let Some(topic) = recorded("input_topic") {
-        parts.push(topic.clone());
+        parts.push(topic.to_owned());
     }
     if !gathered.method.is_empty() {
         parts.push(gathered.method.clone());
@@ -66,7 +67,7 @@ pub(super) fn facts(gathered: &Gathered, size: Option<&Extent>) -> Vec<Fact> {
 }
 
 /// Counters, flags and topics.
-pub(super) fn tables(source: &Source, gathered: &Gathered) -> Vec<Table> {
+pub(super) fn tables(source: &ResultsRecording, gathered: &Gathered) -> Vec<Table> {
     let quality = &gathered.quality;
     let flags = FLAGS.iter().zip(quality.num_flagged).map(|((_, name), num)| {
         vec![(*name).to_owned(), num.to_string(), percent(num, quality.num_points)]
@@ -76,7 +77,7 @@ pub(super) fn tables(source: &Source, gathered: &Gathered) -> Vec<Table> {
         heads: ["Flag", "Points", "Share"].map(str::to_owned).into(),
         rows: flags.collect(),
     });
-    let counts = source.bag.message_counts().unwrap_or_default();
+    let counts = source.bag().message_counts().unwrap_or_default();
     let row = |topic: &std::sync::Arc<crate::bag::Topic>| {
         let count = counts.get(topic.name.as_str()).map_or("–".to_owned(), u64::to_string);
         vec![topic.name.clone(), topic.type_name.clone(), count]
@@ -84,22 +85,22 @@ pub(super) fn tables(source: &Source, gathered: &Gathered) -> Vec<Table> {
     let topics = Table {
         title: "Topics of the recording".to_owned(),
         heads: ["Topic", "Type", "Messages"].map(str::to_owned).into(),
-        rows: source.bag.topics().iter().map(row).collect(),
+        rows: source.bag().topics().iter().map(row).collect(),
     };
     gathered.status.table().into_iter().chain(flags).chain([topics]).collect()
 }
 
 /// Calibration and parameters as they were recorded.
-pub(in crate::cli) fn documents(source: &Source) -> Vec<Document> {
+pub(in crate::cli) fn documents(source: &ResultsRecording) -> Vec<Document> {
     let mut documents = Vec::new();
     let mut add = |title: &str, text: Option<&String>| {
         if let Some(text) = text.filter(|text| !text.is_empty()) {
             documents.push(Document { title: title.to_owned(), text: text.clone() });
         }
     };
-    add("Calibration (calibration.yaml)", source.calibration.as_ref());
-    add("Parameters", source.record.get("parameters"));
-    let rest = source.record.iter().filter(|(key, _)| *key != "parameters");
+    add("Calibration (calibration.yaml)", source.provenance().calibration.as_ref());
+    add("Parameters", source.provenance().record.get("parameters"));
+    let rest = source.provenance().record.iter().filter(|(key, _)| *key != "parameters");
     let rest: Vec<_> =
         rest.map(|(key, text)| format!("{key}: {}", text.replace('\n', ", "))).collect();
     add("Version and origin", Some(&rest.join("\n")));

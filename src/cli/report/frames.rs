@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use super::{Notes, ReportArgs, gathered::Gathered, images, source::Source};
+use super::{ReportArgs, gathered::Gathered, images};
 use crate::{
     bag::Filter,
-    cli::results::ResultsArgs,
     msg::{cdr, laser_profiler_msgs::Centerline},
     report::overlay::Overlay,
+    results::{Notes, ResultsRecording, ScanSelection},
 };
 
 /// How many frames are shown when nobody chose.
@@ -16,7 +16,7 @@ const DEFAULT: u64 = 4;
 /// The chosen frames, with their images where there are any.
 pub(super) fn overlays(
     args: &ReportArgs,
-    source: &Source,
+    source: &ResultsRecording,
     gathered: &Gathered,
     notes: &mut Notes,
 ) -> Vec<Overlay> {
@@ -24,10 +24,8 @@ pub(super) fn overlays(
     let (Some(topic), 1..) = (source.topic("centerline"), num) else { return Vec::new() };
     let mut wanted: BTreeSet<u64> = args.frames.iter().copied().collect();
     for beyond in wanted.split_off(&num) {
-        notes.tell(format!(
-            "frame {beyond} is not there: the recording has {num}, 0 to {}",
-            num - 1
-        ));
+        notes
+            .add(format!("frame {beyond} is not there: the recording has {num}, 0 to {}", num - 1));
     }
     if args.frames.is_empty() {
         // In the middle of equal parts: the first and the last frame often show nothing.
@@ -35,14 +33,14 @@ pub(super) fn overlays(
     }
     let mut overlays = centerlines(source, &topic, &wanted);
     if let Err(error) = add_images(args, source, &mut overlays, notes) {
-        notes.tell(format!("without images: {error:#}"));
+        notes.add(format!("without images: {error:#}"));
     }
     overlays
 }
 
 /// The centrelines of frames by their number among those that can be read.
-fn centerlines(source: &Source, topic: &str, wanted: &BTreeSet<u64>) -> Vec<Overlay> {
-    let messages = source.bag.messages(&Filter::topics([topic]));
+fn centerlines(source: &ResultsRecording, topic: &str, wanted: &BTreeSet<u64>) -> Vec<Overlay> {
+    let messages = source.bag().messages(&Filter::topics([topic]));
     // What cannot be read was told when it was read first.
     let good =
         messages.flatten().filter(|message| cdr::decode::<Centerline<'_>>(&message.data).is_ok());
@@ -58,20 +56,20 @@ fn centerlines(source: &Source, topic: &str, wanted: &BTreeSet<u64>) -> Vec<Over
 /// Puts images under the centrelines, by their stamps.
 fn add_images(
     args: &ReportArgs,
-    source: &Source,
+    source: &ResultsRecording,
     overlays: &mut [Overlay],
     notes: &mut Notes,
 ) -> anyhow::Result<()> {
     if overlays.is_empty() {
         return Ok(());
     }
-    let input = source.record.get("input_topic").map(String::as_str);
+    let input = source.provenance().record.get("input_topic").map(String::as_str);
     match &args.images {
         None => images::add(source, input, overlays, notes),
         Some(path) => {
-            let args = ResultsArgs { bag: path.clone(), topic: None, scan: None };
+            let selection = ScanSelection { bag: path.clone(), ..ScanSelection::default() };
             // What is missing beside the images is of no interest here.
-            let recording = Source::open(&args, &mut Notes::default())?;
+            let recording = ResultsRecording::open(&selection, &mut Notes::default())?;
             images::add(&recording, input, overlays, notes)
         }
     }

@@ -1,6 +1,6 @@
 //! What one pass over a recording's results gives.
 
-use super::{Notes, source::Source, status::Status};
+use super::status::Status;
 use crate::{
     cli::progress::progress_bar,
     msg::{
@@ -12,6 +12,7 @@ use crate::{
         quality::Quality,
         series::{Merge, Series},
     },
+    results::{Notes, ResultsRecording},
 };
 
 /// The frames and the stream, from afar.
@@ -31,7 +32,7 @@ pub(super) struct Gathered {
 
 impl Gathered {
     /// Reads centrelines and counters.
-    pub(super) fn read(source: &Source, notes: &mut Notes) -> Self {
+    pub(super) fn read(source: &ResultsRecording, notes: &mut Notes) -> Self {
         let mut gathered = Self {
             quality: Quality::default(),
             status: Status::default(),
@@ -48,7 +49,7 @@ impl Gathered {
         }
         let length = lines.as_ref().and_then(|topic| source.num_messages(topic));
         let progress = progress_bar(length, "frames");
-        source.read(&topics, notes, |message| {
+        source.for_each_message(&topics, notes, |message| {
             if Some(&message.topic.name) == lines.as_ref() {
                 gathered.add(&cdr::decode(&message.data)?);
                 progress.inc(1);
@@ -59,13 +60,13 @@ impl Gathered {
         });
         progress.finish_and_clear();
         if states.is_none() {
-            notes.tell("the recording has no stream_status: drops and latency are not known");
+            notes.add("the recording has no stream_status: drops and latency are not known");
         }
         if gathered.quality.num_frames == 0 && lines.is_some() {
-            notes.tell("not one centreline could be read");
+            notes.add("not one centreline could be read");
         }
         if gathered.num_methods > 1 {
-            notes.tell("the parameters of the extraction were changed during the recording");
+            notes.add("the parameters of the extraction were changed during the recording");
         }
         gathered
     }

@@ -7,10 +7,6 @@ use ::image::{
 use anyhow::{Context, bail};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 
-use super::{
-    Notes,
-    source::{Source, tell},
-};
 use crate::{
     bag::{Filter, RawMessage},
     msg::{
@@ -20,6 +16,7 @@ use crate::{
         sensor_msgs::{CompressedImage, Image},
     },
     report::overlay::Overlay,
+    results::{Notes, ResultsRecording, add_error},
     scanner::{
         channel::{AnyPlane, Decoder, Plane, window},
         image::Image as Picture,
@@ -42,7 +39,7 @@ const MAX_FRAME_BYTES: u64 = 1 << 28;
 /// # Errors
 /// A recording without images.
 pub(super) fn add(
-    recording: &Source,
+    recording: &ResultsRecording,
     input: Option<&str>,
     overlays: &mut [Overlay],
     notes: &mut Notes,
@@ -56,14 +53,14 @@ pub(super) fn add(
     }
     let missing = overlays.iter().filter(|overlay| overlay.image.is_empty()).count();
     if missing > 0 {
-        notes.tell(format!("{missing} of the shown frames have no image on {topic}"));
+        notes.add(format!("{missing} of the shown frames have no image on {topic}"));
     }
     Ok(())
 }
 
 /// Looks for images among those received in a span of time, until the span or the search is over.
 fn look(
-    recording: &Source,
+    recording: &ResultsRecording,
     topic: &str,
     [from_ns, to_ns]: [i64; 2],
     overlays: &mut [Overlay],
@@ -76,15 +73,15 @@ fn look(
     if is_over(overlays) {
         return;
     }
-    for message in recording.bag.messages(&Filter::topics([topic]).from(from_ns)) {
+    for message in recording.bag().messages(&Filter::topics([topic]).from(from_ns)) {
         match message {
             Ok(message) if message.log_time_ns > to_ns => return,
             Ok(message) => {
                 if let Err(error) = put(&message, overlays) {
-                    notes.lose(format!("{topic}: {error:#}"));
+                    notes.add_loss(format!("{topic}: {error:#}"));
                 }
             }
-            Err(error) => tell(notes, &error),
+            Err(error) => add_error(notes, &error),
         }
         if is_over(overlays) {
             return;
@@ -93,12 +90,12 @@ fn look(
 }
 
 /// The topic of the images: the one that the results name, else the only one.
-fn choose(recording: &Source, input: Option<&str>) -> anyhow::Result<String> {
+fn choose(recording: &ResultsRecording, input: Option<&str>) -> anyhow::Result<String> {
     let topics = recording.image_topics();
     if let Some(named) = topics.iter().find(|topic| Some(topic.as_str()) == input) {
         return Ok(named.clone());
     }
-    let path = recording.path.display();
+    let path = recording.path().display();
     match &topics[..] {
         [topic] => Ok(topic.clone()),
         [] => bail!("{path} has none; --images names the recording that has them"),

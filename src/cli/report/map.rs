@@ -2,19 +2,16 @@
 
 use anyhow::Context;
 
-use super::{Notes, ReportArgs, source::Source};
+use super::ReportArgs;
 use crate::{
-    cli::{
-        Usage,
-        chart::viridis,
-        results::{Results, ResultsArgs},
-    },
+    cli::chart::viridis,
     msg::{cdr, laser_profiler_msgs::Centerline},
     report::{
         grid::{Extent, Grid, Place},
         page::{Axis, Map},
         quality::is_vertical,
     },
+    results::{Notes, Results, ResultsRecording, ScanSelection, SelectionError},
 };
 
 /// What the files of a report need beside the page's map.
@@ -41,31 +38,35 @@ const PIXELS: [Axis; 3] = [
 /// Reads what there is to map: twice, so that nothing but the map is held.
 ///
 /// # Errors
-/// [`Usage`] for a topic or a scan that is not there.
+/// [`SelectionError`] for a topic or a scan that is not there.
 pub(super) fn read(
     args: &ReportArgs,
-    source: &Source,
+    source: &ResultsRecording,
     notes: &mut Notes,
 ) -> anyhow::Result<Option<Measured>> {
     let is_chosen = args.results.topic.is_some() || args.results.scan.is_some();
-    match open(&args.results, source, notes) {
+    match open(&args.results.selection(), source, notes) {
         Ok(results) => heights(results, notes).map(Some),
-        Err(error) if error.is::<Usage>() && is_chosen => Err(error),
+        Err(error) if error.is::<SelectionError>() && is_chosen => Err(error),
         Err(error) => {
-            notes.tell(format!("no height map: {error:#}"));
+            notes.add(format!("no height map: {error:#}"));
             Ok(centerlines(source, notes))
         }
     }
 }
 
 /// The scan that is meant; of several the first, which is told.
-fn open(args: &ResultsArgs, source: &Source, notes: &mut Notes) -> anyhow::Result<Results> {
-    let topic = args.topic.clone().or_else(|| source.topic("points"));
-    let args = ResultsArgs { topic, ..args.clone() };
-    match Results::open(&args) {
-        Err(error) if error.is::<Usage>() && args.scan.is_none() => {
-            let first = Results::open(&ResultsArgs { scan: Some(0), ..args })?;
-            notes.tell(format!("{error}; scan 0 is shown"));
+fn open(
+    selection: &ScanSelection,
+    source: &ResultsRecording,
+    notes: &mut Notes,
+) -> anyhow::Result<Results> {
+    let topic = selection.topic.clone().or_else(|| source.topic("points"));
+    let selection = ScanSelection { topic, ..selection.clone() };
+    match Results::open(&selection) {
+        Err(error) if error.is::<SelectionError>() && selection.scan.is_none() => {
+            let first = Results::open(&ScanSelection { scan: Some(0), ..selection })?;
+            notes.add(format!("{error}; scan 0 is shown"));
             Ok(first)
         }
         opened => opened,
@@ -76,7 +77,7 @@ fn heights(results: Results, notes: &mut Notes) -> anyhow::Result<Measured> {
     let mut row = Vec::new();
     let mut rejected = 0;
     let mut rows = |take: &mut dyn FnMut(&[Place])| {
-        let read = results.profiles(|profile| {
+        let read = results.for_each_profile(|profile| {
             row.clear();
             row.extend(profile.iter().map(|&[x, y, z, _]| [x, y, z]));
             take(&row);
@@ -86,7 +87,7 @@ fn heights(results: Results, notes: &mut Notes) -> anyhow::Result<Measured> {
     };
     let (size, grid, sections) = laid_out(&mut rows).context("the scan is empty")?;
     if rejected > 0 {
-        notes.lose(format!("{}: {rejected} point clouds could not be read", results.topic));
+        notes.add_loss(format!("{}: {rejected} point clouds could not be read", results.topic()));
     }
     let [x, y, _] = size.ranges.map(|[low, high]| 1e3 * f64::from(high - low));
     let caption = format!(
@@ -100,12 +101,12 @@ fn heights(results: Results, notes: &mut Notes) -> anyhow::Result<Measured> {
     Ok(Measured { map, size, results: Some(results), sections })
 }
 
-fn centerlines(source: &Source, notes: &mut Notes) -> Option<Measured> {
+fn centerlines(source: &ResultsRecording, notes: &mut Notes) -> Option<Measured> {
     let topic = source.topic("centerline")?;
     let mut is_upright = false;
     let mut rows = |take: &mut dyn FnMut(&[Place])| {
         let (mut row, mut frame) = (Vec::new(), 0.0_f32);
-        source.read(&[&topic], notes, |message| {
+        source.for_each_message(&[&topic], notes, |message| {
             let line: Centerline<'_> = cdr::decode(&message.data)?;
             is_upright |= is_vertical(&line);
             lay(&line, frame, &mut row);

@@ -10,8 +10,8 @@ use anyhow::Context;
 use super::map::Measured;
 use crate::{
     cli::{
-        evaluate::plots::{Curve, Plot},
-        export,
+        height_picture,
+        plots::{Curve, Plot},
     },
     report::{chart::Chart, grid::Place, overlay::Overlay},
 };
@@ -42,7 +42,7 @@ pub(super) fn write(
     }
     if let Some(results) = measured.and_then(|measured| measured.results.as_ref()) {
         let path = directory.join("height_map.png");
-        export::save_picture(results, &path)?;
+        height_picture::save_scan(&path, results)?;
         files.push(path);
     }
     Ok(files)

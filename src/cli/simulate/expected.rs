@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use super::recording::TRUTH_TOPIC;
 use crate::{
     bag::{BagReader, Filter, ReadOptions},
-    cli::replay::replay,
+    cli::replaying::replay,
     msg::{cdr, laser_profiler_msgs::Centerline},
     node::{replay::ReplayRequest, statistics::Summary, stop::Stop},
     ros::arguments::RosArguments,

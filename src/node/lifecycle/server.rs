@@ -47,9 +47,9 @@ pub enum ChangeError {
 
 /// Changes and tells the state of the node. Clones share it.
 #[derive(Clone)]
-pub struct Lifecycle(Arc<Shared>);
+pub struct Lifecycle(Arc<LifecycleState>);
 
-struct Shared {
+struct LifecycleState {
     machine: Mutex<Machine>,
     managed: Arc<dyn Managed>,
     clock: RosClock,
@@ -209,7 +209,7 @@ impl LifecycleServer {
             qos,
         )?;
         let (machine, events) = (Mutex::default(), Mutex::new(events));
-        let lifecycle = Lifecycle(Arc::new(Shared { machine, managed, clock, events }));
+        let lifecycle = Lifecycle(Arc::new(LifecycleState { machine, managed, clock, events }));
         let services: [(_, _, OnRequest); 5] = [
             ("~/change_state", &msgs::CHANGE_STATE, {
                 let lifecycle = lifecycle.clone();

@@ -26,7 +26,7 @@ use crate::{
         statistics::Summary,
         worker::{
             Worker,
-            live::{Live, Survey},
+            online::{Online, Survey},
         },
     },
     ros::transport::{Subscription, TopicEndpoint, Transport, TransportError},
@@ -156,9 +156,9 @@ impl Camera {
         let observer = images.observer.clone();
         let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
         let board = Board::default();
-        let live = Live::new(Arc::clone(&settings), clock, survey, observe);
-        let live = live.with_board(board.clone());
-        let worker = worker.with_live(live).with_inbox(Arc::clone(&images.inbox));
+        let online = Online::new(Arc::clone(&settings), clock, survey, observe);
+        let online = online.with_board(board.clone());
+        let worker = worker.with_online(online).with_inbox(Arc::clone(&images.inbox));
         let taken = Arc::clone(&input);
         let thread = thread::Builder::new()
             .name(format!("camera {name}"))

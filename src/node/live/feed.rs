@@ -7,19 +7,19 @@ use crate::{
     node::{
         positions::inbox::Inbox,
         queue::Queue,
-        source::{Input, Writer},
+        source::{Input, PublisherId},
     },
     ros::transport::{Arrival, OnArrival},
 };
 
 /// Hands every arrival to the queue, which drops the oldest when the worker is too slow.
 pub(super) fn on_image(queue: Arc<Queue<Input>>, topic: Arc<Topic>) -> OnArrival {
-    let mut writers = Writers::default();
+    let mut ids = PublisherIds::default();
     Box::new(move |arrival| {
         let (item, num_bytes) = match arrival {
             Ok(arrival) => {
                 let num_bytes = arrival.data.len();
-                let writer = writers.of(arrival.publisher);
+                let writer = ids.of(arrival.publisher);
                 (Input::Message(message(arrival, &topic), writer), num_bytes)
             }
             Err(fault) => (Input::Fault(fault.to_string()), 0),
@@ -55,18 +55,18 @@ fn message(arrival: Arrival, topic: &Arc<Topic>) -> RawMessage {
 
 /// Numbers publishers by their changes: of two that take turns, neither's gaps can be told.
 #[derive(Default)]
-struct Writers {
+struct PublisherIds {
     last: Option<[u8; 16]>,
-    writer: Writer,
+    current: PublisherId,
 }
 
-impl Writers {
-    fn of(&mut self, publisher: [u8; 16]) -> Writer {
+impl PublisherIds {
+    fn of(&mut self, publisher: [u8; 16]) -> PublisherId {
         if self.last.is_some_and(|last| last != publisher) {
-            self.writer = Writer(self.writer.0.wrapping_add(1));
+            self.current = PublisherId(self.current.0.wrapping_add(1));
         }
         self.last = Some(publisher);
-        self.writer
+        self.current
     }
 }
 
@@ -80,7 +80,7 @@ mod tests {
     };
 
     #[test]
-    fn another_publisher_is_another_writer() {
+    fn messages_of_another_publisher_have_another_id() {
         let queue = Arc::new(Queue::new(Bound { items: 8, bytes: 100 }, WhenFull::DropOldest));
         let topic = Topic::new("/image_raw", Image::TYPE, QosProfile::best_effort(5));
         let mut feed = on_image(Arc::clone(&queue), Arc::new(topic));
@@ -99,8 +99,8 @@ mod tests {
         let mut seen = Vec::new();
         while let Some(input) = queue.pop() {
             seen.push(match input {
-                Input::Message(message, writer) => {
-                    (message.sequence, message.publish_time_ns, writer.0)
+                Input::Message(message, publisher) => {
+                    (message.sequence, message.publish_time_ns, publisher.0)
                 }
                 Input::Fault(what) => (what.len() as u32, 0, 0),
                 other => unreachable!("{other:?}"),

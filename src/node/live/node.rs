@@ -26,7 +26,7 @@ use crate::{
 };
 
 /// A node on the middleware.
-pub(super) struct Shared {
+pub(super) struct NodeState {
     pub(super) context: Context,
     state: Mutex<State>,
 }
@@ -42,7 +42,7 @@ struct State {
     summaries: Vec<CameraSummary>,
 }
 
-impl Shared {
+impl NodeState {
     /// # Errors
     /// Values that contradict one another.
     pub(super) fn new(context: Context, values: Parameters) -> Result<Self, ParameterError> {
@@ -222,10 +222,10 @@ fn is_other_source(old: &CameraParams, new: &CameraParams) -> bool {
 }
 
 /// The node as its lifecycle sees it.
-pub(super) struct Handle(pub(super) Weak<Shared>);
+pub(super) struct Handle(pub(super) Weak<NodeState>);
 
 impl Handle {
-    fn with<T>(&self, act: impl FnOnce(&Shared) -> Result<T, LiveError>) -> Result<T, Failure> {
+    fn with<T>(&self, act: impl FnOnce(&NodeState) -> Result<T, LiveError>) -> Result<T, Failure> {
         let node = self.0.upgrade().ok_or_else(|| "the node is gone".to_owned())?;
         act(&node).map_err(|error| Failure::Refused(error.to_string()))
     }
@@ -233,11 +233,11 @@ impl Handle {
 
 impl Managed for Handle {
     fn configure(&self) -> Result<(), Failure> {
-        self.with(Shared::configure)
+        self.with(NodeState::configure)
     }
 
     fn activate(&self) -> Result<(), Failure> {
-        self.with(Shared::activate)
+        self.with(NodeState::activate)
     }
 
     fn deactivate(&self) -> Result<(), Failure> {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use crate::{
     msg::{cdr, diagnostic_msgs::DiagnosticStatus, sensor_msgs::CameraInfo},
     node::{
-        camera_info::{CameraInfos, ImageHeader, Pairing},
+        camera_info::{CameraInfos, CameraMatch, ImageHeader},
         clock::RosClock,
         static_tf::StaticTf,
         status::Note,
@@ -85,7 +85,7 @@ impl Observer {
     }
 
     /// Looks at an image; what is known of its camera.
-    pub(super) fn on_image(&self, image: &ImageHeader<'_>) -> Pairing {
+    pub(super) fn on_image(&self, image: &ImageHeader<'_>) -> CameraMatch {
         let seen = &mut *lock(&self.seen);
         seen.image.stamp_ns = image.stamp_ns;
         image.frame_id.clone_into(&mut seen.image.frame_id);
@@ -124,14 +124,14 @@ impl Seen {
         let OwnedHeader { stamp_ns, frame_id, size_px: (width, height) } = &self.image;
         let (stamp_ns, width, height) = (*stamp_ns, *width, *height);
         match self.infos.pair(&ImageHeader { stamp_ns, frame_id, width, height }) {
-            Pairing::Matched { calibration_id, is_new, .. } => {
+            CameraMatch::Matched { calibration_id, is_new, .. } => {
                 self.conflict = None;
                 if is_new {
                     tracing::info!("camera_info describes calibration {calibration_id:016x}");
                 }
             }
-            Pairing::NoneYet => {}
-            Pairing::Conflict(conflict) => self.conflict = Some(conflict.to_string()),
+            CameraMatch::NoneYet => {}
+            CameraMatch::Conflict(conflict) => self.conflict = Some(conflict.to_string()),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Weak;
 
-use super::{camera::Camera, node::Shared};
+use super::{camera::Camera, node::NodeState};
 use crate::node::{board::Reported, live_recording};
 
 /// What a camera last reported, with the recorder as it is now.
@@ -20,7 +20,7 @@ pub struct CameraReport {
 
 /// Looks at a node from another thread. It does not keep the node.
 #[derive(Clone)]
-pub struct Watcher(pub(super) Weak<Shared>);
+pub struct Watcher(pub(super) Weak<NodeState>);
 
 impl Watcher {
     /// One report a camera; none while the node is unconfigured, or gone. A disk that hangs may make it wait.

@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, path::PathBuf, sync::Weak};
 
-use super::node::Shared;
+use super::node::NodeState;
 use crate::{
     msg::{
         cdr,
@@ -30,14 +30,14 @@ use super::error::LiveError;
 pub(super) fn offer(
     transport: &dyn Transport,
     names: &NodeNames,
-    node: &Weak<Shared>,
+    node: &Weak<NodeState>,
     cameras: &[String],
 ) -> Result<Vec<Box<dyn Server>>, LiveError> {
     let mut servers = Vec::new();
     // All cameras at once, then each by its name; an only camera has none.
     let named = cameras.iter().map(String::as_str).filter(|name| !name.is_empty());
     for camera in std::iter::once("").chain(named) {
-        let of = |node: &Weak<Shared>| Target { node: node.clone(), camera: camera.to_owned() };
+        let of = |node: &Weak<NodeState>| Target { node: node.clone(), camera: camera.to_owned() };
         let offered: [(&str, &'static ServiceType, OnRequest); 6] = [
             ("~/start_scan", &TRIGGER, trigger(of(node), start)),
             ("~/stop_scan", &TRIGGER, trigger(of(node), Command::StopScan)),
@@ -56,7 +56,7 @@ pub(super) fn offer(
 
 /// Whom a service speaks to.
 struct Target {
-    node: Weak<Shared>,
+    node: Weak<NodeState>,
     /// Empty: every camera.
     camera: String,
 }

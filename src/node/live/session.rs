@@ -86,10 +86,10 @@ impl Session {
     /// Ends the subscriptions, and behind the images that came before, every open scan.
     pub(super) fn deactivate(&self) {
         self.cameras.iter().for_each(Camera::stop_listening);
-        let resting: Vec<_> =
-            self.cameras.iter().map(|camera| camera.order(Command::Rest)).collect();
+        let drain_reply: Vec<_> =
+            self.cameras.iter().map(|camera| camera.order(Command::Drain)).collect();
         let deadline = Instant::now() + PATIENCE;
-        for (camera, ordered) in self.cameras.iter().zip(resting) {
+        for (camera, ordered) in self.cameras.iter().zip(drain_reply) {
             if ordered.answer(deadline).is_none() {
                 tracing::warn!("camera {:?} is still measuring what came before", camera.name);
             }

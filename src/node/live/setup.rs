@@ -32,7 +32,7 @@ use crate::{
         topics,
         worker::{
             Worker, WorkerOptions,
-            live::{Surroundings, Survey},
+            online::{Surroundings, Survey},
         },
     },
     ros::{

@@ -37,15 +37,15 @@ pub use store::{OnChange, ParameterStore};
 const MAX_ITEMS: usize = 2048;
 
 /// Answers a request with a response, both as CDR bytes.
-type Answer = fn(&Shared, &[u8]) -> Result<Vec<u8>, BadRequest>;
+type Answer = fn(&ServerState, &[u8]) -> Result<Vec<u8>, BadRequest>;
 
 const SERVICES: [(&str, &ServiceType, Answer); 6] = [
-    ("~/describe_parameters", &rcl::DESCRIBE_PARAMETERS, Shared::describe),
-    ("~/get_parameters", &rcl::GET_PARAMETERS, Shared::get),
-    ("~/get_parameter_types", &rcl::GET_PARAMETER_TYPES, Shared::get_types),
-    ("~/list_parameters", &rcl::LIST_PARAMETERS, Shared::list),
-    ("~/set_parameters", &rcl::SET_PARAMETERS, Shared::set),
-    ("~/set_parameters_atomically", &rcl::SET_PARAMETERS_ATOMICALLY, Shared::set_atomically),
+    ("~/describe_parameters", &rcl::DESCRIBE_PARAMETERS, ServerState::describe),
+    ("~/get_parameters", &rcl::GET_PARAMETERS, ServerState::get),
+    ("~/get_parameter_types", &rcl::GET_PARAMETER_TYPES, ServerState::get_types),
+    ("~/list_parameters", &rcl::LIST_PARAMETERS, ServerState::list),
+    ("~/set_parameters", &rcl::SET_PARAMETERS, ServerState::set),
+    ("~/set_parameters_atomically", &rcl::SET_PARAMETERS_ATOMICALLY, ServerState::set_atomically),
 ];
 
 /// Why a request gets no answer.
@@ -60,7 +60,7 @@ enum BadRequest {
 /// Serves the parameters of a node until it is dropped.
 pub struct ParameterServer {
     _servers: Vec<Box<dyn Server>>,
-    shared: Arc<Shared>,
+    shared: Arc<ServerState>,
 }
 
 impl ParameterServer {
@@ -80,7 +80,7 @@ impl ParameterServer {
         let mut events = store.read(|values| Events::new(transport, topic, teller, values))?;
         store.read(|values| events.tell_all(values));
         let (events, num_malformed) = (Mutex::new(events), AtomicU64::new(0));
-        let shared = Arc::new(Shared { store, events, num_malformed });
+        let shared = Arc::new(ServerState { store, events, num_malformed });
         let mut servers = Vec::new();
         for (name, kind, answer) in SERVICES {
             let service = ServiceEndpoint { name: resolve(names, name)?, kind };
@@ -104,7 +104,7 @@ impl ParameterServer {
 
 /// The parameters of a node that is served, for others in this process.
 #[derive(Clone)]
-pub struct ParameterHandle(Arc<Shared>);
+pub struct ParameterHandle(Arc<ServerState>);
 
 impl ParameterHandle {
     /// What `look` finds in the values in force.
@@ -129,14 +129,14 @@ fn resolve(names: &NodeNames, name: &str) -> Result<String, TransportError> {
     names.resolve(name).map_err(refuse)
 }
 
-struct Shared {
+struct ServerState {
     store: Arc<ParameterStore>,
     /// Held from a change to its event: events follow one another as the changes do.
     events: Mutex<Events>,
     num_malformed: AtomicU64,
 }
 
-impl Shared {
+impl ServerState {
     fn answer(&self, answer: Answer, request: &[u8]) -> Option<Vec<u8>> {
         match answer(self, request) {
             Ok(response) => Some(response),

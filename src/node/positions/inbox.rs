@@ -20,12 +20,15 @@ const BOUND: Bound = Bound { items: 4096, bytes: 16 << 20 };
 pub struct Inbox {
     messages: Queue<RawMessage>,
     /// Whether the worker knows that something is here.
-    is_told: AtomicBool,
+    is_announced: AtomicBool,
 }
 
 impl Default for Inbox {
     fn default() -> Self {
-        Self { messages: Queue::new(BOUND, WhenFull::DropOldest), is_told: AtomicBool::new(false) }
+        Self {
+            messages: Queue::new(BOUND, WhenFull::DropOldest),
+            is_announced: AtomicBool::new(false),
+        }
     }
 }
 
@@ -35,16 +38,16 @@ impl Inbox {
         let num_bytes = message.data.len();
         // Nobody closes it.
         drop(self.messages.push(message, num_bytes));
-        let is_new = !self.is_told.swap(true, Ordering::AcqRel);
+        let is_new = !self.is_announced.swap(true, Ordering::AcqRel);
         // Too many orders wait already: the next message tries again.
         if is_new && input.push_urgent(Input::Positions).is_err() {
-            self.is_told.store(false, Ordering::Release);
+            self.is_announced.store(false, Ordering::Release);
         }
     }
 
     /// The worker comes for what is here.
-    pub fn open(&self) {
-        self.is_told.store(false, Ordering::Release);
+    pub fn acknowledge(&self) {
+        self.is_announced.store(false, Ordering::Release);
     }
 
     /// The next message, and how many were dropped before it.
@@ -85,7 +88,7 @@ mod tests {
         }
         assert!(matches!(input.pop(), Some(Input::Positions)));
         assert!(matches!(input.pop(), Some(Input::Fault(_))), "the image is still there");
-        inbox.open();
+        inbox.acknowledge();
         let first = inbox.next().map(|(message, num_dropped)| (message.sequence, num_dropped));
         assert_eq!(first, Some((3, 3)));
         assert_eq!(std::iter::from_fn(|| inbox.next()).count(), BOUND.items - 1);

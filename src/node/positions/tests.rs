@@ -216,7 +216,7 @@ fn an_encoder_that_says_something_is_wrong_is_believed() {
 #[test]
 fn poses_are_looked_up_at_the_stamp() {
     let mut positions = positions(&params(MotionSource::Tf), "");
-    positions.see_frame("optical");
+    positions.set_camera_frame("optical");
     assert_eq!((found(&mut positions, 0), positions.patience_ns()), (None, None));
     positions.take(&tf("/tf_static", 0, "carriage", "optical", 1.0));
     for number in 0..4 {
@@ -245,9 +245,9 @@ fn what_comes_after_a_frame_was_given_up_is_told_once() {
     assert_eq!(found(&mut positions, 25), Some((1.0, doubt::EXTRAPOLATED)));
     assert_eq!(positions.given_up, Some((START_NS + 25 * MS, START_NS + 25 * MS)));
     positions.take(&joint(24, &["table"], &[1.0]));
-    assert!(!positions.has_told_late);
+    assert!(!positions.has_warned_late);
     positions.take(&joint(30, &["table"], &[1.0]));
-    assert!(positions.has_told_late && positions.given_up.is_none());
+    assert!(positions.has_warned_late && positions.given_up.is_none());
 }
 
 #[test]

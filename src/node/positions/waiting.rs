@@ -15,7 +15,7 @@ const MAX_BYTES: usize = 256 << 20;
 const OVERTAKING: Duration = Duration::from_millis(100);
 
 /// What waits.
-pub(in crate::node) enum Waiter {
+pub(in crate::node) enum Arrival {
     /// A frame.
     Frame(Unpacked),
     /// What the middleware could not hand on.
@@ -25,7 +25,7 @@ pub(in crate::node) enum Waiter {
 /// Something that waits, and what is known of it.
 pub(in crate::node) struct Held {
     /// The frame.
-    pub(in crate::node) waiter: Waiter,
+    pub(in crate::node) arrival: Arrival,
     /// Frames that a full queue dropped before it.
     pub(in crate::node) num_dropped: u32,
     /// Its stamp, nanoseconds; `None`: it can have no position.
@@ -56,9 +56,9 @@ pub(in crate::node) struct Waiting {
 
 impl Held {
     fn num_bytes(&self) -> usize {
-        match &self.waiter {
-            Waiter::Frame(frame) => frame.message.data.len(),
-            Waiter::Fault(what) => what.len(),
+        match &self.arrival {
+            Arrival::Frame(frame) => frame.message.data.len(),
+            Arrival::Fault(what) => what.len(),
         }
     }
 

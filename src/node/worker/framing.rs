@@ -1,14 +1,11 @@
 //! The worker's part in honouring `camera_info`: images of another camera are refused, those of a part of the sensor
 //! measured as such, and where the description changes a new scan begins.
 
-use super::{Publisher, Worker};
+use super::{Publisher, Worker, frame::NotMeasured, ledger::Rejection};
 use crate::{
     bag::RawMessage,
     msg::{cdr, sensor_msgs::CameraInfo},
-    node::{
-        camera_info::{CameraInfos, Conflict, ImageHeader, Pairing},
-        publisher::Halt,
-    },
+    node::camera_info::{CameraInfos, CameraMatch, ImageHeader},
     scanner::{calibration::Calibration, camera::View},
 };
 
@@ -45,29 +42,34 @@ impl Framing {
     }
 
     /// What is known of a recorded image.
-    pub(super) fn pair(&mut self, image: &ImageHeader<'_>) -> Pairing {
+    pub(super) fn pair(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         self.infos.pair_or_last(image)
     }
 }
 
 impl Worker {
-    /// Goes by what is known of an image's camera, before it is measured. Inner result: whether it can be measured.
-    pub(super) fn frame_by(
+    /// Calibrates the pipeline for the view that `camera_info` describes, before the image is measured.
+    ///
+    /// # Errors
+    /// The image is of another camera, or nothing more can be published.
+    pub(super) fn apply_camera_info(
         &mut self,
-        pairing: Pairing,
+        camera: CameraMatch,
         out: &mut Publisher<'_>,
-    ) -> Result<Result<(), Conflict>, Halt> {
-        let Some(calibration) = &self.framing.calibration else { return Ok(Ok(())) };
-        let (calibration_id, view, difference_px) = match pairing {
-            Pairing::Matched { calibration_id, view, difference_px, .. } => {
+    ) -> Result<(), NotMeasured> {
+        let Some(calibration) = &self.framing.calibration else { return Ok(()) };
+        let (calibration_id, view, difference_px) = match camera {
+            CameraMatch::Matched { calibration_id, view, difference_px, .. } => {
                 (calibration_id, view, difference_px)
             }
-            Pairing::Conflict(conflict) if conflict.is_of_geometry() => return Ok(Err(conflict)),
-            Pairing::Conflict(_) | Pairing::NoneYet => return Ok(Ok(())),
+            CameraMatch::Conflict(conflict) if conflict.is_of_geometry() => {
+                return Err(Rejection::from(conflict).into());
+            }
+            CameraMatch::Conflict(_) | CameraMatch::NoneYet => return Ok(()),
         };
         let before = self.framing.current.replace((calibration_id, view));
         if before == Some((calibration_id, view)) {
-            return Ok(Ok(()));
+            return Ok(());
         }
         let calibration = calibration.seen_through(&view);
         if difference_px > WORTH_TELLING_PX {
@@ -88,7 +90,7 @@ impl Worker {
             );
             self.end_scan(out)?;
         }
-        self.pipeline.recalibrate(calibration);
-        Ok(Ok(()))
+        self.measurer.pipeline.recalibrate(calibration);
+        Ok(())
     }
 }

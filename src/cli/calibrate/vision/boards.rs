@@ -3,14 +3,11 @@
 use anyhow::bail;
 
 use super::{
+    pictures::{self, Pictures, View},
     rejected::{self, Rejected},
-    views::{self, View, Views},
 };
 use crate::{
-    calibrate::{
-        board::{Board, BoardDetector, BoardRejected},
-        target::Checkerboard,
-    },
+    calibrate::{Board, BoardDetector, BoardRejected, Checkerboard},
     cli::{Outcome, settings},
     scanner::image::Image,
 };
@@ -52,30 +49,20 @@ pub(super) fn target(text: &str) -> anyhow::Result<Checkerboard> {
 /// # Errors
 /// No board anywhere, or another one than was said.
 pub(super) fn find<T: Send>(
-    views: &Views,
-    (target, min_corners): (Checkerboard, usize),
+    pictures: &Pictures,
+    target: Checkerboard,
+    min_corners: usize,
     beside: impl Fn(&Image<'_>) -> Result<T, String> + Sync,
 ) -> anyhow::Result<Boards<T>> {
     let detector = BoardDetector::new(target, min_corners)?;
-    let seen = views.map(|image| {
-        let found = match detect(&detector, image, views) {
+    let seen = pictures.map(|image| {
+        let found = match detector.detect(&pictures::gray(image, &pictures.params.scanner)) {
             Ok(board) => Ok((board, beside(image)?)),
             Err(rejected) => Err(rejected),
         };
         Ok(Seen { size_px: [image.width(), image.height()], found })
     });
     sort(seen, target)
-}
-
-/// The board in one picture.
-pub(super) fn detect(
-    detector: &BoardDetector,
-    image: &Image<'_>,
-    views: &Views,
-) -> Result<Board, BoardRejected> {
-    let full_scale = views.params.scanner.full_scale_of(image.format());
-    let levels = views::gray(image, full_scale.unwrap_or(image.format().max_level()));
-    detector.detect(&views::view_of(image, &levels))
 }
 
 fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Boards<T>> {
@@ -132,10 +119,10 @@ impl<T> Boards<T> {
     /// A board of another size would be taken for a part of this one, or this one for a part of it.
     fn refuse_another(&self, target: Checkerboard, num_larger: usize) -> anyhow::Result<()> {
         if num_larger > self.found.len() {
-            bail!("--target says {target}, the pictures show a larger board\n{}", self.told());
+            bail!("--target says {target}, the pictures show a larger board\n{}", self.summary());
         }
         if self.found.is_empty() {
-            bail!("no picture shows the board {target}\n{}", self.told());
+            bail!("no picture shows the board {target}\n{}", self.summary());
         }
         if self.found.iter().all(|board| !board.is_whole(&target)) {
             let largest = self.found.iter().max_by_key(|board| board.corners.len());
@@ -143,7 +130,7 @@ impl<T> Boards<T> {
             bail!(
                 "no picture shows the whole board {target}: the largest part has {columns} x {rows} corners. Is the \
                  target right? It counts inner corners, one less than squares\n{}",
-                self.told()
+                self.summary()
             );
         }
         Ok(())
@@ -154,8 +141,8 @@ impl<T> Boards<T> {
         self.rejected.push(Rejected::new(self.names[index].clone(), reason));
     }
 
-    /// Where pictures went.
-    pub(super) fn told(&self) -> String {
+    /// Lists the number of views and the reasons for rejections.
+    pub(super) fn summary(&self) -> String {
         let (used, rejected) = (self.found.len(), self.rejected.len());
         format!(
             "{used} views with the board, {rejected} not used\n{}",

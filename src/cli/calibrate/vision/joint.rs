@@ -2,7 +2,7 @@
 
 use anyhow::{anyhow, bail, ensure};
 
-use super::{args::AxisArgs, views::Views};
+use super::{args::AxisArgs, pictures::Pictures};
 use crate::{
     bag::RawMessage,
     cli::settings,
@@ -32,12 +32,12 @@ pub(super) struct Joint {
 ///
 /// # Errors
 /// [`Usage`](crate::cli::Usage): no topic, or several.
-pub(super) fn source(args: &AxisArgs, views: &Views) -> anyhow::Result<Source> {
+pub(super) fn source(args: &AxisArgs, pictures: &Pictures) -> anyhow::Result<Source> {
     if let Some(step) = args.step {
         return Ok(Source::Step(step));
     }
-    let mut topics = views.topics_of(JointState::TYPE.name);
-    topics.extend(views.topics_of(EncoderStamped::TYPE.name));
+    let mut topics = pictures.topics_of(JointState::TYPE.name);
+    topics.extend(pictures.topics_of(EncoderStamped::TYPE.name));
     match (&args.joint_topic, topics.as_slice()) {
         (Some(wanted), _) if topics.contains(wanted) => Ok(Source::Topic(wanted.clone())),
         (None, [only]) => Ok(Source::Topic(only.clone())),

@@ -50,7 +50,7 @@ fn say(rig: &Rig, at_ms: i64) {
 }
 
 fn traces(rig: &Rig, num: usize) -> Vec<FrameTrace> {
-    let trace = |heard: &super::Heard| cdr::decode::<Centerline<'_>>(&heard.data).unwrap().trace;
+    let trace = |heard: &super::Received| cdr::decode::<Centerline<'_>>(&heard.data).unwrap().trace;
     rig.results("centerline", num).iter().map(trace).collect()
 }
 
@@ -76,13 +76,13 @@ fn positions_are_the_same_live_and_in_a_replay_of_what_was_recorded() {
             traces(&rig, number as usize + 1);
         }
     }
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let (summaries, place) = rig.end_and_keep();
     let live = counts(summaries);
     assert_eq!((live.processed, live.located, live.doubtful), (40, 40, 5));
     let (summary, recorded, replayed) = replayed(place.path());
     assert_eq!((summary.counts.located, summary.counts.doubtful), (40, 5));
-    same(&recorded, &replayed, &ear);
+    same(&recorded, &replayed, &listener);
     let lines = &replayed["/laser_profiler/centerline"];
     for (line, number) in lines.iter().zip(1..) {
         let trace = cdr::decode::<Centerline<'_>>(&line.data).unwrap().trace;

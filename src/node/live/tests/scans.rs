@@ -68,9 +68,9 @@ fn buttons_start_stop_and_reset() {
     shoot(&rig);
     assert!(rig.trigger("stop_scan").0);
     assert_eq!(last_slice(&rig, 2).2, 3, "between stop and start there is no scan");
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     rig.end();
-    assert_eq!(ear.heard("/laser_profiler/height_map").len(), 2);
+    assert_eq!(listener.received("/laser_profiler/height_map").len(), 2);
 }
 
 #[test]

@@ -1,0 +1,39 @@
+//! Results of a recording: from the bag that `replay` or the node wrote to surfaces, parameters and calibration.
+//!
+//! - [`Results`]: the point clouds of one scan, profile by profile or as a [`Surface`](crate::metrology::surface::Surface)
+//! - [`ResultsRecording`]: all topics of one camera; reports what is missing instead of failing
+//! - [`Provenance`]: version, parameters and calibration that the bag carries
+//! - `calibration_share`: the law that adds the calibration's uncertainty to that of a measurement
+//! - `outline`, `pairs`, `reasons`: extent of a scan, two results frame by frame, why they differ
+
+mod cloud;
+mod selection;
+mod notes;
+mod provenance;
+mod recording;
+mod scan;
+mod positions;
+mod outline;
+mod calibration_share;
+mod pairs;
+mod reasons;
+
+pub use calibration_share::calibration_share;
+pub use notes::Notes;
+pub use outline::{Outline, Placing, color_scale_m};
+pub use pairs::{FramePair, NumUnpaired, for_each_pair};
+pub use provenance::Provenance;
+pub use reasons::{Reason, reasons};
+pub use recording::ResultsRecording;
+pub(crate) use recording::add_error;
+pub use scan::{ANY_HEIGHT_M, ReadCounts, Results, Scanned};
+pub use selection::{ScanSelection, SelectionError};
+
+use crate::bag::ReadOptions;
+
+/// Largest record of a results bag, bytes: a message may hold a slice of 2^26 points.
+const RECORD_LIMIT_BYTES: usize = (1 << 30) + (16 << 20);
+
+fn read_options() -> ReadOptions {
+    ReadOptions { record_limit_bytes: RECORD_LIMIT_BYTES, ..ReadOptions::default() }
+}

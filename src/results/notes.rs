@@ -1,0 +1,47 @@
+//! Notes on what is missing from a recording or could not be read.
+
+/// Notes for the reader of a report, each once, and the number of losses among them.
+#[derive(Clone, Debug, Default)]
+pub struct Notes {
+    texts: Vec<String>,
+    num_lost: u64,
+}
+
+impl Notes {
+    /// Notes that are kept; further ones are dropped.
+    const MAX_NOTES: usize = 24;
+
+    /// Adds a note unless it is there already.
+    pub fn add(&mut self, note: impl Into<String>) {
+        let note = note.into();
+        if !self.texts.contains(&note) && self.texts.len() < Self::MAX_NOTES {
+            self.texts.push(note);
+        }
+    }
+
+    /// Adds a note on data that could not be read. The same note again is the same loss.
+    pub fn add_loss(&mut self, note: impl Into<String>) {
+        let note = note.into();
+        if !self.texts.contains(&note) {
+            self.num_lost += 1;
+            self.add(note);
+        }
+    }
+
+    /// Logs all notes as warnings.
+    pub fn log(&self) {
+        self.texts.iter().for_each(|note| tracing::warn!("{note}"));
+    }
+
+    /// The notes in the order in which they were added.
+    #[must_use]
+    pub fn texts(&self) -> &[String] {
+        &self.texts
+    }
+
+    /// Number of different losses.
+    #[must_use]
+    pub const fn num_lost(&self) -> u64 {
+        self.num_lost
+    }
+}

@@ -1,0 +1,101 @@
+//! Version, parameters and calibration that a results bag carries.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value as Json;
+
+use crate::{
+    bag::{BagError, BagReader},
+    scanner::params::StripeDirection,
+};
+
+/// Leaves of a YAML text by their path, as in `extraction.blur_radius`.
+pub(super) type Entries = BTreeMap<String, String>;
+
+/// The origin of a results bag; everything is empty in a bag that this program did not write.
+#[derive(Clone, Debug, Default)]
+pub struct Provenance {
+    /// The metadata record `laser_profiler`: version, parameters, input and others, each a text.
+    pub record: BTreeMap<String, String>,
+    /// Text of the calibration file.
+    pub calibration: Option<String>,
+}
+
+impl Provenance {
+    /// Reads metadata and attachments. Hands errors to `on_error` and goes on.
+    pub(super) fn read(bag: &BagReader, mut on_error: impl FnMut(&BagError)) -> Self {
+        let mut provenance = Self::default();
+        for found in bag.metadata() {
+            match found {
+                Ok(found) if found.name == "laser_profiler" => provenance.record = found.entries,
+                Ok(_) => {}
+                Err(error) => on_error(&error),
+            }
+        }
+        for file in bag.attachments() {
+            match file {
+                Ok(file) if file.name == "calibration.yaml" => {
+                    let text = String::from_utf8_lossy(&file.data).into_owned();
+                    provenance.calibration = Some(text);
+                }
+                Ok(_) => {}
+                Err(error) => on_error(&error),
+            }
+        }
+        provenance
+    }
+
+    /// A text of the record; none where it is missing or empty.
+    #[must_use]
+    pub fn recorded(&self, key: &str) -> Option<&str> {
+        self.record.get(key).map(String::as_str).filter(|text| !text.is_empty())
+    }
+
+    /// Parameters by name, as in `extraction.blur_radius`; empty without.
+    #[must_use]
+    pub fn parameters(&self) -> BTreeMap<String, String> {
+        const PREFIX: &str = "/**.ros__parameters.";
+        let all = yaml_leaves(self.recorded("parameters").unwrap_or_default()).into_iter();
+        all.map(|(key, value)| (key.strip_prefix(PREFIX).unwrap_or(&key).to_owned(), value))
+            .collect()
+    }
+
+    /// Direction of the stripe, by the recorded parameters.
+    #[must_use]
+    pub fn stripe_direction(&self) -> StripeDirection {
+        let parameters = self.parameters();
+        let is_vertical = parameters
+            .iter()
+            .any(|(name, value)| name.ends_with("stripe_direction") && value == "vertical");
+        if is_vertical { StripeDirection::Vertical } else { StripeDirection::Horizontal }
+    }
+
+    /// True if profiles were placed by poses of tf, by the recorded parameters.
+    #[must_use]
+    pub fn is_posed(&self) -> bool {
+        let parameters = self.parameters();
+        parameters.iter().any(|(name, value)| name.ends_with("motion.source") && value == "tf")
+    }
+}
+
+/// Returns the leaves of a YAML text by their paths; under `text` the text itself where it is no YAML.
+pub(super) fn yaml_leaves(text: &str) -> Entries {
+    let mut entries = Entries::new();
+    match serde_saphyr::from_str::<Json>(text) {
+        Ok(value) => add_leaves(String::new(), &value, &mut entries),
+        Err(_not_yaml) => drop(entries.insert("text".to_owned(), text.to_owned())),
+    }
+    entries
+}
+
+fn add_leaves(path: String, value: &Json, entries: &mut Entries) {
+    let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+    match value {
+        Json::Object(map) => {
+            map.iter().for_each(|(key, value)| add_leaves(below(key), value, entries));
+        }
+        Json::Null if path.is_empty() => {}
+        Json::String(text) => drop(entries.insert(path, text.clone())),
+        value => drop(entries.insert(path, value.to_string())),
+    }
+}
