@@ -128,14 +128,11 @@ impl Frame {
     /// The frame as it is measured.
     pub(crate) fn plane(&self) -> AnyPlane<'_> {
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
-        match &self.samples {
-            Samples::Eight(samples) => {
-                AnyPlane::Eight(Plane { width, height, stride: width, samples })
-            }
-            Samples::Sixteen(samples) => {
-                AnyPlane::Sixteen(Plane { width, height, stride: width, samples })
-            }
-        }
+        let plane = match &self.samples {
+            Samples::Eight(samples) => Plane::new(width, height, width, samples).map(Into::into),
+            Samples::Sixteen(samples) => Plane::new(width, height, width, samples).map(Into::into),
+        };
+        plane.expect("as many samples as pixels")
     }
 
     /// Level of a saturated sample.

@@ -16,10 +16,10 @@ use fit::{Fit, Misfit, fit};
 /// Messages that wait for their image; more than any camera sends ahead.
 const CAPACITY: usize = 32;
 
-/// Why an image and its `camera_info` do not belong together.
+/// The reason that an image and its `camera_info` do not belong together.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Conflict {
-    /// They say to be of different frames.
+    /// Their frames differ.
     #[error(
         "camera_info is of frame {info:?}, the image of {image:?}: the driver must give both the same frame_id"
     )]
@@ -46,24 +46,24 @@ pub enum Conflict {
 }
 
 impl Conflict {
-    /// Whether metres would be wrong: all but a name.
+    /// True if metric results would be wrong: all conflicts but that of a frame's name.
     pub const fn is_of_geometry(&self) -> bool {
         !matches!(self, Self::Frame { .. })
     }
 }
 
-/// What is known of an image's camera.
+/// The description of an image's camera.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraMatch {
     /// It is described.
     Matched {
         /// Equal for equal calibrations; shown as sixteen hexadecimal digits.
         calibration_id: u64,
-        /// Whether the image before had another calibration.
+        /// True if the image before had another calibration.
         is_new: bool,
         /// The part of the sensor that the image shows.
         view: View,
-        /// How far the described camera is from the calibrated one, at most, pixels.
+        /// Largest difference between the described and the calibrated camera, pixels.
         difference_px: f64,
     },
     /// There is no message of this stamp: not yet, or never.
@@ -72,7 +72,7 @@ pub enum CameraMatch {
     Conflict(Conflict),
 }
 
-/// What must be known of an image.
+/// The metadata of an image that its description must match.
 #[derive(Clone, Copy, Debug)]
 pub struct ImageHeader<'a> {
     /// Time of acquisition, nanoseconds since the epoch.

@@ -1,4 +1,4 @@
-//! What the pipeline said, as messages on their topics.
+//! Converts the output of the pipeline to messages and publishes them.
 
 use crate::{
     msg::{
@@ -10,10 +10,11 @@ use crate::{
     },
     scanner::{
         calibration::Calibration,
+        frame_index::FrameIndex,
         image::Image,
         motion::{Position, doubt},
         params::{MotionSource, Params, RegionOfInterest},
-        pipeline::{FrameIndex, Output as Measurement},
+        pipeline::Output as Measurement,
         scan::{Completed, Point},
     },
 };
@@ -35,7 +36,7 @@ pub(super) struct Measured<'a> {
     pub(super) time_ns: i64,
 }
 
-/// What every result repeats, and buffers for those that need one.
+/// Values that every result repeats, and buffers.
 pub struct Results {
     roi: RegionOfInterest,
     method: String,
@@ -72,7 +73,7 @@ impl Results {
         results
     }
 
-    /// Says from now on that results were measured with these values.
+    /// Sets the values with which results are measured from now on.
     pub fn reconfigure(&mut self, params: &Params, parameters_sha256: &str) {
         let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
         self.roi = params.roi;
@@ -158,7 +159,7 @@ impl Results {
             frames_missing: index.frames_missing,
             frames_missing_valid: place.missing.is_some(),
             encoder: output.position.map_or(0, |position| position.counts),
-            position: output.position.map_or(0.0, |position| position.value),
+            position: output.position.map_or(0.0, |position| position.value.0),
             encoder_source: self.position_source(output.position),
             encoder_status: output.position.map_or(doubt::STALE, |position| position.doubts),
             receive_stamp: Time::from_ns(*time_ns),

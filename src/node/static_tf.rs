@@ -16,7 +16,7 @@ use super::endpoints::{self, SendError};
 /// A frame that cannot be placed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum StaticFrameError {
-    /// The images say nothing of their frame.
+    /// The images have no frame.
     #[error("images have no frame_id: the laser plane {child:?} cannot be placed in it")]
     Empty {
         /// The laser plane's frame.
@@ -34,7 +34,7 @@ pub enum StaticFrameError {
     Taken(String),
 }
 
-/// Where a laser plane is.
+/// The pose of a laser plane.
 #[derive(Clone, Debug, PartialEq)]
 struct Place {
     camera_frame: String,
@@ -183,7 +183,7 @@ mod tests {
             Self { network, names, tf }
         }
 
-        /// Messages as a subscriber hears them: `parent>child z`, joined by commas.
+        /// Messages as a subscriber receives them: `parent>child z`, joined by commas.
         fn listen(&self) -> (Arc<Mutex<Vec<String>>>, Box<dyn Subscription>) {
             let heard = Arc::new(Mutex::new(Vec::new()));
             let kept = Arc::clone(&heard);
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_be_no_tree_is_counted_and_not_sent() {
+    fn frames_that_would_not_form_a_tree_are_counted_and_not_sent() {
         let mut rig = Rig::new(2);
         let (heard, _subscription) = rig.listen();
         rig.place(0, ("", "laser"), 0.3);

@@ -265,7 +265,7 @@ fn every_frame_lands_in_exactly_one_bin() {
 }
 
 #[test]
-fn a_result_repeats_its_frame_and_says_what_is_missing() {
+fn a_result_repeats_its_frame_and_the_gap_before_it() {
     let (_, messages) = run(&Setup::default(), troubled());
     let traces: Vec<_> = on(&messages, Output::Centerline)
         .iter()

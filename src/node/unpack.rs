@@ -38,7 +38,7 @@ pub struct Picture {
     pixels: Vec<u8>,
     shape: Shape,
     took: Duration,
-    /// Where the memory of the pixels goes back to.
+    /// Queue that takes back the memory of the pixels.
     home: Arc<Queue<Vec<u8>>>,
 }
 
@@ -46,7 +46,7 @@ pub struct Picture {
 pub struct Unpacked {
     /// The message.
     pub message: RawMessage,
-    /// Who wrote it.
+    /// Its publisher.
     pub publisher: PublisherId,
     /// Its picture.
     pub picture: Option<Picture>,
@@ -79,7 +79,7 @@ impl Picture {
         self.shape.image(&self.pixels)
     }
 
-    /// How long it took.
+    /// Duration of the unpacking.
     pub const fn took(&self) -> Duration {
         self.took
     }
@@ -112,7 +112,7 @@ impl Unpacker {
         }
     }
 
-    /// Starts the threads; they end when [`close`](Self::close) says so.
+    /// Starts the threads; they end after [`close`](Self::close).
     pub fn start<'scope>(&'scope self, scope: &'scope Scope<'scope, '_>) {
         for _ in 0..self.num_threads {
             named::spawn(scope, "unpack", || self.work());
@@ -149,7 +149,7 @@ impl Unpacker {
         let _closed_at_the_end = CloseOnDrop(&self.jobs);
         while let Some(Job { message, publisher, max_frame_bytes, done }) = self.jobs.pop() {
             let picture = self.unpack(&message, max_frame_bytes);
-            // Nobody waits for it any more: its worker has failed and says so itself.
+            // The receiver is gone if its worker has failed, which reports that itself.
             _ = done.send(Unpacked { message, publisher, picture });
         }
     }

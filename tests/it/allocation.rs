@@ -4,6 +4,7 @@ use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
         calibration::Calibration,
+        frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         motion::{
             frames::{FrameTree, Stated},
@@ -14,7 +15,7 @@ use laser_profiler::{
             Background, Exposure, ExtractionParams, Method, NoiseSource, Params, PeakSelection,
             StripeDirection, Threshold,
         },
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
     },
     simulate::stripe::{StripeScene, render_stripe},
 };

@@ -7,7 +7,7 @@
 use laser_profiler::{
     metrology::{calibration_error::perturbations, surface::Surface},
     scanner::{
-        axis::{Axis, AxisKind},
+        axis::{Axis, AxisKind, RawPosition},
         calibration::{
             AxisQuality, Calibration, CameraAndPlane, CameraQuality, Lines, PlaneQuality,
             StepsQuality, VerticalIncidence,
@@ -151,7 +151,8 @@ fn moved_part(number: u64, kind: AxisKind) -> [f64; 2] {
     let mut placement = Placement::new(rig.camera_from_laser(DIRECTION), rig.axis);
     let calibration = Calibration::CameraAndPlane(Box::new(rig));
     let points = [0, 1].map(|k| {
-        let part_from_laser: Isometry3<f64> = placement.place(&mut Position::at(positions[k]));
+        let part_from_laser: Isometry3<f64> =
+            placement.place(&mut Position::at(RawPosition(positions[k])));
         let [x_m, z_m] = measured(&calibration, pair[k].1);
         part_from_laser * Point3::new(x_m, 0.0, z_m)
     });

@@ -5,6 +5,7 @@
 //! is measured in a noisy image, and its 95 % interval holds the true length or not.
 
 use laser_profiler::{
+    metrology::{calibration_error::perturbations, surface::Surface},
     scanner::{
         calibration::{Calibration, CameraAndPlane, CameraQuality, Lines, PlaneQuality},
         camera::{Camera, Distortion},
@@ -227,10 +228,15 @@ fn trial(number: u64) -> (f64, f64, f64) {
     let pixels = pair.map(|(_, [u, v])| [u, v + STRIPE_SIGMA_PX * normal(random)]);
     let places = measured(&rig, pixels);
     let measured_m = length(places);
-    let common = rig.covariance_at(StripeDirection::Horizontal, &places).unwrap();
-    let (dx, dz) = (places[0][0] - places[1][0], places[0][1] - places[1][1]);
-    let slope = DVector::from_row_slice(&[dx, dz, -dx, -dz]) / measured_m;
-    let of_calibration = (slope.transpose() * common * &slope)[(0, 0)];
+    let points = places.map(|[x_m, z_m]| Point3::new(x_m, 0.0, z_m)).to_vec();
+    let surface = Surface { width: 1, points };
+    let calibration = Calibration::CameraAndPlane(Box::new(rig.clone()));
+    let of_calibration: f64 = perturbations(&calibration, StripeDirection::Horizontal)
+        .unwrap()
+        .iter()
+        .map(|other| other.apply(&surface, &[]).points)
+        .map(|points| ((points[0] - points[1]).norm() - measured_m).powi(2))
+        .sum();
     let of_image: f64 = (0..2)
         .map(|point| {
             let mut moved = pixels;

@@ -180,7 +180,7 @@ fn a_missing_joint_is_reported_and_nothing_is_scanned() {
     let place = tempfile::tempdir().unwrap();
     let (summary, told) = scanned(&recording, place.path(), RIG, 3, &["motion.joint:=spindle"]);
     assert_eq!((&summary["positions"]["unknown"], &summary["slices"]), (&40.into(), &0.into()));
-    assert!(told.contains("\"spindle\"") && told.contains("heard of are turntable"), "{told}");
+    assert!(told.contains("\"spindle\"") && told.contains("received are turntable"), "{told}");
     let shift = RIG.replace("revolute, point_m: [0.0185, 0.0551, 0.4263]", "prismatic");
     let calibration = place.path().join("shift.yaml");
     fs::write(&calibration, shift).unwrap();

@@ -6,9 +6,11 @@ use thiserror::Error;
 
 use crate::{
     scanner::{
+        frame_error::FrameError,
+        frame_index::FrameIndex,
         image::Frame,
         params::{Params, StripeDirection},
-        pipeline::{FrameError, FrameIndex, Pipeline},
+        pipeline::Pipeline,
         stripe::Centerline,
     },
     statistics::central_median,

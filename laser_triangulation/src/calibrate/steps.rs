@@ -24,7 +24,7 @@ pub const MIN_HEIGHTS: usize = 3;
 /// The map with terms along the stripe is taken when chance alone would improve the fit so much in 1 of 100 cases.
 const CHANCE: f64 = 0.01;
 
-/// Why heights do not calibrate.
+/// The reason why heights determine no map.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StepsError {
     /// Too few different heights.
@@ -59,7 +59,7 @@ pub enum StepsError {
 pub struct StepsCalibration {
     /// From image positions to heights.
     pub model: HeightModel,
-    /// What each plateau says, in the order given.
+    /// Residual of each plateau, in the order given.
     pub checks: Vec<PlateauCheck>,
     /// Root mean square of the residuals, metres.
     pub rms_m: f64,
@@ -73,7 +73,7 @@ pub struct StepsCalibration {
     pub u95_m: f64,
 }
 
-/// A plateau and what the map says of it.
+/// A plateau and its height by the map.
 #[derive(Clone, Debug)]
 pub struct PlateauCheck {
     /// The plateau.
@@ -167,7 +167,7 @@ fn check_heights(plateaus: &[Plateau]) -> Result<(), StepsError> {
     Ok(())
 }
 
-/// Whether the two further numbers explain more than chance does: Fisher's test, whose quantile for two numbers is
+/// Returns true if the two further numbers explain more than chance: Fisher's test, whose quantile for two numbers is
 /// elementary.
 fn is_better(both: &HeightModel, across: &HeightModel, plateaus: &[Plateau]) -> bool {
     let freedom = 2 * plateaus.len() as i64 - 5;

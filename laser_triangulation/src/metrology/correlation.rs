@@ -1,4 +1,4 @@
-//! Neighbours that deviate together tell less than as many independent points.
+//! The loss of information where the errors of neighbouring points are correlated.
 
 /// Correlations below this end the sum: beyond is noise of the estimate.
 const LEAST: f64 = 0.05;

@@ -1,4 +1,4 @@
-//! What is done with measured points: plateaus, planes, steps, spheres, volumes, regular height maps. Pure: no file,
+//! Measuring tools for scanned points: planes, steps, spheres, volumes, regular height maps. Pure: no file,
 //! socket, thread or clock. Every figure comes with its uncertainty.
 
 pub(crate) mod robust;

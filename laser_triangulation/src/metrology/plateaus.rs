@@ -17,13 +17,13 @@ const MORE: usize = 3;
 /// Smallest jump between plateaus, pixels, and in standard deviations of the points.
 const MIN_JUMP_PX: f64 = 0.3;
 const MIN_JUMP_SIGMA: f64 = 6.0;
-/// A further jump counts when it is this share of the smallest one that was asked for, or so many pixels.
+/// A further jump counts if it reaches this share of the smallest expected one, or this many pixels.
 const MORE_SHARE: f64 = 0.3;
 const MORE_JUMP_PX: f64 = 1.0;
 /// One part in so many of a plateau is left out at each of its ends.
 const TRIM: usize = 6;
 
-/// Why a line is not cut.
+/// The reason why a line cannot be cut into plateaus.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum PlateauError {
     /// Too short.
@@ -31,7 +31,7 @@ pub enum PlateauError {
     TooShort {
         /// Points of the line.
         num: usize,
-        /// Plateaus asked for.
+        /// Number of plateaus expected.
         wanted: usize,
     },
     /// A plateau through which no line can be fitted.
@@ -76,7 +76,7 @@ pub(crate) struct Piece {
 /// distances from straight pieces, found by dynamic programming (Bellman 1961).
 ///
 /// # Errors
-/// Too few points, or another number of plateaus than asked for.
+/// Too few points, or a number of plateaus other than `count`.
 pub(crate) fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, PlateauError> {
     let num = points.len();
     if count == 0 || num < count * MIN_POINTS {
@@ -134,7 +134,7 @@ fn noise_of(points: &[[f64; 2]]) -> f64 {
     sigma_about_zero(&mut steps).map_or(0.0, |sigma| sigma / std::f64::consts::SQRT_2)
 }
 
-/// How far two straight pieces lie apart where they meet.
+/// Returns the distance of two straight pieces where they meet.
 fn jump(points: &[[f64; 2]], left: &Range<usize>, right: &Range<usize>) -> f64 {
     let sums = Sums::new(points);
     let at = 0.5 * (points[left.end - 1][0] + points[right.start][0]);

@@ -13,7 +13,7 @@ const NUM_DRAWS: usize = 130;
 /// Residuals that judge a draw.
 const MAX_JUDGES: usize = 400;
 const MAX_ROUNDS: usize = 50;
-/// What is smaller, relative to the largest residual of the start, is rounding.
+/// Residuals below this share of the largest value are rounding errors.
 const ROUNDING: f64 = 1e-12;
 
 /// One equation `row · x = value`.

@@ -73,7 +73,7 @@ named_enum! {
 
 named_enum! {
     /// How the window of [`Method::ImprovedGravity`] is laid over the pixels.
-    Window {
+    GravityWindow {
         /// Ends anywhere between pixels, centred on the result until that stands still: unbiased.
         Fractional = "fractional",
         /// Rounded centre and rounded half length, as printed in the paper: locks to pixels.
@@ -166,7 +166,7 @@ parameter_group! {
         method: Method = Method::ImprovedGravity => ["extraction.method"],
         /// Window of improved_gravity. fractional: unbiased. rounded: as printed in the paper, locks to whole pixels;
         /// only to compare with it.
-        window: Window = Window::Fractional => ["extraction.window"],
+        window: GravityWindow = GravityWindow::Fractional => ["extraction.window"],
         /// Radius r of the Gaussian blur, kernel 2r + 1; 0 is off. Suppresses speckle and noise; a stripe narrower
         /// than r is smeared. Time grows with r.
         blur_radius: u32 = 3 => ["extraction.blur_radius", 0..=15, "px"],

@@ -1,4 +1,4 @@
-//! The stripe of a picture or of a whole recording, found by the node's own extraction.
+//! The stripe of a picture or recording, by the node's own extraction.
 
 use std::{fs, path::Path};
 

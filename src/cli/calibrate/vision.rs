@@ -1,4 +1,4 @@
-//! What needs the feature `calibrate`: boards and markers, found in pictures.
+//! The subcommands that need the feature `calibrate`: they find boards and markers in pictures.
 
 mod axis;
 mod axis_answer;

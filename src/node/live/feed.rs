@@ -24,15 +24,15 @@ pub(super) fn on_image(queue: Arc<Queue<Input>>, topic: Arc<Topic>) -> OnArrival
             }
             Err(fault) => (Input::Fault(fault.to_string()), 0),
         };
-        // A closed queue: the camera has ended, and nobody waits for its images.
+        // A closed queue: the camera has ended.
         drop(queue.push(item, num_bytes));
     })
 }
 
-/// Hands every arrival to the inbox, from which the worker takes it. What could not be handed on is missed as any lost
-/// message is: by the gap that it leaves.
+/// Puts every arrival into the inbox of the worker. An arrival that failed counts as any lost message: it leaves a gap.
 pub(super) fn on_position(
-    (inbox, queue): (Arc<Inbox>, Arc<Queue<Input>>),
+    inbox: Arc<Inbox>,
+    queue: Arc<Queue<Input>>,
     topic: Arc<Topic>,
 ) -> OnArrival {
     Box::new(move |arrival| match arrival {
@@ -47,13 +47,13 @@ fn message(arrival: Arrival, topic: &Arc<Topic>) -> RawMessage {
         topic: Arc::clone(topic),
         log_time_ns: receive_time_ns,
         publish_time_ns: if source_time_ns == 0 { receive_time_ns } else { source_time_ns },
-        // As recordings store it: the counter's low half is enough to see gaps.
+        // Recordings store the low half of the counter, which is enough to detect gaps.
         sequence: sequence.map_or(0, |sequence| sequence as u32),
         data,
     }
 }
 
-/// Numbers publishers by their changes: of two that take turns, neither's gaps can be told.
+/// Numbers publishers by their changes: while two take turns, gaps of neither can be detected.
 #[derive(Default)]
 struct PublisherIds {
     last: Option<[u8; 16]>,

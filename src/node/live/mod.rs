@@ -50,15 +50,15 @@ use report::Watcher;
 use session::CameraSummary;
 use setup::Context;
 
-/// How often the node looks whether it was shut down, or a camera has ended.
+/// Period at which the node checks for a shutdown or the end of a camera.
 const WATCH_PERIOD: Duration = Duration::from_millis(100);
 
-/// What to run.
+/// The node to run.
 #[derive(Clone, Debug)]
 pub struct LiveRequest {
     /// On what.
     pub middleware: Middleware,
-    /// Whether the node is its own Zenoh router.
+    /// True if the node is its own Zenoh router.
     pub is_router: bool,
     /// Names, remaps and parameters.
     pub ros: RosArguments,

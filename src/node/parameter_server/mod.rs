@@ -48,7 +48,7 @@ const SERVICES: [(&str, &ServiceType, Answer); 6] = [
     ("~/set_parameters_atomically", &rcl::SET_PARAMETERS_ATOMICALLY, ServerState::set_atomically),
 ];
 
-/// Why a request gets no answer.
+/// The reason that a request gets no answer.
 #[derive(Debug, Error)]
 enum BadRequest {
     #[error(transparent)]
@@ -76,8 +76,9 @@ impl ParameterServer {
         now_ns: impl Fn() -> i64 + Send + Sync + 'static,
     ) -> Result<Self, TransportError> {
         let topic = resolve(names, events::TOPIC)?;
-        let teller = (names.fully_qualified(), Box::new(now_ns) as events::Now);
-        let mut events = store.read(|values| Events::new(transport, topic, teller, values))?;
+        let (node, now_ns): (_, events::Now) = (names.fully_qualified(), Box::new(now_ns));
+        let mut events =
+            store.read(|values| Events::new(transport, topic, node, now_ns, values))?;
         store.read(|values| events.tell_all(values));
         let (events, num_malformed) = (Mutex::new(events), AtomicU64::new(0));
         let shared = Arc::new(ServerState { store, events, num_malformed });
@@ -91,7 +92,7 @@ impl ParameterServer {
         Ok(Self { _servers: servers, shared })
     }
 
-    /// What others in this process do with the parameters.
+    /// A handle to the parameters for others in this process.
     pub fn handle(&self) -> ParameterHandle {
         ParameterHandle(Arc::clone(&self.shared))
     }
@@ -107,15 +108,15 @@ impl ParameterServer {
 pub struct ParameterHandle(Arc<ServerState>);
 
 impl ParameterHandle {
-    /// What `look` finds in the values in force.
+    /// Calls `look` with the effective values.
     pub fn read<T>(&self, look: impl FnOnce(&Parameters) -> T) -> T {
         self.0.store.read(look)
     }
 
-    /// Sets one, as a service would, and tells what was set.
+    /// Sets one parameter, as a service would, and publishes the change.
     ///
     /// # Errors
-    /// Why not, in words.
+    /// The reason for refusal, as text.
     pub fn set(&self, name: &str, value: Value) -> Result<(), String> {
         self.0.set_all(&[(name, value)])
     }
@@ -213,7 +214,7 @@ impl ServerState {
         encode(&rcl::SetParametersAtomicallyResponse { result })
     }
 
-    /// Sets all or none, and tells what was set.
+    /// Sets all or none, and publishes the changes.
     fn change(&self, parameters: &[rcl::Parameter<'_>]) -> rcl::SetParametersResult<'static> {
         let wish = |parameter: &'_ rcl::Parameter<'_>| convert::value(&parameter.value);
         let values: Result<Vec<Value>, String> = parameters.iter().map(wish).collect();

@@ -1,4 +1,4 @@
-//! The worker's part in finding out where frames were taken: lets them wait for samples, and samples come to them.
+//! Positions in the worker: frames wait for samples of the axis, and samples release them.
 
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ use crate::{
 };
 
 impl Worker {
-    /// Lets a frame wait behind the others until its position is known.
+    /// Queues a frame until its position is known.
     pub(super) fn hold(
         &mut self,
         arrival: Arrival,
@@ -41,7 +41,7 @@ impl Worker {
         self.release(Now::Received(received_ns), spare, out)
     }
 
-    /// Measures those that have waited long enough.
+    /// Measures the frames that need not or must not wait any longer.
     pub(super) fn release(
         &mut self,
         now: Now,
@@ -56,7 +56,7 @@ impl Worker {
         }
     }
 
-    /// Live, frames wait no longer than they may, though nothing comes; and not for what will not come.
+    /// Measures frames whose time is up although nothing arrives, or all of them while draining. Only on a network.
     pub(super) fn release_overdue(
         &mut self,
         spare: &Queue<Vec<u8>>,
@@ -69,7 +69,7 @@ impl Worker {
         }
     }
 
-    /// Takes a message about the axis.
+    /// Processes a message about the axis.
     pub(super) fn take_position(
         &mut self,
         message: &RawMessage,
@@ -78,7 +78,7 @@ impl Worker {
     ) -> Result<(), PublishError> {
         if self.options.sends_images {
             let place = self.position_topics.iter().position(|name| *name == message.topic.name);
-            // Behind the images.
+            // The topics of positions stand behind that of the images.
             out.forward(message, 1 + place.unwrap_or(0))?;
         }
         if self.framing.topic.as_ref() == Some(&message.topic.name) {
@@ -91,7 +91,7 @@ impl Worker {
         self.release(Now::Received(message.log_time_ns), spare, out)
     }
 
-    /// Takes the messages about the axis that have arrived.
+    /// Processes the messages about the axis that have arrived.
     pub(super) fn drain_inbox(
         &mut self,
         spare: &Queue<Vec<u8>>,
@@ -110,7 +110,7 @@ impl Worker {
     }
 }
 
-/// The header of an image message; `None`: it has none that can be read.
+/// The header of an image message; `None` if it cannot be decoded.
 fn header<'a>(message: &'a RawMessage, options: &WorkerOptions) -> Option<Header<'a>> {
     match options.transport {
         ImageTransport::Raw => {

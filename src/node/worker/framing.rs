@@ -1,5 +1,5 @@
-//! The worker's part in honouring `camera_info`: images of another camera are refused, those of a part of the sensor
-//! measured as such, and where the description changes a new scan begins.
+//! `camera_info` in the worker: images of another camera are rejected, those of a part of the sensor are measured as such,
+//! and a changed description starts a new scan.
 
 use super::{Publisher, Worker, frame::NotMeasured, ledger::Rejection};
 use crate::{
@@ -9,25 +9,25 @@ use crate::{
     scanner::{calibration::Calibration, camera::View},
 };
 
-/// Below, two calibrations of a camera are as good as equal, pixels.
-const WORTH_TELLING_PX: f64 = 0.1;
+/// Difference of two calibrations that is worth a warning, pixels.
+const WARN_ABOVE_PX: f64 = 0.1;
 
-/// What is known of the camera of a stream.
+/// The calibration and the descriptions of a camera.
 #[derive(Debug, Default)]
 pub(super) struct Framing {
-    /// Of the whole sensor; `None`: nothing becomes metric, and any description will do.
+    /// Calibration of the whole sensor; `None`: results are not metric, and any description is accepted.
     calibration: Option<Calibration>,
-    /// In a replay, the descriptions that were recorded; live, others keep them.
+    /// Recorded descriptions, in a replay. On a network, an observer keeps them.
     infos: CameraInfos,
     /// Their topic.
     pub(super) topic: Option<String>,
-    /// What the last image was measured with.
+    /// Calibration and view of the last image.
     current: Option<(u64, View)>,
 }
 
 impl Framing {
     pub(super) fn new(calibration: Option<Calibration>, topic: Option<String>) -> Self {
-        // Formula 6 does not say of which images it is.
+        // Calibrations by formula 6 have no image size to compare.
         let calibration = calibration.filter(|calibration| calibration.image_size_px().is_some());
         let infos = CameraInfos::of(calibration.clone());
         Self { calibration, infos, topic, current: None }
@@ -41,7 +41,7 @@ impl Framing {
         }
     }
 
-    /// What is known of a recorded image.
+    /// Finds the description of a recorded image.
     pub(super) fn pair(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         self.infos.pair_or_last(image)
     }
@@ -72,7 +72,7 @@ impl Worker {
             return Ok(());
         }
         let calibration = calibration.seen_through(&view);
-        if difference_px > WORTH_TELLING_PX {
+        if difference_px > WARN_ABOVE_PX {
             tracing::warn!(
                 "K and D of camera_info see points up to {difference_px:.1} px from where the calibration does: the \
                  calibration is used; the driver has another one of this camera"
@@ -80,7 +80,7 @@ impl Worker {
         }
         if before.is_some() {
             tracing::warn!(
-                "camera_info changes within the stream: now {} x {} pixels from ({}, {}), binned {} x {}; a new scan begins",
+                "camera_info changes within the stream: now {} x {} pixels from ({}, {}), binned {} x {}; starting a new scan",
                 view.size_px[0],
                 view.size_px[1],
                 view.offset_px[0],

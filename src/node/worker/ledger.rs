@@ -12,10 +12,12 @@ use crate::{
         statistics::Counts,
     },
     scanner::{
+        axis::RawPosition,
         coverage::LARGEST_SHARE,
-        exposure_pair::Pairing,
+        exposure_pair::ExposurePairing,
+        frame_error::FrameError,
+        frame_index::FrameIndex,
         motion::{Position, doubt},
-        pipeline::{FrameError, FrameIndex},
     },
 };
 
@@ -224,7 +226,8 @@ impl Ledger {
 
     /// Counts a frame with a doubtful position. Warns about the first.
     fn count_doubtful(&mut self, stamp_ns: i64, position: Option<Position>) {
-        let Some(Position { doubts, value, .. }) = position.filter(|position| position.doubts != 0)
+        let Some(Position { doubts, value: RawPosition(value), .. }) =
+            position.filter(|position| position.doubts != 0)
         else {
             return;
         };
@@ -240,11 +243,11 @@ impl Ledger {
 }
 
 /// True if a frame lacks its other exposure. Logs the reason where the scene or the parameters are to blame.
-fn is_unpaired(pairing: Option<Pairing>) -> bool {
-    if pairing == Some(Pairing::Alike) {
+fn is_unpaired(pairing: Option<ExposurePairing>) -> bool {
+    if pairing == Some(ExposurePairing::Alike) {
         tracing::debug!("exposures alternate, but this frame is as bright as the one before it");
     }
-    matches!(pairing, Some(Pairing::Alone | Pairing::Alike))
+    matches!(pairing, Some(ExposurePairing::Alone | ExposurePairing::Alike))
 }
 
 fn in_words(doubts: u8) -> String {

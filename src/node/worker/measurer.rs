@@ -16,11 +16,13 @@ use crate::{
         statistics::StageTimes,
     },
     scanner::{
-        exposure_pair::Pairing,
+        axis::AxisTravel,
+        exposure_pair::ExposurePairing,
+        frame_index::FrameIndex,
         image,
         motion::Position,
         params::MotionParams,
-        pipeline::{FrameIndex, Pipeline, Stage},
+        pipeline::{Pipeline, Stage},
     },
 };
 
@@ -41,7 +43,7 @@ pub(super) struct Outcome {
     pub(super) stamp_ns: i64,
     pub(super) num_points: u64,
     pub(super) has_slice: bool,
-    pub(super) pairing: Option<Pairing>,
+    pub(super) pairing: Option<ExposurePairing>,
     pub(super) share_above_threshold: Option<f64>,
     pub(super) position: Option<Position>,
     /// True if positions are measured rather than assumed.
@@ -56,8 +58,8 @@ pub(super) struct Measurer {
     pub(super) positions: Option<Positions>,
     /// Buffer for the pixels of a decoded compressed image.
     pub(super) pixels: Vec<u8>,
-    /// How far the last measured frame came since the first of its scan, metres (radians).
-    pub(super) travelled: f64,
+    /// Distance of the last measured frame from the first of its scan.
+    pub(super) travelled: Option<AxisTravel>,
     stages: StageTimes,
 }
 
@@ -68,7 +70,7 @@ impl Measurer {
             results,
             positions: None,
             pixels: Vec::new(),
-            travelled: 0.0,
+            travelled: None,
             stages: StageTimes::default(),
         }
     }

@@ -1,4 +1,6 @@
-//! The one thread of a camera: it owns the pipeline, judges every frame and publishes what the pipeline says.
+//! The worker of a camera: the one thread that checks and measures every frame and publishes its results.
+//!
+//! The [`Ledger`] counts and orders frames, the [`Measurer`] measures and publishes them; the worker joins the two.
 
 mod axis;
 mod frame;
@@ -38,14 +40,14 @@ use ledger::Ledger;
 use measurer::Measurer;
 use online::Online;
 
-/// How the worker treats its input.
+/// Options for the input of a worker.
 #[derive(Clone, Debug)]
 pub struct WorkerOptions {
-    /// How images are packed.
+    /// Transport of the images.
     pub transport: ImageTransport,
     /// Largest decoded image, bytes.
     pub max_frame_bytes: u64,
-    /// Whether input images are sent on with the results.
+    /// True if input images are forwarded with the results.
     pub sends_images: bool,
 }
 
@@ -71,7 +73,7 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// A worker that has seen nothing yet.
+    /// Creates a worker without measured positions, for a replay.
     pub fn new(
         options: WorkerOptions,
         pipeline: Pipeline,
@@ -93,20 +95,20 @@ impl Worker {
         }
     }
 
-    /// Makes it the worker of a live camera.
+    /// Adds the state of a camera on a network.
     #[must_use]
     pub fn with_online(self, online: Online) -> Self {
         Self { online: Some(online), ..self }
     }
 
-    /// Makes it ask where frames were taken; messages about that come on `topics`.
+    /// Adds measured positions; their messages arrive on `topics`.
     #[must_use]
     pub fn with_positions(mut self, positions: Option<Positions>, topics: Vec<String>) -> Self {
         self.measurer.positions = positions;
         Self { position_topics: topics, ..self }
     }
 
-    /// Makes it look there for messages about the axis.
+    /// Adds a queue of messages about the axis.
     #[must_use]
     pub fn with_inbox(self, inbox: Arc<Inbox>) -> Self {
         Self { inbox: Some(inbox), ..self }
@@ -117,20 +119,20 @@ impl Worker {
         &self.position_topics
     }
 
-    /// Makes it refuse images of another camera than the calibrated one, and measure those of a part of its sensor as such;
-    /// recorded descriptions of the camera come on `topic`, one of those of the positions.
+    /// Checks images against `camera_info`: those of another camera are rejected, those of a part of the sensor measured as
+    /// such. Recorded `camera_info` arrives on `topic`, which is among the topics of the positions.
     #[must_use]
     pub fn with_camera_info(self, calibration: Option<Calibration>, topic: Option<String>) -> Self {
         Self { framing: Framing::new(calibration, topic), ..self }
     }
 
-    /// The largest picture that it takes, bytes, where its images are compressed.
+    /// Largest decoded image, bytes, where images are compressed.
     pub fn unpacks_bytes(&self) -> Option<u64> {
         let WorkerOptions { transport, max_frame_bytes, .. } = self.options;
         (transport == ImageTransport::Compressed).then_some(max_frame_bytes)
     }
 
-    /// Takes all input, ends the scan and reports a last time. Buffers of used messages go to `spare`.
+    /// Processes all input, ends the scan and reports a last time. Buffers of processed messages go to `spare`.
     ///
     /// # Errors
     /// Nothing more can be published.
@@ -157,7 +159,7 @@ impl Worker {
         Ok((*self.ledger.counts(), self.measurer.into_stages()))
     }
 
-    /// Takes one input at once, for who has no queue: a viewer that jumps about in a recording.
+    /// Processes one input without a queue, for a viewer that seeks in a recording.
     ///
     /// # Errors
     /// Nothing more can be published.
@@ -171,7 +173,7 @@ impl Worker {
         self.release_overdue(spare, out)
     }
 
-    /// Measures what still waits, ends the scan and reports a last time.
+    /// Measures the frames that still wait, ends the scan and reports a last time.
     ///
     /// # Errors
     /// Nothing more can be published.
@@ -212,7 +214,7 @@ impl Worker {
         self.take_arrival(arrival, spare, out)
     }
 
-    /// What is no frame.
+    /// Processes an input that is not a frame.
     fn take_non_frame(
         &mut self,
         item: Input,
@@ -226,13 +228,13 @@ impl Worker {
                 self.release(Now::End, spare, out)?;
                 self.restart_stream(out)
             }
-            // Counted and told where it was read; and frames are not taken here.
+            // The reader counts and reports damage; frames never get here.
             Input::Damage(_) | Input::Message(..) | Input::Ahead(_) | Input::Fault(_) => Ok(()),
             Input::Command(command) => self.execute(command, out),
         }
     }
 
-    /// Takes what has come, or need not wait any longer.
+    /// Processes a frame or a fault that need not wait any longer.
     fn take_arrival(
         &mut self,
         arrival: Arrival,
@@ -249,12 +251,12 @@ impl Worker {
         self.ledger.note_publisher(publisher);
         self.take(&message, picture.as_ref(), out)?;
         picture.into_iter().for_each(Picture::give_back);
-        // A closed or full queue of spares: the buffer is simply freed.
+        // A closed or full queue of spares: the buffer is freed.
         _ = spare.push(message.data, 0);
         Ok(())
     }
 
-    /// What comes next does not go on from what came before.
+    /// Prepares for input that does not continue the earlier one.
     fn restart_stream(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
         self.end_scan(out)?;
         self.measurer.positions.iter_mut().for_each(Positions::restart);
@@ -263,9 +265,9 @@ impl Worker {
         Ok(())
     }
 
-    /// The time by the clock of the log times: of a recording that of its last message.
+    /// The time of a report by the clock of the log times, nanoseconds; in a replay, that of the last frame.
     fn report_time_ns(&self) -> i64 {
-        // A simulation's clock may stand still, and frames are received by the machine's.
+        // Log times follow the system clock; a simulated clock may stand still.
         self.online.as_ref().map_or(self.last_time_ns, |_| system_ns())
     }
 
@@ -276,7 +278,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Says how the stream is doing; `now_ns` is when by the clock of the log times.
+    /// Publishes status and diagnostics; `now_ns` is by the clock of the log times.
     fn report(
         &mut self,
         now_ns: i64,

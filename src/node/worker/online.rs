@@ -1,4 +1,4 @@
-//! What only a live camera has: commands, parameters that change, time that passes without frames, latency.
+//! State that only a camera on a network has: commands, parameters that change, reports without frames, latency.
 
 use std::{
     sync::Arc,
@@ -17,49 +17,49 @@ use crate::node::{
     status::{self, Load, Note},
 };
 
-/// How often a worker without frames looks up: reports and new parameters wait no longer.
+/// Period at which a worker without frames checks for due reports and new parameters.
 const TICK: Duration = Duration::from_millis(100);
 
-/// What others know of the camera's state.
+/// The state of a camera outside its worker.
 #[derive(Clone, Debug, Default)]
 pub struct Surroundings {
-    /// In words.
+    /// Notes for the diagnostics.
     pub notes: Vec<Note>,
-    /// Messages that did not reach a bag.
+    /// Messages that the recorders dropped.
     pub recorder_dropped: u64,
     /// Bytes in the bags.
     pub recorder_bytes: u64,
 }
 
-/// Asks them, once a report.
+/// Returns the surroundings; called once a report.
 pub type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
 
-/// Looks at every image that is measured, and says what is known of its camera.
+/// Observes every measured image and returns the description of its camera.
 pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> CameraMatch + Send>;
 
-/// The live side of a worker.
+/// The part of a worker that only a camera on a network has.
 pub struct Online {
     settings: Arc<Mailbox<Settings>>,
     clock: RosClock,
-    /// Breaks in the clock's time that the session before this one ended with.
+    /// Breaks in the time of the clock when this session began.
     num_breaks: u64,
     survey: Survey,
     observe: Observe,
-    /// Where reports are left.
+    /// Board for the last report.
     pub(super) board: Board,
     next_tick: Instant,
     latency: Histogram,
     queue_depth: u32,
-    /// Length at which the open scan ends, metres; 0: when it is stopped.
-    length_m: f64,
-    /// Scans that were asked for, which makes their identities differ.
+    /// Length at which the open scan ends, metres; `None`: it ends when stopped.
+    length_m: Option<f64>,
+    /// Number of requested scans, which makes their identities differ.
     num_asked: u64,
-    /// Who waits for everything to be measured.
+    /// Reply to a request to drain, until all frames are measured.
     drain_reply: Option<Reply>,
 }
 
 impl Online {
-    /// A live side that takes new settings from the mailbox.
+    /// Takes new settings from the mailbox.
     pub fn new(
         settings: Arc<Mailbox<Settings>>,
         clock: RosClock,
@@ -76,7 +76,7 @@ impl Online {
             next_tick: Instant::now() + TICK,
             latency: Histogram::default(),
             queue_depth: 0,
-            length_m: 0.0,
+            length_m: None,
             num_asked: 0,
             drain_reply: None,
         }
@@ -92,7 +92,7 @@ impl Online {
         self.next_tick
     }
 
-    /// Whether somebody waits for everything to be measured.
+    /// True while a request to drain is open.
     pub(super) const fn is_draining(&self) -> bool {
         self.drain_reply.is_some()
     }
@@ -105,7 +105,7 @@ impl Online {
         self.clock.now_ns()
     }
 
-    /// Whether time has not gone on since the last call.
+    /// True if time was set back or its source changed since the last call.
     fn has_time_broken(&mut self) -> bool {
         let num_breaks = self.clock.num_breaks();
         std::mem::replace(&mut self.num_breaks, num_breaks) != num_breaks
@@ -115,14 +115,14 @@ impl Online {
         (self.observe)(image)
     }
 
-    /// From the stamp to the result. A stamp of the future, by a clock that runs ahead, tells nothing.
+    /// Records the latency from stamp to result. Ignores stamps in the future, which come from a clock that runs ahead.
     pub(super) fn note_latency(&mut self, stamp_ns: i64) {
         if let Ok(nanos) = u64::try_from(self.now_ns().saturating_sub(stamp_ns)) {
             self.latency.record(Duration::from_nanos(nanos));
         }
     }
 
-    /// How busy the camera was since the last call.
+    /// The load of the camera since the last call.
     pub(super) fn take_load(&mut self) -> Load {
         let queue_depth = std::mem::take(&mut self.queue_depth);
         if self.latency.is_empty() {
@@ -141,7 +141,7 @@ impl Online {
 }
 
 impl Worker {
-    /// Between two frames: takes new settings, and notices when time does not go on.
+    /// Between two frames: applies new settings, and starts a new session after a break in time.
     pub(super) fn apply_changes(
         &mut self,
         spare: &Queue<Vec<u8>>,
@@ -150,13 +150,16 @@ impl Worker {
         self.apply_settings(spare, out)?;
         if self.online.as_mut().is_some_and(Online::has_time_broken) {
             self.release(Now::End, spare, out)?;
-            tracing::warn!("{}: time did not go on: a new session begins", self.reporter.topic);
+            tracing::warn!(
+                "{}: time was set back or its source changed: starting a new session",
+                self.reporter.topic
+            );
             self.begin_session(out)?;
         }
         Ok(())
     }
 
-    /// Measures by new parameters from the next frame on. A scan that cannot go on under them ends first.
+    /// Applies new parameters from the next frame on. Ends a scan that cannot continue under them.
     fn apply_settings(
         &mut self,
         spare: &Queue<Vec<u8>>,
@@ -176,7 +179,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Counters go on, but what comes next has another identity.
+    /// Starts a session with a new identity. Counters continue.
     fn begin_session(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
         self.restart_stream(out)?;
         self.reporter.begin_session(system_ns());
@@ -217,8 +220,7 @@ impl Worker {
         reply: &Reply,
         out: &mut Publisher<'_>,
     ) -> Result<(), PublishError> {
-        if !self.measurer.pipeline.is_calibrated() {
-            let message = "without a calibration there is no scan: set calibration_file".to_owned();
+        if let Err(message) = self.check_scan(&request) {
             drop(reply.try_send(Answer { success: false, message, scan_id: None }));
             return Ok(());
         }
@@ -231,7 +233,21 @@ impl Worker {
         Ok(())
     }
 
-    /// Known before the first frame: a camera may be triggered by the motion that waits for this answer.
+    /// `Err`: the reason to refuse the request.
+    fn check_scan(&self, request: &ScanRequest) -> Result<(), String> {
+        if !self.measurer.pipeline.is_calibrated() {
+            return Err("without a calibration there is no scan: set calibration_file".to_owned());
+        }
+        match request.length_m {
+            Some(length_m) if self.measurer.pipeline.travels_by_angle() => Err(format!(
+                "length is {length_m} m, but the axis is revolute and turns by an angle: set length to 0 and end the scan \
+                 with ~/stop_scan, or limit its frames with scan.max_profiles"
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// The identity is chosen before the first frame: the caller may wait for the answer before it starts the motion.
     fn next_scan_id(&mut self) -> Option<[u8; 16]> {
         let online = self.online.as_mut()?;
         online.num_asked += 1;
@@ -253,18 +269,20 @@ impl Worker {
         }
     }
 
-    /// Ends a scan that has the length that was asked for.
+    /// Ends a scan that has reached the requested length.
     pub(super) fn end_at_length(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
-        let length_m = self.online.as_ref().map_or(0.0, |online| online.length_m);
+        let length_m = self.online.as_ref().and_then(|online| online.length_m);
         let is_open = self.measurer.pipeline.scan_id().is_some();
-        if length_m > 0.0 && is_open && self.measurer.travelled >= length_m {
-            tracing::info!("the scan has its length of {length_m} m: it ends");
-            return self.stop_scan(out);
+        match (length_m, self.measurer.travelled) {
+            (Some(length_m), Some(travelled)) if is_open && travelled.reaches_m(length_m) => {
+                tracing::info!("the scan has reached its length of {length_m} m: it ends");
+                self.stop_scan(out)
+            }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
-    /// Lets time pass: a camera that sends nothing is reported too.
+    /// Reports on schedule although no frame arrives, and answers a request to drain once nothing waits.
     pub(super) fn tick(
         &mut self,
         queue_depth: usize,
@@ -293,6 +311,6 @@ impl Worker {
 }
 
 fn answer(reply: &Reply, message: &str, scan_id: Option<[u8; 16]>) {
-    // Whoever asked may have given up waiting.
+    // The caller may have given up waiting.
     drop(reply.try_send(Answer { success: true, message: message.to_owned(), scan_id }));
 }

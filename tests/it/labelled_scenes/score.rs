@@ -8,9 +8,10 @@ use laser_profiler::{
         node_params::NodeParams, parameters::Parameters,
     },
     scanner::{
+        frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         params::{ExtractionParams, Params, StripeDirection},
-        pipeline::{FrameIndex, Output, Pipeline},
+        pipeline::{Output, Pipeline},
     },
 };
 

@@ -6,7 +6,7 @@ use super::{Plateau, least_squares};
 
 const MAX_ROUNDS: usize = 50;
 
-/// What the height depends on.
+/// The image coordinates on which the height depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeightTerms {
     /// The position across the stripe alone: three numbers.
@@ -20,7 +20,7 @@ pub enum HeightTerms {
 /// section 2.3); this is its row of heights.
 #[derive(Clone, Debug)]
 pub struct HeightModel {
-    /// What the height depends on.
+    /// The image coordinates on which the height depends.
     pub term: HeightTerms,
     middle_px: [f64; 2],
     unit_px: f64,
@@ -85,7 +85,7 @@ impl HeightModel {
         (denominator > 0.0).then(|| self.numerator(place) / denominator)
     }
 
-    /// How the height grows with the position across the stripe, metres a pixel.
+    /// Returns the derivative of the height by the position across the stripe, metres per pixel.
     #[must_use]
     pub fn slope_m_per_px(&self, place: [f64; 2]) -> Option<f64> {
         let z_m = self.height_m(place)?;
@@ -185,7 +185,7 @@ impl HeightModel {
     }
 }
 
-/// Places and their heights: the middle of each plateau, or two places where its inclination tells something too.
+/// Places and their heights: the middle of each plateau, or two places where its inclination counts too.
 fn equations(plateaus: &[Plateau], term: HeightTerms) -> impl Iterator<Item = ([f64; 2], f64)> {
     plateaus.iter().flat_map(move |plateau| {
         let middle = [plateau.middle_px(), plateau.across_px];

@@ -18,7 +18,7 @@ pub struct Plateau {
     pub along_px: [f64; 2],
     /// Position across the stripe at its middle, pixels.
     pub across_px: f64,
-    /// How the position across grows along the stripe, pixels a pixel.
+    /// Slope of the position across over the position along the stripe, pixels per pixel.
     pub slope: f64,
     /// One standard deviation of `across_px` from the scatter along the line, pixels.
     pub sigma_px: f64,
@@ -27,8 +27,8 @@ pub struct Plateau {
 }
 
 impl Plateau {
-    /// The straight line through a piece of a stripe, `points` being (along, across) in pixels; outliers do not bend
-    /// it, and neighbours that deviate together count as what they tell. None: the piece has too few points.
+    /// Fits a straight line to a piece of a stripe, `points` being (along, across) in pixels. Outliers do not bend
+    /// it; the uncertainty accounts for correlated neighbours. `None` if the piece has too few points.
     #[must_use]
     pub fn fit(points: &[[f64; 2]], piece: &Range<usize>, height_m: f64) -> Option<Self> {
         let points = points.get(piece.clone())?;

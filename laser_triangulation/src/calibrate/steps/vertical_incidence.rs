@@ -14,7 +14,7 @@ pub enum KnownDistance {
     ObjectDistance(f64),
 }
 
-/// What formula 6 of Yao et al. 2023 needs, each with one standard deviation.
+/// The parameters of formula 6 of Yao et al. 2023, each with one standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VerticalGeometry {
     /// a, metres.
@@ -31,12 +31,12 @@ pub struct VerticalGeometry {
     pub covariance: Matrix4<f64>,
 }
 
-/// Why the heights do not tell the geometry.
+/// The reason why heights do not determine the geometry.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum VerticalIncidenceError {
     /// The perspective does not show.
     #[error(
-        "the heights do not tell a, b and β apart: cos β / b is {value:.3} ± {sigma:.3} 1/m; use more height, or the projective model, which needs neither"
+        "the heights do not separate a, b and β: cos β / b is {value:.3} ± {sigma:.3} 1/m; use more height, or the projective model, which needs neither"
     )]
     NotIdentified {
         /// cos β / b, 1/metres.
@@ -51,13 +51,13 @@ pub enum VerticalIncidenceError {
     Contradiction {
         /// b as given, metres.
         object_distance_m: f64,
-        /// What cos β would be.
+        /// Resulting value of cos β.
         cos: f64,
     },
 }
 
-/// Solves formula 6, `h = s·b / (a·sin β + s·cos β)`, for what heights leave open: heights alone tell
-/// `A = a·sin β / b`, `B = cos β / b` and the base line; one length more tells all. `pixel_pitch_m`: between pixels.
+/// Solves formula 6, `h = s·b / (a·sin β + s·cos β)`, for what heights leave open: heights alone determine
+/// `A = a·sin β / b`, `B = cos β / b` and the base line; one more length determines everything. `pixel_pitch_m` is the distance of pixels on the sensor, metres.
 ///
 /// # Errors
 /// A perspective that is lost in the uncertainty, or that contradicts the known length.
@@ -95,7 +95,7 @@ pub fn vertical_incidence(
     })
 }
 
-/// Whether heights grow with the position.
+/// Returns true if heights grow with the position.
 fn rises([p, q, r]: [f64; 3]) -> bool {
     // The sign of the derivative, p - q·r over a square.
     p - q * r > 0.0

@@ -36,7 +36,7 @@ pub struct Board {
     pub corners: Vec<Corner>,
 }
 
-/// Why a picture gives no board.
+/// The reason why a picture shows no usable board.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum BoardRejected {
     /// None found.
@@ -57,7 +57,7 @@ pub enum BoardRejected {
         columns: u32,
         /// Rows found.
         rows: u32,
-        /// What the user said.
+        /// Expected board.
         target: Checkerboard,
     },
     /// Corners that do not lie on a smooth grid.
@@ -146,7 +146,7 @@ impl From<&ChessboardDetection> for Board {
 }
 
 impl Board {
-    /// Whether every inner corner of the target was found.
+    /// Returns true if every inner corner of the target was found.
     pub fn is_whole(&self, target: &Checkerboard) -> bool {
         self.corners.len() == target.num_corners()
     }

@@ -20,7 +20,7 @@ const MAX_OFF: f64 = 0.05;
 /// An axis in the camera's frame.
 #[derive(Clone, Debug)]
 pub(super) struct BoardAxisFit {
-    /// Whether it shifts or turns.
+    /// Kind of the axis.
     pub kind: AxisKind,
     /// Where the board goes, or about what it turns; its sense is any.
     pub direction: Unit<Vector3<f64>>,
@@ -34,7 +34,7 @@ pub(super) struct BoardAxisFit {
     pub direction_sigma_rad: f64,
 }
 
-/// Why there is no axis.
+/// The reason why a board determines no axis.
 #[derive(Debug, Error, PartialEq)]
 pub enum BoardAxisError {
     /// Too few pictures.

@@ -137,8 +137,8 @@ fn camera(views: &CameraViews<'_>, params: &CameraParams) -> Result<Camera, Came
     let is_sound = [fx, fy].iter().all(|f| f.is_finite() && *f > 1.0)
         && [cx, cy].iter().all(|c| c.is_finite());
     if !is_sound {
-        let told = format!("the focal lengths became {fx:.3} and {fy:.3} px");
-        return Err(CameraError::Unsolved(told));
+        let reason = format!("the focal lengths became {fx:.3} and {fy:.3} px");
+        return Err(CameraError::Unsolved(reason));
     }
     Ok(camera)
 }

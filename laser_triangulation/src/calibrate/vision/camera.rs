@@ -35,7 +35,7 @@ pub enum LensModel {
     RationalPolynomial,
 }
 
-/// What was shown, and how it is to be understood.
+/// The views of a board from which a camera is calibrated.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraViews<'a> {
     /// The boards.
@@ -71,15 +71,15 @@ pub struct OutlierView {
     pub median_px: f64,
 }
 
-/// How well the parameters are known.
+/// The uncertainty of the parameters.
 #[derive(Clone, Debug)]
 pub struct CameraUncertainty {
     /// Names: `fx`, `fy`, `cx`, `cy`, `k1`, …
     pub parameters: Vec<String>,
     /// Covariance, in their order.
     pub covariance: DMatrix<f64>,
-    /// How many times the variance is larger, when whole views are left out, than the residuals alone explain. Contained
-    /// in the covariance.
+    /// Ratio of the variance when whole views are left out to the variance that the residuals alone explain. The
+    /// covariance contains it.
     pub view_scatter: Option<f64>,
 }
 
@@ -98,7 +98,7 @@ pub struct CameraFit {
     pub uncertainty: CameraUncertainty,
 }
 
-/// Why there is no camera.
+/// The reason why views determine no camera.
 #[derive(Debug, Error)]
 pub enum CameraError {
     /// Pictures are missing.
@@ -120,10 +120,10 @@ pub enum CameraError {
     },
 }
 
-/// The camera that explains the boards best. CameraViews that contradict the rest are left out and told.
+/// Calibrates the camera that explains the boards best. Views that contradict the rest are left out and reported.
 ///
 /// # Errors
-/// CameraViews that say too little, or contradict one another.
+/// Views that do not determine a camera, or contradict one another.
 pub fn calibrate_camera(
     views: &CameraViews<'_>,
     model: LensModel,

@@ -1,4 +1,4 @@
-//! What the user says was shown to the camera.
+//! The checkerboard that is shown to the camera.
 
 use std::{fmt, str::FromStr};
 
@@ -23,11 +23,11 @@ pub struct Checkerboard {
 /// A target that cannot be read.
 #[derive(Debug, Error, PartialEq)]
 #[error(
-    "{text:?} is no target: write checkerboard:COLUMNSxROWS:SQUARE with inner corners ({MIN_SIDE} to {MAX_SIDE}) and \
+    "{text:?} is not a valid target: write checkerboard:COLUMNSxROWS:SQUARE with inner corners ({MIN_SIDE} to {MAX_SIDE}) and \
      metres, as checkerboard:8x6:0.040 for 9 x 7 squares of 40 mm"
 )]
 pub struct CheckerboardError {
-    /// What was written.
+    /// Text that cannot be parsed.
     text: String,
 }
 
@@ -53,7 +53,7 @@ impl Checkerboard {
         self.columns as usize * self.rows as usize
     }
 
-    /// Whether a grid of corners fits onto the board, either way round.
+    /// Returns true if a grid of corners fits onto the board, either way round.
     pub fn holds(&self, columns: u32, rows: u32) -> bool {
         let fits = |columns, rows| columns <= self.columns && rows <= self.rows;
         fits(columns, rows) || fits(rows, columns)

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use crate::scanner::{
-    channel::{AnyPlane, Decoder, Plane, RoiError, Window, window},
+    channel::{AnyPlane, Decoder, Plane, RoiError, SearchedRegion},
     image::{Image, PixelFormat},
     params::{
         Background, Channel, ExtractionParams, FullScaleError, Method, Params, PeakSelection,
@@ -91,7 +91,7 @@ impl LaserFinder {
     /// # Errors
     /// A region of interest beyond the picture, or a full scale that its format cannot hold.
     pub fn find(&self, image: &Image<'_>) -> Result<Vec<LitCenterline>, LaserFinderError> {
-        let searched = window(self.params.roi, image.width(), image.height())?;
+        let searched = SearchedRegion::new(self.params.roi, image.width(), image.height())?;
         let full_scale = self.params.full_scale_of(image.format())?;
         let find = |light| {
             let centerline = self.extract(image, light, &searched, full_scale);
@@ -112,23 +112,23 @@ impl LaserFinder {
         &self,
         image: &Image<'_>,
         light: Light,
-        searched: &Window,
+        searched: &SearchedRegion,
         full_scale: u32,
     ) -> Centerline {
         let mut extractor = Extractor::new(self.params.extraction, self.params.stripe_direction);
         let mut line = Centerline::default();
-        let offset = (searched.x, searched.y);
+        let offset = searched.offset();
         match light {
             Light::Channel(channel) => {
                 let mut decoder = Decoder::default();
                 let plane = decoder.decode(image, channel, searched);
-                extractor.extract(&plane, offset, full_scale, &mut line);
+                extractor.extract_plane(&plane, offset, full_scale, &mut line);
             }
             Light::Over(color) => {
                 let samples = over_the_others(image, color, searched, full_scale);
-                let &Window { width, height, .. } = searched;
+                let &SearchedRegion { width, height, .. } = searched;
                 let plane = Plane { width, height, stride: width, samples: &samples };
-                extractor.extract(&AnyPlane::Eight(plane), offset, 255, &mut line);
+                extractor.extract_plane(&AnyPlane::Eight(plane), offset, 255, &mut line);
             }
         }
         line
@@ -139,7 +139,7 @@ impl LaserFinder {
 fn over_the_others(
     image: &Image<'_>,
     color: Channel,
-    searched: &Window,
+    searched: &SearchedRegion,
     full_scale: u32,
 ) -> Vec<u8> {
     let twice = |wanted: Channel| if wanted == color { 2 } else { -1 };
@@ -148,11 +148,11 @@ fn over_the_others(
         let mut add = |at: usize, level: i32| sums[at] += twice(channel) * level;
         match Decoder::default().decode(image, channel, searched) {
             AnyPlane::Eight(plane) => {
-                let levels = (0..plane.height).flat_map(|y| plane.row(y));
+                let levels = plane.rows().flatten();
                 levels.enumerate().for_each(|(at, &level)| add(at, level.into()));
             }
             AnyPlane::Sixteen(plane) => {
-                let levels = (0..plane.height).flat_map(|y| plane.row(y));
+                let levels = plane.rows().flatten();
                 levels.enumerate().for_each(|(at, &level)| {
                     add(at, (u32::from(level) * 255 / full_scale.max(1)) as i32);
                 });

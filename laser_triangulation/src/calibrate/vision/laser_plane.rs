@@ -24,7 +24,7 @@ const MIN_SPREAD: f64 = 0.01;
 /// Largest root mean square distance from the plane, as a share of the distance from the camera.
 const MAX_RMS: f64 = 0.01;
 
-/// How a board's line lies to the plane.
+/// The residual of one board's line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardResidual {
     /// Which board.
@@ -53,7 +53,7 @@ pub struct LaserPlaneFit {
     pub covariance: Matrix3<f64>,
 }
 
-/// Why there is no plane.
+/// The reason why lines determine no plane.
 #[derive(Debug, Error, PartialEq)]
 pub enum LaserPlaneError {
     /// Too few lines.
@@ -76,8 +76,8 @@ pub enum LaserPlaneError {
     },
     /// The lines contradict one another.
     #[error(
-        "the lines lie {rms_mm:.1} mm from the best plane, which is no plane: is what is bright on the boards the laser, and \
-         the target's size right?"
+        "the lines lie {rms_mm:.1} mm from the best plane, which is no plane: check that the bright line on the boards is the laser, and that the \
+         target's size is right"
     )]
     NoPlane {
         /// Root mean square distance, millimetres.
@@ -90,7 +90,7 @@ pub enum LaserPlaneError {
     ThroughLens,
 }
 
-/// The plane with the least squares of distances, boards that contradict the others left out.
+/// Fits the plane by least squares of distances, without boards that contradict the others.
 ///
 /// # Errors
 /// Too few boards, or lines that determine no plane.
@@ -190,7 +190,7 @@ fn robust_start(boards: &[BoardLine]) -> Result<LaserPlane, LaserPlaneError> {
         }
     }
     let all = || least_squares(&boards.iter().collect::<Vec<_>>());
-    // Where no three boards determine one, all lines lie in one, and least squares says so.
+    // If no three boards determine a plane, all lines coincide, and least squares reports it.
     best.map_or_else(all, |(_, plane)| Ok(plane))
 }
 

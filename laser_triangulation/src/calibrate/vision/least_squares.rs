@@ -9,7 +9,7 @@ const STILL: f64 = 1e-14;
 /// Step of the numeric derivatives, for unknowns of the order of 1: half the digits of an f64.
 const STEP: f64 = 1e-7;
 
-/// What was found.
+/// A solution.
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
     /// The unknowns.

@@ -1,7 +1,7 @@
 //! Grey pictures as the detectors of boards and markers take them.
 
 use crate::scanner::{
-    channel::{AnyPlane, Decoder, Window},
+    channel::{AnyPlane, Decoder, SearchedRegion},
     image::Image,
     params::Channel,
 };
@@ -22,16 +22,13 @@ impl GrayPicture {
     /// clipped. It has no effect on 8-bit images.
     #[must_use]
     pub fn from_image(image: &Image<'_>, full_scale: u32) -> Self {
-        let (width, height) = (image.width() as usize, image.height() as usize);
-        let all = Window { x: 0, y: 0, width, height };
-        let levels = match Decoder::default().decode(image, Channel::Gray, &all) {
-            AnyPlane::Eight(plane) => {
-                (0..height).flat_map(|y| plane.row(y).iter().copied()).collect()
-            }
+        let region = SearchedRegion::whole(image);
+        let levels = match Decoder::default().decode(image, Channel::Gray, &region) {
+            AnyPlane::Eight(plane) => plane.rows().flatten().copied().collect(),
             AnyPlane::Sixteen(plane) => {
                 let eight =
                     |level: u16| (u32::from(level) * 255 / full_scale.max(1)).min(255) as u8;
-                (0..height).flat_map(|y| plane.row(y).iter().copied().map(eight)).collect()
+                plane.rows().flatten().copied().map(eight).collect()
             }
         };
         Self { width: image.width(), height: image.height(), levels }

@@ -1,4 +1,4 @@
-//! Where a board lies before a known camera.
+//! The pose of a board in front of a known camera.
 
 use nalgebra::{
     DVector, Isometry3, Matrix3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3,
@@ -12,7 +12,7 @@ use crate::scanner::camera::Camera;
 pub struct BoardPose {
     /// `point_in_camera = camera_from_board * point_on_board`, the board's points in its plane z = 0.
     pub camera_from_board: Isometry3<f64>,
-    /// What each corner was seen off its projection, pixels.
+    /// Projected minus seen position of each corner, pixels.
     pub residuals_px: Vec<(f64, f64)>,
 }
 

@@ -15,20 +15,20 @@ const MAX_PAIRED: usize = 400;
 /// A picture and its positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Position {
-    /// What the joint or encoder said, in its unit.
+    /// Position that the joint or encoder states, in its unit.
     pub stated: f64,
-    /// What the picture shows: radians or metres.
+    /// Position that the picture shows, radians or metres.
     pub shown: f64,
 }
 
-/// How stated and shown positions belong together.
+/// The relation of stated and shown positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Agreement {
     /// Shown for one unit stated; negative when the axis runs the other way round.
     pub scale: f64,
     /// One standard deviation of the scale.
     pub scale_sigma: f64,
-    /// What each picture shows beyond its stated position, in radians or metres.
+    /// Shown minus expected position of each picture, radians or metres.
     pub off: Vec<f64>,
     /// Pictures that lag or lead.
     pub suspicious: Vec<usize>,
@@ -39,7 +39,7 @@ pub struct Agreement {
 /// Positions that cannot be compared.
 #[derive(Debug, Error, PartialEq)]
 pub enum PositionError {
-    /// The axis does not move, by what it says.
+    /// The stated positions do not change.
     #[error(
         "the stated positions do not change: the axis stood still, or the joint is another one"
     )]
@@ -69,12 +69,12 @@ pub(super) fn compare(positions: &[Position]) -> Result<Agreement, PositionError
         ends.1 - ends.0
     };
     let (stated_range, shown_range) = (ends(&|p| p.stated), ends(&|p| p.shown));
-    // Of thousands of pictures some hundred tell the slope.
+    // A few hundred of thousands of pictures determine the slope.
     let some: Vec<_> =
         positions.iter().step_by(positions.len().div_ceil(MAX_PAIRED).max(1)).collect();
     for (i, one) in some.iter().enumerate() {
         for other in &some[i + 1..] {
-            // Short distances say little.
+            // Short distances carry little information.
             if (other.stated - one.stated).abs() > 0.2 * stated_range {
                 slopes.push((other.shown - one.shown) / (other.stated - one.stated));
             }
@@ -91,7 +91,7 @@ pub(super) fn compare(positions: &[Position]) -> Result<Agreement, PositionError
         let off = format!("{:.0} %", 100.0 * sigma / shown_range);
         return Err(PositionError::Unrelated { off });
     }
-    // Nothing smaller than a ten thousandth of the movement is worth a word.
+    // Deviations below a ten thousandth of the movement are not reported.
     let limit = (SUSPICIOUS_SIGMAS * sigma).max(1e-4 * shown_range);
     let suspicious: Vec<_> = (0..off.len()).filter(|&i| off[i].abs() > limit).collect();
     let good = || (0..off.len()).filter(|i| !suspicious.contains(i)).map(|i| positions[i].stated);

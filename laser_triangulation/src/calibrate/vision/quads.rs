@@ -10,7 +10,7 @@ const MIN_SIDE_PX: f64 = 12.0;
 const MIN_SHARE: f64 = 0.85;
 /// Most corners of a hull that are looked at.
 const MAX_HULL: usize = 120;
-/// How far an edge is looked for across a side, pixels.
+/// Search range for an edge across a side, pixels.
 const REACH_PX: i32 = 3;
 
 /// Four corners in order round the quadrilateral, pixels.

@@ -6,7 +6,7 @@ use nalgebra::{DVector, Point2, Point3, Unit, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::least_squares::{self, Solution};
-use crate::scanner::camera::Camera;
+use crate::scanner::{camera::Camera, pose::perpendicular_basis};
 
 /// Fewest pictures.
 const MIN_FRAMES: usize = 5;
@@ -45,7 +45,7 @@ pub(super) struct RevoluteFit {
     pub sigma: [f64; 2],
 }
 
-/// Why there is no axis.
+/// The reason why markers determine no axis.
 #[derive(Debug, Error, PartialEq)]
 pub enum RevoluteError {
     /// Too few pictures.
@@ -91,11 +91,11 @@ pub(super) fn fit(camera: &Camera, sightings: &[Sighting]) -> Result<RevoluteFit
     });
     let best = found.min_by(|a, b| a.1.rms().total_cmp(&b.1.rms()));
     let (normal, solution) =
-        best.ok_or_else(|| RevoluteError::NoAxis("no start leads anywhere".to_owned()))?;
+        best.ok_or_else(|| RevoluteError::NoAxis("no starting point converges".to_owned()))?;
     problem.result(normal, &solution)
 }
 
-/// What is seen, and the unknowns in their order: two tilts of the normal, two coordinates of the centre in the plane,
+/// The sightings. The unknowns are, in this order: two tilts of the normal, two coordinates of the centre in the plane,
 /// the angle of every picture but the first, and each marker's radius, phase and height but the first one's height.
 struct Problem<'a> {
     camera: &'a Camera,
@@ -108,7 +108,7 @@ struct Problem<'a> {
 impl Problem<'_> {
     /// Points of the plane with this normal at distance 1, in coordinates of the plane.
     fn in_plane(&self, normal: Vector3<f64>) -> Option<Vec<Point2<f64>>> {
-        let [e1, e2] = basis(normal);
+        let [e1, e2] = perpendicular_basis(&normal);
         let point = |ray: &Vector3<f64>| {
             let depth = normal.dot(ray);
             (depth > 0.05 * ray.norm())
@@ -117,7 +117,7 @@ impl Problem<'_> {
         self.rays.iter().map(point).collect()
     }
 
-    /// How badly a normal explains the middles as circles about one point, and the unknowns that do so best.
+    /// Returns the misfit of circles about one point for a normal, and the unknowns that fit best.
     fn guess(&self, normal: Vector3<f64>) -> Option<(f64, DVector<f64>)> {
         let points = self.in_plane(normal)?;
         let center = common_center(&points, self.sightings, self.markers)?;
@@ -167,14 +167,14 @@ impl Problem<'_> {
     }
 
     fn normal(start: Vector3<f64>, x: &DVector<f64>) -> Vector3<f64> {
-        let [e1, e2] = basis(start);
+        let [e1, e2] = perpendicular_basis(&start);
         (start + e1 * x[0] + e2 * x[1]).normalize()
     }
 
     /// Projected minus seen, pixels.
     fn residuals(&self, start: Vector3<f64>, x: &DVector<f64>) -> Option<DVector<f64>> {
         let normal = Self::normal(start, x);
-        let [e1, e2] = basis(normal);
+        let [e1, e2] = perpendicular_basis(&normal);
         let center = normal + e1 * x[2] + e2 * x[3];
         let mut residuals = DVector::zeros(2 * self.sightings.len());
         for (at, sighting) in self.sightings.iter().enumerate() {
@@ -193,7 +193,7 @@ impl Problem<'_> {
     fn result(&self, start: Vector3<f64>, found: &Solution) -> Result<RevoluteFit, RevoluteError> {
         let x = &found.unknowns;
         let normal = Self::normal(start, x);
-        let [e1, e2] = basis(normal);
+        let [e1, e2] = perpendicular_basis(&normal);
         let angles: Vec<f64> =
             (0..self.frames).map(|frame| if frame == 0 { 0.0 } else { x[4 + frame - 1] }).collect();
         let ends =
@@ -202,7 +202,7 @@ impl Problem<'_> {
             return Err(RevoluteError::Still { turned_deg: (ends.1 - ends.0).to_degrees() });
         }
         let Some(covariance) = &found.unit_covariance else {
-            return Err(RevoluteError::NoAxis("the pictures leave it open".to_owned()));
+            return Err(RevoluteError::NoAxis("the pictures do not determine it".to_owned()));
         };
         let degrees = (2 * self.sightings.len()).saturating_sub(self.unknowns()).max(1);
         let variance = found.residuals.norm_squared() / degrees as f64;
@@ -219,13 +219,6 @@ impl Problem<'_> {
             sigma: [sigma(0), sigma(2)],
         })
     }
-}
-
-/// Two unit vectors that are a right-handed frame with the normal as third.
-fn basis(normal: Vector3<f64>) -> [Vector3<f64>; 2] {
-    let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
-    let first = (near - normal * normal.dot(&near)).normalize();
-    [first, normal.cross(&first)]
 }
 
 /// The point from which each marker's positions are equally far: `|p - c|² = r²`, linear in c and r² - |c|².

@@ -28,7 +28,7 @@ pub(super) struct Placed<'a> {
     pub pose: &'a BoardPose,
     /// Side of a square, metres.
     pub square_m: f64,
-    /// How far it is flat beyond the corners, squares: 1 for the outermost squares.
+    /// Width of the flat rim beyond the inner corners, squares: 1 for the outermost squares.
     pub border: f64,
 }
 
@@ -43,13 +43,13 @@ pub struct StripeLine {
     pub length_px: f64,
 }
 
-/// Why a board shows no line.
+/// The reason why a board shows no line.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LineRejected {
     /// No stripe there.
     #[error("no laser line on the board")]
     None,
-    /// Too short to tell a direction.
+    /// Too short to determine a direction.
     #[error(
         "the laser line on the board is {length_px:.0} px long with {points} points, at least {MIN_LENGTH_PX} px and \
          {MIN_POINTS} points are needed"
@@ -62,7 +62,7 @@ pub enum LineRejected {
     },
     /// Not straight, or not one line.
     #[error(
-        "what is bright on the board is no straight line: {rms_px:.2} px RMS, {filled:.0} % of its length seen"
+        "the bright pixels on the board form no straight line: {rms_px:.2} px RMS, {filled:.0} % of its length seen"
     )]
     Crooked {
         /// Root mean square distance from the line, pixels.

@@ -1,4 +1,4 @@
-//! Whether a set of boards says enough about a camera, and which picture is missing.
+//! Checks that a set of boards determines a camera, and names the picture that is missing.
 
 use nalgebra::Vector3;
 use thiserror::Error;
@@ -89,7 +89,7 @@ pub(super) fn check_views(
     if NINTHS.len() - parts.len() < MIN_NINTHS {
         return Err(MissingViews::Parts { parts });
     }
-    // A guess is good enough to tell parallel boards: a focal length of the image's longer side.
+    // A guess is good enough to detect parallel boards: a focal length of the image's longer side.
     let long_side = f64::from(width_px.max(height_px));
     let guess = Camera {
         width_px,

@@ -19,12 +19,12 @@ Examples:
       -o calibration.yaml
       formula 6: sensor and lens are known, so that a, b, the angle and the lateral scale follow
   laser_profiler calibrate steps flat_at_0=0mm flat_at_5=5mm flat_at_9=9mm --ros-args -p stripe_direction:=vertical
-      three recordings; only tells how well heights would be measured
+      three recordings; only assesses the accuracy of heights
 
-Heights: three different ones or more, in metres or with a unit (mm, um); four or more say how good the result is. Heights alone
-tell three numbers of h = (p v + q) / (r v + 1), v across the stripe; with terms along it five, which are taken when they fit
-better than by chance. They do not tell what a pixel sees along the stripe: -o needs --lateral, --pitch, or --pixel-pitch with a
-distance. The stripe is found as by the node: the same parameters serve (roi.* chooses a part of the picture).
+Heights: three different ones or more, in metres or with a unit (mm, um); four or more give the uncertainty. Heights alone
+determine three numbers of h = (p v + q) / (r v + 1), v across the stripe; with terms along it five, which are used if they fit
+better than by chance. They do not determine the scale along the stripe: -o needs --lateral, --pitch, or --pixel-pitch with a
+distance. The stripe is extracted as in the node, with the same parameters (roi.* selects a region of interest).
 
 --json prints one object:
   model (across | both | vertical_incidence), rms_m, rms_left_out_m, linearity (largest residual over the range of heights),
@@ -41,16 +41,16 @@ pub(in crate::cli::calibrate) struct StepsArgs {
     /// The calibration, a YAML file.
     #[arg(short, long, value_name = "FILE")]
     pub(super) output: Option<PathBuf>,
-    /// Replaces a file that is there already.
+    /// Replaces an existing file.
     #[arg(long)]
     pub(super) force: bool,
-    /// What a pixel sees along the stripe at height 0, in the middle of the picture.
+    /// Length that a pixel sees along the stripe at height 0, in the middle of the picture.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m)]
     pub(super) lateral: Option<f64>,
     /// Width of every plateau between two others of one picture.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m, conflicts_with = "lateral")]
     pub(super) pitch: Option<f64>,
-    /// Distance of pixels on the sensor; with one of the distances the calibration is formula 6.
+    /// Distance of pixels on the sensor. Together with one of the distances it selects formula 6.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m, conflicts_with_all = ["lateral", "pitch"])]
     pub(super) pixel_pitch: Option<f64>,
     /// a: from the lens to the sensor, near the focal length.
@@ -60,7 +60,7 @@ pub(in crate::cli::calibrate) struct StepsArgs {
     #[arg(long, value_name = "LENGTH", value_parser = positive_m, requires = "pixel_pitch",
         conflicts_with = "image_distance")]
     pub(super) object_distance: Option<f64>,
-    /// Which numbers are estimated; auto: terms along the stripe when they fit better than by chance.
+    /// Parameters to estimate; auto adds terms along the stripe if they fit better than by chance.
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = ["auto", "across", "both"])]
     pub(super) terms: String,
     /// Frame of the profiles.

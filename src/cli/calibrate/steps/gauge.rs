@@ -58,7 +58,7 @@ impl Gauge {
     }
 }
 
-/// What to do about another number of plateaus.
+/// Suggests a remedy for an unexpected number of plateaus.
 fn hint(error: &PlateauError, settings: &Settings) -> String {
     let PlateauError::Count { wanted, found, .. } = error else { return String::new() };
     if found > wanted {

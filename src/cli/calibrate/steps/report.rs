@@ -1,4 +1,4 @@
-//! What a calibration from heights came to, as text and as JSON.
+//! The result of a calibration from heights, as text and as JSON.
 
 use serde_json::{Value as Json, json};
 
@@ -106,8 +106,11 @@ pub(super) fn text(
     lines.push(quality(result));
     lines.extend(geometry.map(geometry_text));
     lines.push(match lateral_m {
-        Some(metres) => format!("A pixel sees {:.3} µm along the stripe at height 0.", 1e6 * metres),
-        None => "What a pixel sees along the stripe is not known: --lateral, --pitch or --pixel-pitch would tell.".into(),
+        Some(metres) => {
+            format!("A pixel sees {:.3} µm along the stripe at height 0.", 1e6 * metres)
+        }
+        None => "The scale along the stripe is unknown: give --lateral, --pitch or --pixel-pitch."
+            .into(),
     });
     lines.extend(args.output.as_ref().map(|path| format!("Written: {}", path.display())));
     lines.join("\n") + "\n"

@@ -1,4 +1,4 @@
-//! What `calibrate axis` tells.
+//! Output of `calibrate axis`.
 
 use std::io::{self, Write};
 
@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 use super::{args::AxisArgs, axis_pictures::AxisPictures, rejected};
 use crate::{calibrate::AxisFit, scanner::axis::AxisKind};
 
-/// The answer as text or as JSON.
+/// Prints the result as text or as JSON.
 ///
 /// # Errors
 /// It cannot be written.
@@ -46,7 +46,7 @@ pub(super) fn print(
     }
     writeln!(
         out,
-        "  position  {:.5} ± {:.5} {} for 1 stated, written as {}; pictures scatter by {}",
+        "  position  {:.5} ± {:.5} {} per stated unit, written as {}; pictures scatter by {}",
         agreement.scale.abs(),
         agreement.scale_sigma,
         if axis.kind == AxisKind::Revolute { "rad" } else { "m" },
@@ -54,7 +54,7 @@ pub(super) fn print(
         in_words(axis.kind, agreement.sigma)
     )?;
     if !agreement.suspicious.is_empty() {
-        writeln!(out, "pictures that are not where their position says:")?;
+        writeln!(out, "pictures that deviate from their stated position:")?;
         for &at in &agreement.suspicious {
             let off = agreement.off[at] * agreement.scale.signum();
             writeln!(out, "  {}: {}", pictures.names[at], in_words(axis.kind, off))?;

@@ -12,11 +12,11 @@ use crate::{
     scanner::image::Image,
 };
 
-/// What one picture shows.
+/// The content of one picture.
 pub(super) struct Seen<T> {
     /// Columns and rows of the picture.
     pub(super) size_px: [u32; 2],
-    /// A board, and what a command wants to know beside it.
+    /// The board, and the result of the caller's own work on the picture.
     pub(super) found: Result<(Board, T), BoardRejected>,
 }
 
@@ -28,11 +28,11 @@ pub(super) struct Boards<T> {
     pub(super) names: Vec<String>,
     /// The boards.
     pub(super) found: Vec<Board>,
-    /// What was asked beside each.
+    /// Result of the caller's own work on each picture.
     pub(super) beside: Vec<T>,
     /// Pictures without, or whose board was not used.
     pub(super) rejected: Vec<Rejected>,
-    /// Whether pictures could not be read.
+    /// True if pictures could not be read.
     is_lossy: bool,
 }
 
@@ -44,10 +44,10 @@ pub(super) fn target(text: &str) -> anyhow::Result<Checkerboard> {
     text.parse().map_err(settings::usage)
 }
 
-/// Looks for the board in every picture, and at what `beside` finds there.
+/// Finds the board in every picture; `beside` does the caller's own work on each picture with a board.
 ///
 /// # Errors
-/// No board anywhere, or another one than was said.
+/// No picture shows the board, or the pictures show a different board.
 pub(super) fn find<T: Send>(
     pictures: &Pictures,
     target: Checkerboard,
@@ -119,7 +119,7 @@ impl<T> Boards<T> {
     /// A board of another size would be taken for a part of this one, or this one for a part of it.
     fn refuse_another(&self, target: Checkerboard, num_larger: usize) -> anyhow::Result<()> {
         if num_larger > self.found.len() {
-            bail!("--target says {target}, the pictures show a larger board\n{}", self.summary());
+            bail!("--target is {target}, but the pictures show a larger board\n{}", self.summary());
         }
         if self.found.is_empty() {
             bail!("no picture shows the board {target}\n{}", self.summary());
@@ -150,7 +150,7 @@ impl<T> Boards<T> {
         )
     }
 
-    /// Whether all pictures could be read.
+    /// Reports lost data if pictures could not be read.
     pub(super) const fn outcome(&self) -> Outcome {
         if self.is_lossy { Outcome::DataLost } else { Outcome::Done }
     }

@@ -21,10 +21,10 @@ use crate::{
 /// Corners of a board partly outside the picture that still say something about the lens.
 const MIN_CORNERS: usize = 20;
 
-/// Calibrates the camera, writes the file and tells on `out` how well.
+/// Calibrates the camera, writes the file and prints the result to `out`.
 ///
 /// # Errors
-/// [`Usage`](crate::cli::Usage) for a request that cannot be followed; views that say too little; files that cannot be
+/// [`Usage`](crate::cli::Usage) for an invalid request; views that do not determine the camera; files that cannot be
 /// read or written.
 pub(in crate::cli::calibrate) fn run(
     args: &CameraArgs,
@@ -59,20 +59,20 @@ pub(in crate::cli::calibrate) fn run(
     let printed = if args.output.json {
         writeln!(out, "{}", answer(args, &boards, &fit))
     } else {
-        tell(args, &boards, &fit, out)
+        print(args, &boards, &fit, out)
     };
     output::printed(printed)?;
     Ok(boards.outcome())
 }
 
-/// What to do about a lens with more terms than it shows.
+/// Suggests a simpler model if the views do not determine all terms of the lens.
 fn advice(args: &CameraArgs, fit: &CameraFit) -> Option<String> {
     let lost = fit.undetermined();
     let is_wide = args.model == "rational_polynomial";
     (is_wide && lost.iter().any(|name| ["k4", "k5", "k6"].contains(name))).then(|| {
         format!(
-            "the views do not tell {}: they are less well known than they are large, and stand for one another. A lens this \
-             narrow needs no rational_polynomial: --model plumb_bob",
+            "the views do not determine {}: their uncertainty exceeds their value. A lens with this \
+             narrow a field of view needs no rational_polynomial: use --model plumb_bob",
             lost.join(", ")
         )
     })
@@ -106,7 +106,7 @@ fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
     })
 }
 
-fn tell(
+fn print(
     args: &CameraArgs,
     boards: &Boards<()>,
     fit: &CameraFit,

@@ -1,4 +1,4 @@
-//! A calibration as a picture: what was seen, and how well it fits.
+//! Charts in a PNG file.
 
 use std::{ops::Range, path::Path};
 
@@ -11,23 +11,23 @@ const SIZE_PX: (u32, u32) = (1280, 960);
 const FONT: &str = "sans-serif";
 const TITLE: (&str, i32) = (FONT, 22);
 const TEXT: (&str, i32) = (FONT, 16);
-/// Blue and vermilion of Okabe and Ito, told apart with any colour vision.
+/// Blue and vermilion of Okabe and Ito, distinguishable with any colour vision.
 const BLUE: RGBColor = RGBColor(0, 114, 178);
 const VERMILION: RGBColor = RGBColor(213, 94, 0);
 
 /// One chart of a report.
 pub(super) struct Chart {
-    /// What it shows.
+    /// Title.
     pub(super) title: String,
     /// The axes, with their units.
     pub(super) labels: [&'static str; 2],
     /// From left to right and from bottom to top; a range that falls is drawn so.
     pub(super) ranges: [Range<f64>; 2],
-    /// What is drawn.
+    /// Data.
     pub(super) marks: Marks,
 }
 
-/// What a chart shows.
+/// The data of a chart.
 pub(super) enum Marks {
     /// A dot each.
     Dots(Vec<(f64, f64)>),

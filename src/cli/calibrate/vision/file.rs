@@ -11,7 +11,7 @@ use crate::cli::output;
 /// Longest calibration file, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Before the work: nothing is overwritten unasked.
+/// Refuses to overwrite existing files unless `--force` is given.
 ///
 /// # Errors
 /// The file is there.
@@ -29,12 +29,12 @@ pub(super) fn refuse_existing(args: &OutputArgs) -> anyhow::Result<()> {
 /// # Errors
 /// It cannot be read, or is too long to be one.
 pub(super) fn read(path: &Path) -> anyhow::Result<String> {
-    let told = || format!("cannot read {}", path.display());
-    let length = fs::metadata(path).with_context(told)?.len();
+    let context = || format!("cannot read {}", path.display());
+    let length = fs::metadata(path).with_context(context)?.len();
     if length > MAX_BYTES {
-        bail!("{}: {length} bytes are no calibration file", path.display());
+        bail!("{}: {length} bytes: too large for a calibration file", path.display());
     }
-    fs::read_to_string(path).with_context(told)
+    fs::read_to_string(path).with_context(context)
 }
 
 /// Writes a calibration.

@@ -25,13 +25,13 @@ use crate::{
     },
 };
 
-/// Pictures that wait for a free core, each.
+/// Queue length per core.
 const WAITING: usize = 2;
 
-/// What there is to look at.
+/// The pictures of all inputs.
 pub(super) struct Pictures {
     sources: Vec<Source>,
-    /// How the node would take these pictures.
+    /// The node's parameters for these pictures.
     pub(super) params: CameraParams,
 }
 
@@ -50,7 +50,7 @@ pub(super) struct View<T> {
     pub(super) result: Result<T, String>,
 }
 
-/// What is sent to a core.
+/// A picture on its way to a worker thread.
 struct Task {
     index: usize,
     name: String,
@@ -62,7 +62,7 @@ impl Pictures {
     /// Opens recordings, pictures and directories of pictures.
     ///
     /// # Errors
-    /// What cannot be opened, or holds no pictures; [`Usage`](crate::cli::Usage) where a topic must be chosen.
+    /// An input that cannot be opened or holds no pictures; [`Usage`](crate::cli::Usage) where a topic must be chosen.
     pub(super) fn open(inputs: &[PathBuf], settings: &Settings) -> anyhow::Result<Self> {
         let mut sources = Vec::new();
         let mut params = None;
@@ -104,7 +104,7 @@ impl Pictures {
         names
     }
 
-    /// How many pictures there are, as far as is known.
+    /// Returns the number of pictures if it is known.
     fn count(&self) -> Option<u64> {
         let counts = self.sources.iter().map(|source| match source {
             Source::Bag(_, recording) => recording.num_images(),
@@ -113,7 +113,7 @@ impl Pictures {
         counts.sum()
     }
 
-    /// Looks at every picture. The order of the results is that of the pictures, whatever the number of cores.
+    /// Processes every picture. The order of the results is that of the pictures, on any number of cores.
     pub(super) fn map<T: Send>(
         &self,
         work: impl Fn(&Image<'_>) -> Result<T, String> + Sync,
@@ -121,7 +121,7 @@ impl Pictures {
         self.map_beside(None, |_| Ok(()), work)
     }
 
-    /// The same; `on_other` is handed the messages of another topic of the recordings.
+    /// Does the same, and passes the messages of another topic of the recordings to `on_other`.
     pub(super) fn map_beside<T: Send>(
         &self,
         other: Option<&str>,
@@ -243,10 +243,10 @@ fn is_picture(path: &Path) -> bool {
 }
 
 fn entries(directory: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let told = || format!("cannot read the directory {}", directory.display());
-    let entries = fs::read_dir(directory).with_context(told)?;
+    let context = || format!("cannot read the directory {}", directory.display());
+    let entries = fs::read_dir(directory).with_context(context)?;
     let paths: Result<Vec<_>, _> = entries.map(|entry| Ok(entry?.path())).collect();
-    let mut paths = paths.map_err(|error: std::io::Error| error).with_context(told)?;
+    let mut paths = paths.map_err(|error: std::io::Error| error).with_context(context)?;
     paths.sort();
     Ok(paths)
 }

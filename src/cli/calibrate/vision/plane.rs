@@ -18,10 +18,10 @@ use crate::{
 /// Corners that give a board's pose under a known camera.
 const MIN_CORNERS: usize = 12;
 
-/// Calibrates the laser plane, writes the file and tells on `out` how well.
+/// Calibrates the laser plane, writes the file and prints the result to `out`.
 ///
 /// # Errors
-/// [`Usage`](crate::cli::Usage) for a request that cannot be followed; boards that say too little; files that cannot be
+/// [`Usage`](crate::cli::Usage) for an invalid request; boards that do not determine the plane; files that cannot be
 /// read or written.
 pub(in crate::cli::calibrate) fn run(
     args: &PlaneArgs,

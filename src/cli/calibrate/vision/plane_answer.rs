@@ -1,4 +1,4 @@
-//! What `calibrate plane` tells.
+//! Output of `calibrate plane`.
 
 use std::io::{self, Write};
 
@@ -9,7 +9,7 @@ use crate::calibrate::{BoardResidual, LaserLines, LaserPlaneFit, LitCenterline};
 
 type PlaneBoards = Boards<Vec<LitCenterline>>;
 
-/// The answer as text or as JSON.
+/// Prints the result as text or as JSON.
 ///
 /// # Errors
 /// It cannot be written.

@@ -1,4 +1,4 @@
-//! Which charts a camera, a plane and an axis get.
+//! The charts of a camera, a plane and an axis.
 
 use std::{f64::consts::PI, path::Path};
 
@@ -12,10 +12,10 @@ use crate::{
     scanner::axis::AxisKind,
 };
 
-/// How much longer residuals are drawn than they are.
+/// Magnification of the residuals.
 const ENLARGED: f64 = 100.0;
 
-/// Where corners were seen, their residuals, and those of each view.
+/// Draws the corners, their residuals, and the residual of each view.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -61,7 +61,7 @@ pub(super) fn camera(path: &Path, boards: &Boards<()>, fit: &CameraFit) -> anyho
     charts::save(path, &charts)
 }
 
-/// How each board's line lies to the plane, and where the boards' corners were seen.
+/// Draws the residual of each board's line and the positions of the corners.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -90,7 +90,7 @@ pub(super) fn plane<T>(path: &Path, boards: &Boards<T>, fit: &LaserPlaneFit) -> 
     charts::save(path, &charts)
 }
 
-/// How far each picture is from its stated position, and where markers or boards were seen.
+/// Draws the deviation of each picture from its stated position and the positions of the corners.
 ///
 /// # Errors
 /// The file cannot be written.

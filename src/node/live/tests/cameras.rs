@@ -23,7 +23,7 @@ fn two_cameras() -> Rig {
 }
 
 #[test]
-fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_nobody() {
+fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_no_other() {
     let rig = two_cameras();
     let (mut left, mut right) =
         (rig.camera_on("/left/image_raw"), rig.camera_on("/right/image_raw"));

@@ -71,7 +71,7 @@ fn an_inactive_node_is_silent_and_goes_on_with_another_session() {
 }
 
 #[test]
-fn what_waits_is_measured_before_the_node_is_inactive() {
+fn queued_frames_are_measured_before_the_node_is_inactive() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     for round in 1..=20 {

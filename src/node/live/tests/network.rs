@@ -98,7 +98,7 @@ fn the_laser_plane_is_placed_once_and_again_when_it_turns() {
 }
 
 #[test]
-fn a_camera_info_of_another_size_is_told_whichever_comes_first() {
+fn a_camera_info_of_another_size_is_reported_in_either_order() {
     for info_first in [true, false] {
         let rig = Rig::start();
         let mut camera = rig.camera();
@@ -166,7 +166,7 @@ fn quality_of_service_follows_the_overrides() {
 }
 
 #[test]
-fn who_publishes_the_images_is_told() {
+fn publishers_of_images_are_reported() {
     let rig = Rig::start();
     let says = |rig: &Rig, text: &str| {
         rig.listener.wait_until(text, "/diagnostics", |heard| {

@@ -20,7 +20,7 @@ use crate::{
 };
 
 #[test]
-fn what_this_process_sets_is_told_as_what_a_service_sets() {
+fn changes_by_this_process_are_published_like_those_by_a_service() {
     let rig = Rig::start();
     let (listener, _subscription) = rig.listen("/parameter_events", ParameterEvent::TYPE);
     let name = "extraction.method";
@@ -139,7 +139,7 @@ fn hammer(network: &Loopback) {
 }
 
 #[test]
-fn what_the_middleware_carries_limits_slices_and_stands_in_the_bag() {
+fn the_limit_of_the_middleware_limits_slices_and_is_recorded() {
     let mut setup = Setup::new().with("recording.enabled", Value::Bool(true));
     // Three profiles of 64 points of 16 bytes, and what is around them.
     setup.network = Loopback::carrying(3 * 64 * 16 + 400);

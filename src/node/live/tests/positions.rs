@@ -55,7 +55,7 @@ fn traces(rig: &Rig, num: usize) -> Vec<FrameTrace> {
 }
 
 #[test]
-fn positions_are_the_same_live_and_in_a_replay_of_what_was_recorded() {
+fn positions_are_the_same_live_and_in_a_replay_of_the_recording() {
     let rig = setup()
         .with("recording.enabled", Value::Bool(true))
         .with("recording.images", Value::Bool(true))
@@ -103,7 +103,7 @@ fn positions_are_the_same_live_and_in_a_replay_of_what_was_recorded() {
 }
 
 #[test]
-fn a_frame_is_given_up_though_nothing_comes_any_more() {
+fn a_frame_stops_waiting_although_no_message_arrives() {
     let rig = setup().start().unwrap();
     let mut camera = rig.camera();
     for at_ms in [1, 4, 7] {
@@ -118,7 +118,7 @@ fn a_frame_is_given_up_though_nothing_comes_any_more() {
 }
 
 #[test]
-fn many_samples_push_out_no_image_and_faults_end_nothing() {
+fn many_samples_displace_no_image_and_faults_end_nothing() {
     let rig = setup().start().unwrap();
     let mut camera = rig.camera();
     for number in 0..4 {

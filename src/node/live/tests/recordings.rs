@@ -154,7 +154,7 @@ fn a_snapshot_is_the_past() {
 }
 
 #[test]
-fn a_place_that_cannot_be_written_costs_no_result_and_is_told() {
+fn a_directory_that_cannot_be_written_costs_no_result_and_is_reported() {
     let setup = Setup::new()
         .with("recording.enabled", Value::Bool(true))
         // Nobody makes directories in it, not even root.

@@ -23,7 +23,7 @@ const TOPICS: [&str; 7] =
     ["centerline", "annotations", "profile", "points", "points_dense", "slice_info", "height_map"];
 
 #[test]
-fn what_was_published_is_what_a_replay_of_the_recording_gives() {
+fn a_replay_of_the_recording_gives_the_published_results() {
     let setup = Setup::new()
         .with("recording.enabled", Value::Bool(true))
         .with("recording.images", Value::Bool(true))

@@ -68,7 +68,7 @@ fn an_image_becomes_every_result() {
 }
 
 #[test]
-fn gaps_are_told_apart_from_frames_of_another_publisher() {
+fn gaps_are_distinguished_from_frames_of_another_publisher() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     for (number, (publisher, sequence)) in
@@ -161,7 +161,7 @@ fn a_camera_that_returns_with_another_size_begins_another_scan() {
 }
 
 #[test]
-fn a_flood_is_counted_to_the_last_frame_and_told_within_a_second() {
+fn a_flood_is_counted_to_the_last_frame_and_reported_within_a_second() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     camera.picture = Picture { width: 1024, height: 768, row: 300, encoding: "mono8" };
