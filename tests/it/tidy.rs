@@ -6,7 +6,7 @@ use std::{
     process::Command,
 };
 
-use laser_profiler::simulate::scene;
+use laser_profiler::simulate::scene_from_yaml;
 
 use crate::program::{end, laser_profiler};
 
@@ -307,7 +307,7 @@ fn every_stored_parameter_file_and_scenario_loads() {
         assert!(matches!(ended.code, Some(0 | 3)), "{}: {ended:?}", path.display());
     }
     for path in files_ending_in(".scenario.yaml") {
-        let scenario = scene::from_yaml(&text(&path));
+        let scenario = scene_from_yaml(&text(&path));
         assert!(scenario.is_ok(), "{}: {:?}", path.display(), scenario.err());
     }
 }
