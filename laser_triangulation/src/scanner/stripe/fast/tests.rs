@@ -66,10 +66,10 @@ fn any_scene() -> impl Strategy<Value = ExtractionParams> {
             threshold_sigmas: f64::from(sigmas) / 2.0,
             min_contrast: f64::from(contrast),
             min_width_px: widths.0,
-            max_width_px: widths.1,
+            max_width_px: (widths.1 > 0).then_some(widths.1),
             max_stripes: lines.0,
             max_step_px: f64::from(lines.1) / 2.0,
-            tracking_margin_px: lines.2,
+            tracking_margin_px: (lines.2 > 0).then_some(lines.2),
             ..ExtractionParams::default()
         },
     )
