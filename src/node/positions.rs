@@ -153,7 +153,7 @@ impl Positions {
             moved: moved.clone(),
             kind,
             known,
-            counter: Counter::new(params.encoder_bits),
+            counter: Counter::new(params.encoder_bits.unwrap_or(0)),
             scale: None,
             camera_frame: String::new(),
             joints: Vec::new(),
@@ -174,7 +174,7 @@ impl Positions {
         match &mut self.known {
             Known::Axis(track) => {
                 *track = Track::new(limits(params), MAX_SAMPLES);
-                self.counter = Counter::new(params.encoder_bits);
+                self.counter = Counter::new(params.encoder_bits.unwrap_or(0));
                 self.scale = None;
             }
             Known::Frames(tree) => tree.set_limits(limits(params)),
@@ -378,7 +378,10 @@ impl Positions {
 }
 
 fn limits(params: &MotionParams) -> Limits {
-    Limits { max_gap_ns: (params.max_gap_s * 1e9).round() as i64, max_step: params.max_step }
+    Limits {
+        max_gap_ns: (params.max_gap_s.unwrap_or(0.0) * 1e9).round() as i64,
+        max_step: params.max_step.unwrap_or(0.0),
+    }
 }
 
 #[cfg(test)]

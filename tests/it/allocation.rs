@@ -46,7 +46,7 @@ fn no_method_allocates_in_a_real_scenes_configuration() {
                 threshold: Threshold::Adaptive,
                 peak_selection: PeakSelection::Continuity,
                 max_stripes: 2,
-                tracking_margin_px: 16,
+                tracking_margin_px: Some(16),
                 noise: NoiseSource::Estimated,
                 ..ExtractionParams::default()
             };
@@ -62,7 +62,7 @@ fn no_selection_allocates() {
         let extraction = ExtractionParams {
             peak_selection: PeakSelection::from_name(selection).unwrap(),
             min_contrast: 10.0,
-            max_width_px: 60,
+            max_width_px: Some(60),
             ..ExtractionParams::default()
         };
         allocates_nothing(StripeDirection::Horizontal, Exposure::Single, extraction);

@@ -29,7 +29,7 @@ impl Positions {
             let (positions, names) = (state.position.len(), state.name.len());
             return Err(format!("{positions} positions for {names} names"));
         };
-        let scale = if self.params.scale == 0.0 { 1.0 } else { self.params.scale };
+        let scale = self.params.scale.unwrap_or(1.0);
         let position = raw * scale;
         if !position.is_finite() {
             return Err(format!("the position is {raw}"));
@@ -66,7 +66,7 @@ impl Positions {
         if sample.error != 0 {
             return Err(format!("the encoder reports error bits {:#x}", sample.error));
         }
-        let scale = if self.params.scale == 0.0 { sample.scale } else { self.params.scale };
+        let scale = self.params.scale.unwrap_or(sample.scale);
         if scale == 0.0 || !scale.is_finite() {
             return Err(format!(
                 "its scale is {scale} m a count, which says nothing: set motion.scale"
