@@ -3,6 +3,7 @@
 use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
+        axis::{AxisTravel, RawPosition},
         calibration::Calibration,
         frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
@@ -79,7 +80,12 @@ fn positions_allocate_nothing() {
     let mut found = 0;
     let mut step = |number: i64| {
         let stamp_ns = number * 1000;
-        let reading = Reading { position: number as f64, counts: number };
+        let position = number as f64;
+        let reading = Reading {
+            position: RawPosition(position),
+            travel: AxisTravel::Metres(position),
+            counts: number,
+        };
         track.push(stamp_ns, stamp_ns, reading).unwrap();
         let pose = |parent, child| Stated {
             parent,

@@ -182,6 +182,24 @@ fn a_turn_that_begins_again_goes_on() {
 }
 
 #[test]
+fn the_largest_step_is_compared_after_the_scale_of_the_axis() {
+    // A joint in millimetres, against the direction of the axis.
+    let axis = Axis {
+        kind: AxisKind::Prismatic,
+        point_m: nalgebra::Point3::origin(),
+        direction: nalgebra::Vector3::x_axis(),
+        scale: -1e-3,
+    };
+    let params = MotionParams { max_step: Some(0.01), ..params(MotionSource::JointState) };
+    let mut positions = Positions { axis: Some(axis), ..positions(&params, "table") };
+    for (at_ms, position) in [(0, 100.0), (10, 109.0), (20, 120.0)] {
+        positions.take(&joint(at_ms, &["table"], &[position]));
+    }
+    assert_eq!(found(&mut positions, 5), Some((104.5, 0)), "9 mm, given as stated");
+    assert_eq!(found(&mut positions, 15), Some((114.5, doubt::GAP)), "11 mm");
+}
+
+#[test]
 fn an_encoder_counts_over_its_wrap() {
     let params = MotionParams { encoder_bits: Some(16), ..params(MotionSource::Encoder) };
     let mut positions = positions(&params, "");
