@@ -4,21 +4,23 @@ use thiserror::Error;
 
 use crate::scanner::{
     channel::{AnyPlane, Decoder, Plane, RoiError, SearchedRegion},
-    frame_error::FrameError,
     image::{Image, PixelFormat},
-    params::{Background, Channel, ExtractionParams, Method, Params, PeakSelection, Threshold},
+    params::{
+        Background, Channel, ExtractionParams, FullScaleError, Method, Params, PeakSelection,
+        Threshold,
+    },
     stripe::{Centerline, Extractor},
 };
 
-/// The colours that a laser may have.
+/// The possible colours of a laser.
 const COLORS: [Channel; 3] = [Channel::Red, Channel::Green, Channel::Blue];
-/// Level of zero difference: noise stays on both sides of it, so that its size can be estimated.
+/// Level of zero difference: noise stays on both sides of it, so that its standard deviation can be estimated.
 const MIDDLE: i32 = 64;
 
 /// The grey level in which the stripe is searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Light {
-    /// One channel, or a grey picture as it is.
+    /// One channel, or a grey picture unchanged.
     Channel(Channel),
     /// One colour minus the mean of the other two. This separates a laser from a printed board in any room light.
     Over(Channel),
@@ -52,10 +54,10 @@ pub enum LaserFinderError {
     Roi(#[from] RoiError),
     /// The full scale is larger than the picture's format can hold.
     #[error(transparent)]
-    FullScale(#[from] FrameError),
+    FullScale(#[from] FullScaleError),
 }
 
-/// Extracts the stripe from pictures in each light that the laser may have.
+/// Extracts the stripe from pictures in each possible light of the laser.
 #[derive(Clone, Copy, Debug)]
 pub struct LaserFinder {
     params: Params,
@@ -69,8 +71,8 @@ impl LaserFinder {
         Self { params, channel }
     }
 
-    /// Returns the extraction parameters that suit a line on a printed board in room light: background, threshold,
-    /// smallest segment, peak selection and method. The others are those given.
+    /// Returns extraction parameters for a line on a printed board in room light: background, threshold, smallest
+    /// segment, peak selection and method. All others are taken from the given parameters.
     #[must_use]
     pub const fn extraction_on_board(given: ExtractionParams) -> ExtractionParams {
         ExtractionParams {
