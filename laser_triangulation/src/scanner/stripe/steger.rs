@@ -2,8 +2,8 @@
 //!
 //! The image is smoothed by a Gaussian and differentiated twice. The second derivative is most negative across the
 //! stripe: that direction n is the eigenvector of the Hessian with the eigenvalue of largest magnitude (his section
-//! 3.2). Along n the first derivative vanishes at the distance `t = -(r_x n_x + r_y n_y) / (r_xx n_x² + 2 r_xy n_x n_y
-//! + r_yy n_y²)` (his eq. 19). The ridge is perpendicular to n, so it crosses the column `t / n_y` from the pixel's
+//! 3.2). Along n the first derivative vanishes at the distance
+//! `t = -(r_x n_x + r_y n_y) / (r_xx n_x² + 2 r_xy n_x n_y + r_yy n_y²)` (his eq. 19). The ridge is perpendicular to n, so it crosses the column `t / n_y` from the pixel's
 //! centre. That position is reported, not the point `t n`, which lies in another column.
 //!
 //! The masks are the Gaussian and its derivatives integrated over pixels, as in his eq. 10 to 12. A stripe with
