@@ -4,6 +4,7 @@
 //! the stripe. [`stripe::render_stripe`] draws one stripe whose centre the caller states: enough for tests and benchmarks.
 
 pub mod scenario;
+pub mod scenario_error;
 pub mod scene;
 pub mod rig;
 pub mod part;
@@ -20,7 +21,8 @@ pub mod world;
 use serde::{Deserialize, de::IgnoredAny};
 
 use rig::RigScenario;
-use scenario::{Scenario, ScenarioError, parsed};
+use scenario::Scenario;
+use scenario_error::{ScenarioError, parsed};
 use scene::Scene;
 
 /// Reads a scenario of either kind: with a `rig`, gauges or boards in front of any camera; without, a part under the
