@@ -5,12 +5,14 @@
 //! distortion, tilted sensor, K.
 
 mod distortion;
+mod point;
 mod tilt;
 mod view;
 
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 pub use distortion::Distortion;
+pub use point::{DistortedPoint, UndistortedPoint};
 pub use view::View;
 
 /// Intrinsic parameters of a camera.
@@ -41,7 +43,8 @@ impl Camera {
         if point.z.is_nan() || point.z <= 0.0 {
             return None;
         }
-        let bent = self.distortion.distort(Point2::new(point.x / point.z, point.y / point.z))?;
+        let straight = UndistortedPoint(Point2::new(point.x / point.z, point.y / point.z));
+        let bent = self.distortion.distort(straight)?;
         let on_sensor = tilt::tilt(self.tilt_rad, bent)?;
         let seen = Point2::new(
             self.fx_px * on_sensor.x + self.cx_px,
@@ -53,7 +56,7 @@ impl Camera {
     /// The ray along which a pixel looks, scaled to z = 1; undoes [`project`](Self::project) to below 1e-6 px. `None`
     /// where no point in front of the lens is seen: where the distortion model cannot be inverted.
     pub fn ray(&self, pixel: Point2<f64>) -> Option<Vector3<f64>> {
-        let straight = self.distortion.undistort(self.bent(pixel)?)?;
+        let UndistortedPoint(straight) = self.distortion.undistort(self.bent(pixel)?)?;
         Some(Vector3::new(straight.x, straight.y, 1.0))
     }
 
@@ -77,7 +80,7 @@ impl Camera {
     }
 
     /// Distorted position on the plane z = 1 that a pixel sees.
-    fn bent(&self, pixel: Point2<f64>) -> Option<Point2<f64>> {
+    fn bent(&self, pixel: Point2<f64>) -> Option<DistortedPoint> {
         let on_sensor =
             Point2::new((pixel.x - self.cx_px) / self.fx_px, (pixel.y - self.cy_px) / self.fy_px);
         tilt::untilt(self.tilt_rad, on_sensor)
