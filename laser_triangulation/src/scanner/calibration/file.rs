@@ -17,7 +17,7 @@ pub(super) use write::{write, write_camera};
 
 const TYPES: &str = "camera_and_plane, vertical_incidence or projective";
 
-/// What decides how the rest is read.
+/// The entries that determine how the rest is read.
 #[derive(Deserialize)]
 struct Head {
     #[serde(rename = "type")]

@@ -25,11 +25,11 @@ pub struct VerticalIncidence {
     pub center_column_px: f64,
     /// Which way the stripe moves in the image when the surface rises: -1 towards smaller rows (columns), 1 towards larger.
     pub height_sign: i8,
-    /// How well it is known; the covariance is that of [`VALUES`](Self::VALUES).
+    /// Quality; the covariance is that of [`VALUES`](Self::VALUES).
     pub quality: Option<StepsQuality>,
 }
 
-/// A height and how fast it changes with the image position.
+/// A height and its derivative with respect to the image position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Height {
     /// Above the base plane, metres.
@@ -55,7 +55,8 @@ impl VerticalIncidence {
         }
     }
 
-    /// Formula 6 at a position across the stripe, pixels; none behind the lens: where the ray never meets the plane.
+    /// Applies formula 6 at a position across the stripe, pixels; `None` if the ray does not meet the plane in front of
+    /// the lens.
     pub fn height(&self, position_px: f64) -> Option<Height> {
         let (sin, cos) = self.beta_rad.sin_cos();
         let s_m =
@@ -69,7 +70,7 @@ impl VerticalIncidence {
         Some(Height { z_m, m_per_px: f64::from(self.height_sign) * self.pixel_pitch_m * slope })
     }
 
-    /// The point that is seen there and its derivative across the stripe.
+    /// Returns the point seen at that position and its derivative across the stripe.
     pub(super) fn place(&self, along_px: f64, across_px: f64) -> Option<PlacedPoint> {
         let Height { z_m, m_per_px } = self.height(across_px)?;
         let x_m_per_px = -m_per_px
@@ -87,7 +88,8 @@ impl VerticalIncidence {
             / self.image_distance_m
     }
 
-    /// The inverse: where (along, across) in pixels a point of the laser plane is seen; none at or behind the lens.
+    /// The inverse: returns the pixel (along, across) that sees a point of the laser plane; `None` at or behind the
+    /// lens.
     pub fn project(&self, x_m: f64, z_m: f64) -> Option<(f64, f64)> {
         let depth_m = self.depth(z_m);
         if depth_m <= 0.0 || !depth_m.is_finite() {

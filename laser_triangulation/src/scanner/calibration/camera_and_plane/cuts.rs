@@ -1,4 +1,4 @@
-//! Where the rays of one frame's stripe cut the laser plane.
+//! Intersects the rays of one frame's stripe with the laser plane.
 
 use nalgebra::{Matrix2, Matrix3, Point2, Vector2, Vector3};
 
@@ -9,16 +9,17 @@ use crate::scanner::{
     params::StripeDirection,
 };
 
-/// Newton's method squares the error: from here one more step leads to below 1e-6 px.
+/// Newton's method squares the error: from here one more step leaves less than 1e-6 px.
 const LAST_STEP_PX: f64 = 5e-3;
-/// Steps from a neighbour's ray before the search begins anew, without it.
+/// Maximum steps from a neighbour's ray before the search restarts without it.
 const MAX_STEPS: u32 = 5;
 
-/// Cuts ray after ray. Each starts from its neighbour's, so that one evaluation of the distortion is nearly always enough.
+/// Intersects one ray after another. Each starts from its neighbour's, so one evaluation of the distortion nearly
+/// always suffices.
 pub(in crate::scanner::calibration) struct Cuts<'a> {
     camera: &'a Camera,
     direction: StripeDirection,
-    /// Of a column and a row, on the plane z = 1.
+    /// Size of a pixel along columns and rows on the plane z = 1.
     per_px: [f64; 2],
     /// From the inclined sensor to the plane z = 1.
     untilt: Option<Matrix3<f64>>,
@@ -26,13 +27,14 @@ pub(in crate::scanner::calibration) struct Cuts<'a> {
     limit: f64,
     last_step: f64,
     neighbour: Option<Ray>,
-    /// Times a ray: depth of the plane along it, inverted; and x and z of the cut over that depth.
+    /// Row vectors that multiply a ray: the inverse depth of the plane along it; and x and z of the intersection over
+    /// that depth.
     inverse_depth: Vector3<f64>,
     x: Vector3<f64>,
     z: Vector3<f64>,
 }
 
-/// A ray, its image before the lens has bent it, and how it moves with that.
+/// A ray, its undistorted image, and the derivative of the image.
 #[derive(Clone, Copy)]
 struct Ray {
     bent: DistortedPoint,
@@ -41,7 +43,7 @@ struct Ray {
 }
 
 impl CameraAndPlane {
-    /// Begins a frame.
+    /// Starts a frame.
     pub(in crate::scanner::calibration) fn cuts(&self, direction: StripeDirection) -> Cuts<'_> {
         let camera = &self.camera;
         let camera_from_laser = self.camera_from_laser(direction);
@@ -68,8 +70,8 @@ impl CameraAndPlane {
 }
 
 impl Cuts<'_> {
-    /// The point of the laser plane that is seen there and its derivative across the stripe. `None` where the ray is not
-    /// known or does not meet the plane.
+    /// Returns the point of the laser plane seen at that position and its derivative across the stripe. `None` if the
+    /// ray is unknown or does not meet the plane.
     pub(in crate::scanner::calibration) fn place(
         &mut self,
         along_px: f64,
@@ -101,7 +103,7 @@ impl Cuts<'_> {
         Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px })
     }
 
-    /// A place on the sensor and a step there, seen on the plane z = 1.
+    /// Maps a position on the sensor and a step there to the plane z = 1.
     fn untilted(
         &self,
         on_sensor: Point2<f64>,
@@ -131,7 +133,7 @@ impl Cuts<'_> {
         ray
     }
 
-    /// Newton's method from where the neighbour's ray and its derivative lead. `None` when that does not arrive.
+    /// Newton's method, extrapolating from the neighbour's ray. `None` if it does not converge.
     fn beside_neighbour(&self, bent: DistortedPoint) -> Option<Ray> {
         let neighbour = self.neighbour.as_ref()?;
         let step = neighbour.straight_per_bent * (bent.0 - neighbour.bent.0);
