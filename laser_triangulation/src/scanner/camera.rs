@@ -53,14 +53,15 @@ impl Camera {
         (seen.x.is_finite() && seen.y.is_finite()).then_some(DistortedPixel(seen))
     }
 
-    /// The ray along which a pixel looks, scaled to z = 1; undoes [`project`](Self::project) to below 1e-6 px. `None`
-    /// where no point in front of the lens is seen: where the distortion model cannot be inverted.
+    /// Returns the ray of a pixel, scaled to z = 1; inverts [`project`](Self::project) to below 1e-6 px. `None` where
+    /// the distortion model cannot be inverted.
     pub fn ray(&self, pixel: DistortedPixel) -> Option<Vector3<f64>> {
         let UndistortedPoint(straight) = self.distortion.undistort(self.bent(pixel)?)?;
         Some(Vector3::new(straight.x, straight.y, 1.0))
     }
 
-    /// A calibrated value by its name in a covariance: fx, fy, cx, cy, `tau_x`, `tau_y` or a distortion coefficient.
+    /// Returns a calibrated value by its name in a covariance: fx, fy, cx, cy, `tau_x`, `tau_y` or a distortion
+    /// coefficient.
     pub(crate) fn value_mut(&mut self, name: &str) -> Option<&mut f64> {
         match name {
             "fx" => Some(&mut self.fx_px),
@@ -73,13 +74,13 @@ impl Camera {
         }
     }
 
-    /// From the inclined sensor to the plane z = 1; `None` where it is not inclined.
+    /// Returns the map from the tilted sensor to the plane z = 1; `None` if the sensor is not tilted.
     pub(super) fn untilt(&self) -> Option<Matrix3<f64>> {
         let is_inclined = self.tilt_rad.iter().any(|angle| *angle != 0.0);
         is_inclined.then(|| tilt::matrix(self.tilt_rad).try_inverse())?
     }
 
-    /// Distorted position on the plane z = 1 that a pixel sees.
+    /// Returns the distorted position on the plane z = 1 that a pixel sees.
     fn bent(&self, DistortedPixel(pixel): DistortedPixel) -> Option<DistortedPoint> {
         let on_sensor =
             Point2::new((pixel.x - self.cx_px) / self.fx_px, (pixel.y - self.cy_px) / self.fy_px);
