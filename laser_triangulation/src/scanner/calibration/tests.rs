@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::scanner::{
     axis::{Axis, AxisKind},
-    camera::{Camera, Distortion},
+    camera::{Camera, DistortedPixel, Distortion},
     laser_plane::LaserPlane,
     params::StripeDirection,
 };
@@ -258,7 +258,7 @@ proptest! {
         rig.plane = LaserPlane { normal, distance_m: 0.5 * normal.z };
         let point = rig.camera_from_laser(direction) * Point3::new(x_m, 0.0, z_m);
         prop_assert!((rig.plane.normal.dot(&point.coords) - rig.plane.distance_m).abs() < 1e-12);
-        let Some(seen) = rig.camera.project(point) else { return Ok(()) };
+        let Some(DistortedPixel(seen)) = rig.camera.project(point) else { return Ok(()) };
         let (along, across) = match direction {
             StripeDirection::Horizontal => (seen.x, seen.y),
             StripeDirection::Vertical => (seen.y, seen.x),
@@ -289,7 +289,7 @@ proptest! {
         let mut cuts = rig.cuts(StripeDirection::Horizontal);
         for (u, v) in steps {
             let near = cuts.place(u, v);
-            let ray = rig.camera.ray(Point2::new(u, v));
+            let ray = rig.camera.ray(DistortedPixel(Point2::new(u, v)));
             // On this plane a point is its ray; z grows upwards there.
             let origin = rig.camera_from_laser(StripeDirection::Horizontal).inverse();
             let exact = ray.map(|ray| origin * Point3::from(ray));

@@ -6,8 +6,13 @@
 
 use nalgebra::{Matrix3, Point2, Vector3};
 
+use super::DistortedPoint;
+
 /// Maps a point of the plane z = 1 to the tilted sensor.
-pub(super) fn tilt(tilt_rad: [f64; 2], point: Point2<f64>) -> Option<Point2<f64>> {
+pub(super) fn tilt(
+    tilt_rad: [f64; 2],
+    DistortedPoint(point): DistortedPoint,
+) -> Option<Point2<f64>> {
     if is_straight(tilt_rad) {
         return Some(point);
     }
@@ -15,11 +20,11 @@ pub(super) fn tilt(tilt_rad: [f64; 2], point: Point2<f64>) -> Option<Point2<f64>
 }
 
 /// Maps a point of the tilted sensor to the plane z = 1.
-pub(super) fn untilt(tilt_rad: [f64; 2], point: Point2<f64>) -> Option<Point2<f64>> {
+pub(super) fn untilt(tilt_rad: [f64; 2], on_sensor: Point2<f64>) -> Option<DistortedPoint> {
     if is_straight(tilt_rad) {
-        return Some(point);
+        return Some(DistortedPoint(on_sensor));
     }
-    map(&matrix(tilt_rad).try_inverse()?, point)
+    map(&matrix(tilt_rad).try_inverse()?, on_sensor).map(DistortedPoint)
 }
 
 /// Returns the homography from the plane z = 1 to the sensor.

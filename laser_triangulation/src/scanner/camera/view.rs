@@ -55,7 +55,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::scanner::camera::Distortion;
+    use crate::scanner::camera::{DistortedPixel, Distortion};
 
     proptest! {
         /// A point is seen where the sensor sees it.
@@ -76,8 +76,8 @@ mod tests {
             };
             let view = View { offset_px, size_px: [100, 50], binning };
             let point = Point3::new(x, y, 1.0);
-            let seen = sensor.seen_through(&view).project(point).unwrap();
-            let on_sensor = sensor.project(point).unwrap();
+            let DistortedPixel(seen) = sensor.seen_through(&view).project(point).unwrap();
+            let DistortedPixel(on_sensor) = sensor.project(point).unwrap();
             prop_assert!((view.on_sensor(seen) - on_sensor).norm() < 1e-9);
         }
     }
