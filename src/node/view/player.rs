@@ -30,7 +30,7 @@ use super::{
     recording::{Passed, Reader, last_time_ns},
 };
 
-/// How often a player that has nothing to do looks whether it is to end.
+/// Period at which an idle player checks for a stop request.
 const IDLE: Duration = Duration::from_millis(50);
 /// What came so long before a frame may tell where it was taken; what comes so long after it, too. Nanoseconds.
 const AROUND_NS: i64 = 500_000_000;
@@ -38,7 +38,7 @@ const AROUND_NS: i64 = 500_000_000;
 const JUMP_PAUSE: Duration = Duration::from_millis(20);
 /// Wishes that come so close together are one.
 const TOGETHER: Duration = Duration::from_millis(10);
-/// Time is told so often at most.
+/// Minimum period between time messages.
 const TIME_GAP: Duration = Duration::from_millis(20);
 
 /// A player. It ends when its orders do, or at the wish to stop.
@@ -51,15 +51,15 @@ pub(super) struct Player {
     pub(super) shown: Arc<Mutex<Shown>>,
     pub(super) range_ns: (i64, i64),
     pub(super) stop: Stop,
-    /// Whether it ends with the recording.
+    /// True if it ends with the recording.
     pub(super) ends: bool,
-    /// Whether somebody has looked, or chosen what to see.
+    /// True if a viewer has connected or subscribed.
     pub(super) has_begun: bool,
     /// An order that came while others were awaited.
     pub(super) pending: Option<Order>,
 }
 
-/// What comes after a part was played.
+/// The action after a part was played.
 enum Next {
     /// Another part, from that time on.
     From(i64),
@@ -79,7 +79,7 @@ impl Player {
     /// Plays until it is to end.
     ///
     /// # Errors
-    /// What is to be shown cannot be measured or served.
+    /// Measuring or serving failed.
     pub(super) fn run(mut self) -> Result<(), PlayError> {
         let mut from_ns = self.range_ns.0;
         while let Next::From(next_ns) = self.play_from(from_ns)? {
