@@ -103,6 +103,7 @@ pub fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     })?;
     [differences.num_frames[1], differences.num_frames[2]] = alone;
     if differences.num_frames[0] == 0 {
+        notes.log();
         bail!("no frame is in both: {} frames only in A, {} only in B", alone[0], alone[1]);
     }
     let reasons = reasons(recordings.map(ResultsRecording::provenance));

@@ -1,11 +1,13 @@
 //! How two centrelines of one image differ, and two profiles: B minus A, where both have a point.
 
 use super::{
-    quality::{FLAGS, is_vertical},
+    quality::FLAGS,
     series::{Merge, Series},
     spread::Spread,
 };
-use crate::{msg::laser_profiler_msgs::Centerline, results::FramePair};
+use crate::{
+    msg::laser_profiler_msgs::Centerline, results::FramePair, scanner::params::StripeDirection,
+};
 
 /// Width of a bin of differences in the image, pixels: 1/4096.
 const BIN_PX: f64 = 1.0 / 4096.0;
@@ -109,7 +111,7 @@ impl Differences {
         let mut only = [0; 2];
         let mut matched = std::mem::take(&mut self.matched);
         matched.clear();
-        let sections = pair.lines.map(sorted);
+        let sections = [0, 1].map(|which| sorted(pair.lines[which], pair.directions[which]));
         for_each_section(&sections, |section, points| {
             let before = matched.len();
             match_points(section, points, &mut matched);
@@ -177,9 +179,13 @@ impl Differences {
 
     fn take_heights(&mut self, pair: &FramePair<'_>) {
         let Some(profiles) = pair.profiles else { return };
-        let offsets = pair
-            .lines
-            .map(|line| if is_vertical(line) { line.roi.y_offset } else { line.roi.x_offset });
+        let offsets = [0, 1].map(|which| {
+            let roi = &pair.lines[which].roi;
+            match pair.directions[which] {
+                StripeDirection::Horizontal => roi.x_offset,
+                StripeDirection::Vertical => roi.y_offset,
+            }
+        });
         let first = offsets[0].max(offsets[1]);
         let from = offsets.map(|offset| (first - offset) as usize);
         let [a, b] = [0, 1].map(|which| profiles[which].z.get(from[which]..).unwrap_or(&[]));
@@ -209,8 +215,11 @@ impl Differences {
 /// A point: cross-section, place across the stripe, flags.
 type Point = (i64, f32, u8);
 
-fn sorted(line: &Centerline<'_>) -> Vec<Point> {
-    let (along, across) = if is_vertical(line) { (&line.v, &line.u) } else { (&line.u, &line.v) };
+fn sorted(line: &Centerline<'_>, direction: StripeDirection) -> Vec<Point> {
+    let (along, across) = match direction {
+        StripeDirection::Horizontal => (&line.u, &line.v),
+        StripeDirection::Vertical => (&line.v, &line.u),
+    };
     let points = along.iter().zip(across.iter()).enumerate();
     let mut points: Vec<Point> = points
         .filter(|(_, (along, across))| **along >= 0.0 && across.is_finite())
@@ -268,7 +277,8 @@ mod tests {
     }
 
     fn pair<'a>(a: &'a Centerline<'a>, b: &'a Centerline<'a>) -> FramePair<'a> {
-        FramePair { frame: 0, lines: [a, b], profiles: None }
+        let directions = [StripeDirection::Horizontal; 2];
+        FramePair { frame: 0, lines: [a, b], directions, profiles: None }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::{
     cli::progress::progress_bar,
     msg::{
         cdr,
+        convert::results::UnknownDirection,
         laser_profiler_msgs::{Centerline, StreamStatus},
     },
     report::{
@@ -51,7 +52,7 @@ impl Gathered {
         let progress = progress_bar(length, "frames");
         source.for_each_message(&topics, notes, |message| {
             if Some(&message.topic.name) == lines.as_ref() {
-                gathered.add(&cdr::decode(&message.data)?);
+                gathered.add(&cdr::decode(&message.data)?)?;
                 progress.inc(1);
             } else {
                 gathered.status.add(&cdr::decode::<StreamStatus<'_>>(&message.data)?);
@@ -71,7 +72,8 @@ impl Gathered {
         gathered
     }
 
-    fn add(&mut self, line: &Centerline<'_>) {
+    fn add(&mut self, line: &Centerline<'_>) -> Result<(), UnknownDirection> {
+        self.quality.add(line)?;
         let stamp_ns = line.header.stamp.to_ns();
         self.stamps_ns = Some([self.stamps_ns.map_or(stamp_ns, |[first, _]| first), stamp_ns]);
         if self.method != line.method {
@@ -81,7 +83,7 @@ impl Gathered {
         self.size_px = [line.image_width, line.image_height];
         let received_ns = line.trace.receive_stamp.to_ns();
         self.delays.push([received_ns.saturating_sub(stamp_ns) as f64 / 1e6]);
-        self.quality.add(line);
+        Ok(())
     }
 
     /// Times of frames and of the stream.

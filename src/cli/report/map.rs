@@ -5,13 +5,13 @@ use anyhow::Context;
 use super::ReportArgs;
 use crate::{
     cli::chart::viridis,
-    msg::{cdr, laser_profiler_msgs::Centerline},
+    msg::{cdr, convert::results::stripe_direction, laser_profiler_msgs::Centerline},
     report::{
         grid::{Extent, Grid, Place},
         page::{Axis, Map},
-        quality::is_vertical,
     },
     results::{Notes, Results, ResultsRecording, ScanSelection, SelectionError},
+    scanner::params::StripeDirection,
 };
 
 /// What the files of a report need beside the page's map.
@@ -108,8 +108,9 @@ fn centerlines(source: &ResultsRecording, notes: &mut Notes) -> Option<Measured>
         let (mut row, mut frame) = (Vec::new(), 0.0_f32);
         source.for_each_message(&[&topic], notes, |message| {
             let line: Centerline<'_> = cdr::decode(&message.data)?;
-            is_upright |= is_vertical(&line);
-            lay(&line, frame, &mut row);
+            let direction = stripe_direction(&line)?;
+            is_upright |= direction == StripeDirection::Vertical;
+            lay(&line, direction, frame, &mut row);
             take(&row);
             frame += 1.0;
             Ok(())
@@ -131,11 +132,10 @@ fn centerlines(source: &ResultsRecording, notes: &mut Notes) -> Option<Measured>
 }
 
 /// A centreline as places (position along the stripe, frame, position across it), one a pixel along the stripe.
-fn lay(line: &Centerline<'_>, frame: f32, row: &mut Vec<Place>) {
-    let (along, across, length) = if is_vertical(line) {
-        (&line.v, &line.u, line.image_height)
-    } else {
-        (&line.u, &line.v, line.image_width)
+fn lay(line: &Centerline<'_>, direction: StripeDirection, frame: f32, row: &mut Vec<Place>) {
+    let (along, across, length) = match direction {
+        StripeDirection::Horizontal => (&line.u, &line.v, line.image_width),
+        StripeDirection::Vertical => (&line.v, &line.u, line.image_height),
     };
     row.clear();
     // No message makes a row longer than its images can be.
