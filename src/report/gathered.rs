@@ -2,7 +2,6 @@
 
 use super::status::Status;
 use crate::{
-    cli::progress::progress_bar,
     msg::{
         cdr,
         convert::results::UnknownDirection,
@@ -17,23 +16,27 @@ use crate::{
 };
 
 /// The frames and the stream, from afar.
-pub(super) struct Gathered {
-    pub(super) quality: Quality,
-    pub(super) status: Status,
+pub(crate) struct Gathered {
+    pub(crate) quality: Quality,
+    pub(crate) status: Status,
     /// Stamps of the first and the last frame, nanoseconds.
-    pub(super) stamps_ns: Option<[i64; 2]>,
+    pub(crate) stamps_ns: Option<[i64; 2]>,
     /// Method and hash of the first frame; later ones differ when parameters were changed.
-    pub(super) method: String,
-    pub(super) num_methods: u64,
+    pub(crate) method: String,
+    pub(crate) num_methods: u64,
     /// Columns and rows of the last image.
-    pub(super) size_px: [u32; 2],
+    pub(crate) size_px: [u32; 2],
     /// From the stamp to the reception, milliseconds.
     delays: Series<1>,
 }
 
 impl Gathered {
-    /// Reads centrelines and counters.
-    pub(super) fn read(source: &ResultsRecording, notes: &mut Notes) -> Self {
+    /// Reads centrelines and counters. Calls `on_frame` after each centreline.
+    pub(crate) fn read(
+        recording: &ResultsRecording,
+        notes: &mut Notes,
+        mut on_frame: impl FnMut(),
+    ) -> Self {
         let mut gathered = Self {
             quality: Quality::default(),
             status: Status::default(),
@@ -43,23 +46,20 @@ impl Gathered {
             size_px: [0, 0],
             delays: Series::new([Merge::Mean]),
         };
-        let [lines, states] = ["centerline", "stream_status"].map(|name| source.topic(name));
+        let [lines, states] = ["centerline", "stream_status"].map(|name| recording.topic(name));
         let topics: Vec<_> = lines.iter().chain(&states).collect();
         if topics.is_empty() {
             return gathered;
         }
-        let length = lines.as_ref().and_then(|topic| source.num_messages(topic));
-        let progress = progress_bar(length, "frames");
-        source.for_each_message(&topics, notes, |message| {
+        recording.for_each_message(&topics, notes, |message| {
             if Some(&message.topic.name) == lines.as_ref() {
                 gathered.add(&cdr::decode(&message.data)?)?;
-                progress.inc(1);
+                on_frame();
             } else {
                 gathered.status.add(&cdr::decode::<StreamStatus<'_>>(&message.data)?);
             }
             Ok(())
         });
-        progress.finish_and_clear();
         if states.is_none() {
             notes.add("the recording has no stream_status: drops and latency are not known");
         }
@@ -87,7 +87,7 @@ impl Gathered {
     }
 
     /// Times of frames and of the stream.
-    pub(super) fn charts(&self) -> Vec<Chart> {
+    pub(crate) fn charts(&self) -> Vec<Chart> {
         let delays = Chart {
             id: "delay",
             title: "From the image's stamp to its reception",
