@@ -11,6 +11,7 @@ use frames::{FULL, Frame, Ring};
 use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
+        channel::Offset,
         params::{
             ExtractionParams, Method,
             StripeDirection::{self, Horizontal, Vertical},
@@ -54,7 +55,7 @@ fn time<F: FnOnce() -> Ring>(
     let mut centerline = Centerline::default();
     let mut extract = |frame: &Frame| {
         let plane = black_box(frame.plane());
-        extractor.extract(&plane, (0, 0), frame.full_scale(), &mut centerline);
+        extractor.extract_plane(&plane, Offset::default(), frame.full_scale(), &mut centerline);
         centerline.len()
     };
     group.bench_function(id, |bencher| {
@@ -134,7 +135,7 @@ fn white(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The same stripe of 1024 columns in ever larger frames: what is more than one read must stay.
+/// The same stripe of 1024 columns in ever larger frames: the time beyond one read must stay constant.
 fn frame_sizes(criterion: &mut Criterion) {
     let mut group = group(criterion, "frame_size");
     for (label, size) in [

@@ -42,7 +42,7 @@ fn written(recording: &Recording) -> (TempDir, ReplayRequest) {
     (directory, request)
 }
 
-/// In a thread that profilers tell from the one that makes the recordings.
+/// In its own thread, so that profilers separate it from the one that makes the recordings.
 fn replay_all(request: &ReplayRequest, recording: &Recording) {
     let request = request.clone();
     let run = move || replay(request, &Stop::default()).expect("a replay");

@@ -13,6 +13,7 @@ use laser_profiler::{
     scanner::{
         calibration::{Calibration, Lines, VerticalIncidence},
         camera::Distortion,
+        channel::Offset,
         params::StripeDirection::Horizontal,
         profile::Profile,
         stripe::{Centerline, Extractor},
@@ -52,11 +53,11 @@ fn triangulate(criterion: &mut Criterion) {
     group.bench_function("extract", |bencher| {
         bencher.iter(|| {
             let plane = black_box(frame.plane());
-            extractor.extract(&plane, (0, 0), frame.full_scale(), &mut centerline);
+            extractor.extract_plane(&plane, Offset::default(), frame.full_scale(), &mut centerline);
         });
     });
     let plane = frame.plane();
-    extractor.extract(&plane, (0, 0), frame.full_scale(), &mut centerline);
+    extractor.extract_plane(&plane, Offset::default(), frame.full_scale(), &mut centerline);
     assert_eq!(centerline.len(), FULL.0 as usize);
     let plumb_bob = Distortion::PlumbBob { k1: -0.2, k2: 0.1, p1: 0.001, p2: -0.002, k3: -0.02 };
     let rational = Distortion::RationalPolynomial {

@@ -4,9 +4,7 @@
 //! `cli → {node, report} → {ros, results, foxglove} → bag → msg → scanner`; `metrology`, `simulate`, `evaluate` and
 //! `calibrate` stand beside `scanner`.
 
-#[cfg(feature = "calibrate")]
-pub use laser_triangulation::calibrate;
-pub use laser_triangulation::{evaluate, metrology, scanner, simulate, statistics};
+pub use laser_triangulation::{calibrate, evaluate, metrology, scanner, simulate, statistics};
 
 pub mod msg;
 pub mod ros;

@@ -120,7 +120,7 @@ impl Frame {
         self.times(1)
     }
 
-    /// So many frames like this one, each in memory of its own.
+    /// Copies of this frame, each in its own memory.
     pub(crate) fn times(self, number: usize) -> Ring {
         Ring { frames: vec![self; number], next: Cell::new(0) }
     }
@@ -128,14 +128,11 @@ impl Frame {
     /// The frame as it is measured.
     pub(crate) fn plane(&self) -> AnyPlane<'_> {
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
-        match &self.samples {
-            Samples::Eight(samples) => {
-                AnyPlane::Eight(Plane { width, height, stride: width, samples })
-            }
-            Samples::Sixteen(samples) => {
-                AnyPlane::Sixteen(Plane { width, height, stride: width, samples })
-            }
-        }
+        let plane = match &self.samples {
+            Samples::Eight(samples) => Plane::new(width, height, width, samples).map(Into::into),
+            Samples::Sixteen(samples) => Plane::new(width, height, width, samples).map(Into::into),
+        };
+        plane.expect("as many samples as pixels")
     }
 
     /// Level of a saturated sample.

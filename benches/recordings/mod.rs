@@ -19,14 +19,14 @@ use std::{
 const NUM_PICTURES: u32 = 8;
 const JPEG_QUALITY: u8 = 90;
 
-/// How images lie in the recording.
+/// Layout of the images in the recording.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Payload {
     Raw,
     Jpeg,
 }
 
-/// What is recorded: so many frames in all, divided among the cameras.
+/// The recorded images: the total number of frames, divided among the cameras.
 #[derive(Clone, Copy)]
 pub(crate) struct Recording {
     pub(crate) size_px: (u32, u32),

@@ -1,4 +1,4 @@
-//! `laser_profiler calibrate`: from recordings to the file that makes pixels metres.
+//! `laser_profiler calibrate`: from recordings to the file that converts pixels to metres.
 
 mod args;
 mod level;
@@ -20,17 +20,17 @@ use crate::ros::arguments::RosArguments;
 const HELP: &str = "\
 Examples:
   laser_profiler calibrate camera board_recording --target checkerboard:8x6:0.040 -o camera.yaml
-                                                       the lens, from 20 views of a checkerboard or more
+                                                       camera and lens, from 20 or more views of a checkerboard
   laser_profiler calibrate plane laser_on_board --target checkerboard:8x6:0.040 --camera camera.yaml -o rig.yaml
-                                                       the laser's plane, from views of the board with the line on it
+                                                       the laser plane, from views of the board with the line on it
   laser_profiler calibrate axis turning_markers --calibration rig.yaml --markers aruco:4x4_50 -o scanner.yaml
                                                        the rotary axis, from markers that turn with the part
   laser_profiler calibrate steps base.png=0mm low.png=2mm high.png=5mm top.png=9mm --lateral 22um -o calibration.yaml
-                                                       known heights, for users without a board
+                                                       known heights instead of a board
   laser_profiler calibrate level results -o level.yaml --region=-30mm,-30mm,30mm,30mm
                                                        the part's frame laid on a flat that was scanned
 
-Each has --help of its own.";
+Each subcommand has its own --help.";
 
 /// Calibrates from recordings or pictures: camera, laser plane, axis and level, or known heights.
 #[derive(Debug, clap::Args)]
@@ -49,7 +49,7 @@ enum What {
     Level(level::LevelArgs),
 }
 
-/// Calibrates and tells on `out` how well.
+/// Calibrates and prints the result to `out`.
 ///
 /// # Errors
 /// [`Usage`](super::Usage) when the request cannot be followed, else whatever cannot be read, calibrated or written.

@@ -1,7 +1,6 @@
 //! `laser_profiler evaluate`: how accurate the methods are, against truth and by the protocol of the paper.
 
 mod document;
-mod page;
 mod paper;
 mod recorded_truth;
 mod rendered;
@@ -30,7 +29,6 @@ Examples:
   laser_profiler evaluate paper                        Table 3 of the paper, and what its Table 4 should say
   laser_profiler evaluate paper my_recording --columns 500..900
                                                        the paper's protocol on a recording of your own
-  laser_profiler evaluate page --output docs           docs/accuracy.md and its plots, made anew
 
 Each has --help of its own. The same command gives the same bytes.";
 
@@ -46,7 +44,6 @@ pub struct EvaluateArgs {
 enum Question {
     Truth(truth::TruthArgs),
     Paper(paper::PaperArgs),
-    Page(page::PageArgs),
 }
 
 /// Which form the answer takes.
@@ -82,7 +79,6 @@ pub fn run(args: EvaluateArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow
             let output = args.output.clone();
             write(&paper::report(args, ros)?, &output, out)
         }
-        Question::Page(args) => page::run(&args, ros, out),
     }
 }
 

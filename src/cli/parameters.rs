@@ -25,9 +25,6 @@ pub struct ParametersArgs {
     /// One JSON array on standard output: name, type, unit, default, min and max or choices, description.
     #[arg(long)]
     pub json: bool,
-    /// Tables in Markdown, a table a group: docs/parameters.md is this.
-    #[arg(long, conflicts_with = "json")]
-    pub markdown: bool,
 }
 
 const WIDTH: usize = 100;
@@ -37,12 +34,7 @@ const WIDTH: usize = 100;
 /// # Errors
 /// A failing `out`; a reader of it that goes away is no error.
 pub fn run(args: &ParametersArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let printed = match (args.json, args.markdown) {
-        (true, _) => print_json(out),
-        (_, true) => out.write_all(markdown().as_bytes()),
-        _ => print_file(out),
-    };
-    output::printed(printed)?;
+    output::printed(if args.json { print_json(out) } else { print_file(out) })?;
     Ok(Outcome::Done)
 }
 
@@ -108,33 +100,6 @@ fn parameter_file() -> String {
     out
 }
 
-/// The parameters as a page of tables.
-fn markdown() -> String {
-    let mut out = String::from(
-        "# Parameters\n\nWritten by `laser_profiler parameters --markdown`. `laser_profiler parameters > rig.yaml` gives them as a \
-         file to edit. With several `cameras`,\na camera's own value is set as `NAME.parameter`, and what is set without \
-         a name is every camera's.\n",
-    );
-    let mut open_group = None;
-    for declared in Parameters::default().iter() {
-        let (parameter, value) = (declared.row(), declared.value());
-        let (group, _) = parameter.name.rsplit_once('.').unwrap_or(("", parameter.name));
-        if open_group != Some(group) {
-            let heading = if group.is_empty() { "General" } else { group };
-            _ = write!(
-                out,
-                "\n## {heading}\n\n| parameter | default | allowed | meaning |\n|---|---|---|---|\n"
-            );
-        }
-        open_group = Some(group);
-        let fixed = if parameter.is_read_only { " Only at the start." } else { "" };
-        let text = parameter.text.replace('|', "\\|");
-        let allowed = parameter.allowed().replace('|', "\\|");
-        _ = writeln!(out, "| `{}` | `{value}` | {allowed} | {text}{fixed} |", parameter.name);
-    }
-    out
-}
-
 fn wrap(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {
@@ -160,7 +125,7 @@ mod tests {
     #[test]
     fn the_printed_file_loads_and_gives_the_defaults() {
         let mut file = tempfile::NamedTempFile::new().unwrap();
-        run(&ParametersArgs { json: false, markdown: false }, &mut file).unwrap();
+        run(&ParametersArgs { json: false }, &mut file).unwrap();
         let arguments =
             RosArguments { parameter_files: vec![file.path().to_owned()], ..Default::default() };
         let names = NodeNames::new("laser_profiler", &[]).unwrap();
@@ -178,7 +143,7 @@ mod tests {
     #[test]
     fn the_json_names_every_parameter_and_its_default() {
         let mut out = Vec::new();
-        run(&ParametersArgs { json: true, markdown: false }, &mut out).unwrap();
+        run(&ParametersArgs { json: true }, &mut out).unwrap();
         let entries: Vec<Json> = serde_json::from_slice(&out).unwrap();
         assert_eq!(entries.len(), Parameters::default().iter().count());
         for (entry, declared) in entries.iter().zip(Parameters::default().iter()) {
@@ -192,22 +157,5 @@ mod tests {
             };
             assert_eq!(entry["default"], default, "{}", declared.name());
         }
-    }
-
-    /// The book's page, so that it is never older than the table. Packages have no docs.
-    #[test]
-    fn the_page_of_the_book_is_up_to_date() {
-        let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/parameters.md");
-        let Ok(written) = std::fs::read_to_string(&page) else {
-            assert!(
-                !page.parent().is_some_and(std::path::Path::exists),
-                "docs/parameters.md is missing"
-            );
-            return;
-        };
-        assert!(
-            written == markdown(),
-            "docs/parameters.md is old: laser_profiler parameters --markdown > docs/parameters.md"
-        );
     }
 }

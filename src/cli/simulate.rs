@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use super::{Outcome, Usage, output};
 use crate::{
     bag::{Compression, RecordOptions},
-    simulate::scene,
+    simulate::scene_from_yaml,
 };
 use recording::record;
 
@@ -57,7 +57,7 @@ pub struct SimulateArgs {
 /// [`Usage`] for a file that is no scenario; an input that cannot be read, an output that exists or cannot be written.
 pub fn run(args: &SimulateArgs, out: &mut dyn Write) -> Result<Outcome> {
     let text = read_scenario(&args.scenario)?;
-    let scene = scene::from_yaml(&text)
+    let scene = scene_from_yaml(&text)
         .map_err(|error| Usage(format!("{}: {error}", args.scenario.display())))?;
     let options = RecordOptions { compression: Compression::Zstd, force: args.force };
     let summary = record(&*scene, &text, &args.output, options)?;

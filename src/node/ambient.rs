@@ -20,9 +20,9 @@ use crate::{
         node_params::ImageTransport,
     },
     scanner::{
-        channel::{AnyPlane, Decoder, RoiError, window},
+        channel::{AnyPlane, Decoder, SearchedRegion},
         image,
-        params::{Channel, RegionOfInterest},
+        params::Channel,
     },
 };
 
@@ -54,9 +54,6 @@ pub enum AmbientError {
         /// Why.
         source: FrameRejected,
     },
-    /// An image without pixels.
-    #[error(transparent)]
-    Empty(#[from] RoiError),
     /// Frames of two cameras, or of two settings.
     #[error("frame {number} is {found}, but the first one is {expected}: all must be alike")]
     Mixed {
@@ -95,8 +92,8 @@ impl Mean {
 
     fn add(&mut self, number: usize, plane: &AnyPlane<'_>) -> Result<(), AmbientError> {
         let (width, height, bits) = match plane {
-            AnyPlane::Eight(plane) => (plane.width, plane.height, 8),
-            AnyPlane::Sixteen(plane) => (plane.width, plane.height, 16),
+            AnyPlane::Eight(plane) => (plane.width(), plane.height(), 8),
+            AnyPlane::Sixteen(plane) => (plane.width(), plane.height(), 16),
         };
         if self.num_frames == 0 {
             (self.width, self.height, self.bits) = (width, height, bits);
@@ -154,8 +151,7 @@ pub fn mean(
                 compressed::image(&message, max_frame_bytes, &mut pixels).map_err(no_frame)?
             }
         };
-        let all = window(RegionOfInterest::default(), image.width(), image.height())?;
-        mean.add(number, &decoder.decode(&image, channel, &all))?;
+        mean.add(number, &decoder.decode(&image, channel, &SearchedRegion::whole(&image)))?;
         on_frame(mean.num_frames);
     }
     if mean.num_frames == 0 { Err(AmbientError::NoFrames) } else { Ok(mean) }

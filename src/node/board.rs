@@ -1,4 +1,4 @@
-//! Where a worker leaves what it last reported, for whoever looks at the node from within its process.
+//! The last report of a worker, for readers in the same process.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -15,7 +15,7 @@ pub struct Reported {
     pub load: Load,
 }
 
-/// Keeps the last report. Clones share it.
+/// Holds the last report. Clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct Board(Arc<Mutex<Reported>>);
 

@@ -16,10 +16,10 @@ use fit::{Fit, Misfit, fit};
 /// Messages that wait for their image; more than any camera sends ahead.
 const CAPACITY: usize = 32;
 
-/// Why an image and its `camera_info` do not belong together.
+/// The reason that an image and its `camera_info` do not belong together.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Conflict {
-    /// They say to be of different frames.
+    /// Their frames differ.
     #[error(
         "camera_info is of frame {info:?}, the image of {image:?}: the driver must give both the same frame_id"
     )]
@@ -46,24 +46,24 @@ pub enum Conflict {
 }
 
 impl Conflict {
-    /// Whether metres would be wrong: all but a name.
+    /// True if metric results would be wrong: all conflicts but that of a frame's name.
     pub const fn is_of_geometry(&self) -> bool {
         !matches!(self, Self::Frame { .. })
     }
 }
 
-/// What is known of an image's camera.
+/// The description of an image's camera.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Pairing {
+pub enum CameraMatch {
     /// It is described.
     Matched {
         /// Equal for equal calibrations; shown as sixteen hexadecimal digits.
         calibration_id: u64,
-        /// Whether the image before had another calibration.
+        /// True if the image before had another calibration.
         is_new: bool,
         /// The part of the sensor that the image shows.
         view: View,
-        /// How far the described camera is from the calibrated one, at most, pixels.
+        /// Largest difference between the described and the calibrated camera, pixels.
         difference_px: f64,
     },
     /// There is no message of this stamp: not yet, or never.
@@ -72,7 +72,7 @@ pub enum Pairing {
     Conflict(Conflict),
 }
 
-/// What must be known of an image.
+/// The metadata of an image that its description must match.
 #[derive(Clone, Copy, Debug)]
 pub struct ImageHeader<'a> {
     /// Time of acquisition, nanoseconds since the epoch.
@@ -126,38 +126,38 @@ impl CameraInfos {
     }
 
     /// Finds the message of an image, and keeps it: an image may come twice.
-    pub fn pair(&mut self, image: &ImageHeader<'_>) -> Pairing {
+    pub fn pair(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         match self.waiting.iter().position(|info| info.stamp_ns == image.stamp_ns) {
             Some(place) => self.compare(place, image),
-            None => Pairing::NoneYet,
+            None => CameraMatch::NoneYet,
         }
     }
 
     /// The same with the message that came last, where none is of the image's stamp: drivers send it before or after.
-    pub fn pair_or_last(&mut self, image: &ImageHeader<'_>) -> Pairing {
+    pub fn pair_or_last(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         match (self.pair(image), self.waiting.len().checked_sub(1)) {
-            (Pairing::NoneYet, Some(last)) => self.compare(last, image),
+            (CameraMatch::NoneYet, Some(last)) => self.compare(last, image),
             (pairing, _) => pairing,
         }
     }
 
-    fn compare(&mut self, place: usize, image: &ImageHeader<'_>) -> Pairing {
+    fn compare(&mut self, place: usize, image: &ImageHeader<'_>) -> CameraMatch {
         let info = &self.waiting[place];
         if info.frame_id != image.frame_id {
             let (info, image) = (info.frame_id.clone(), image.frame_id.to_owned());
-            return Pairing::Conflict(Conflict::Frame { info, image });
+            return CameraMatch::Conflict(Conflict::Frame { info, image });
         }
         let Fit { view, difference_px } = match &info.fit {
             Ok(fit) => *fit,
-            Err(misfit) => return Pairing::Conflict(Conflict::Misfit(misfit.clone())),
+            Err(misfit) => return CameraMatch::Conflict(Conflict::Misfit(misfit.clone())),
         };
         let (size, described) = ((image.width, image.height), view.size_px.into());
         if described != size {
-            return Pairing::Conflict(Conflict::Size { info: described, image: size });
+            return CameraMatch::Conflict(Conflict::Size { info: described, image: size });
         }
         let calibration_id = info.calibration_id;
         let is_new = self.calibration_id.replace(calibration_id) != Some(calibration_id);
-        Pairing::Matched { calibration_id, is_new, view, difference_px }
+        CameraMatch::Matched { calibration_id, is_new, view, difference_px }
     }
 }
 
@@ -207,23 +207,23 @@ mod tests {
         ImageHeader { stamp_ns, frame_id: "camera", width: 640, height: 480 }
     }
 
-    fn is_new(pairing: &Pairing) -> bool {
-        matches!(pairing, Pairing::Matched { is_new: true, .. })
+    fn is_new(pairing: &CameraMatch) -> bool {
+        matches!(pairing, CameraMatch::Matched { is_new: true, .. })
     }
 
     #[test]
     fn only_the_same_stamp_is_a_pair() {
         let mut infos = CameraInfos::default();
-        assert_eq!(infos.pair(&image(7)), Pairing::NoneYet);
+        assert_eq!(infos.pair(&image(7)), CameraMatch::NoneYet);
         infos.insert(&info(7));
         assert!(is_new(&infos.pair(&image(7))));
-        assert_eq!(infos.pair(&image(8)), Pairing::NoneYet);
+        assert_eq!(infos.pair(&image(8)), CameraMatch::NoneYet);
         // Twice the same image, and order does not matter.
         infos.insert(&info(9));
         infos.insert(&info(8));
         for stamp_ns in [8, 7, 9] {
             let pairing = infos.pair(&image(stamp_ns));
-            assert!(matches!(pairing, Pairing::Matched { is_new: false, .. }), "{pairing:?}");
+            assert!(matches!(pairing, CameraMatch::Matched { is_new: false, .. }), "{pairing:?}");
         }
     }
 
@@ -231,12 +231,13 @@ mod tests {
     fn another_frame_or_size_is_a_conflict_with_its_reason() {
         let mut infos = CameraInfos::default();
         infos.insert(&info(7));
-        let Pairing::Conflict(conflict) = infos.pair(&ImageHeader { frame_id: "left", ..image(7) })
+        let CameraMatch::Conflict(conflict) =
+            infos.pair(&ImageHeader { frame_id: "left", ..image(7) })
         else {
             panic!("other frame");
         };
         assert!(conflict.to_string().contains(r#"of frame "camera", the image of "left""#));
-        let Pairing::Conflict(conflict) = infos.pair(&ImageHeader { width: 320, ..image(7) })
+        let CameraMatch::Conflict(conflict) = infos.pair(&ImageHeader { width: 320, ..image(7) })
         else {
             panic!("other size");
         };
@@ -276,13 +277,13 @@ mod tests {
     #[test]
     fn without_a_message_of_its_stamp_an_image_has_the_last() {
         let mut infos = CameraInfos::default();
-        assert_eq!(infos.pair_or_last(&image(7)), Pairing::NoneYet);
+        assert_eq!(infos.pair_or_last(&image(7)), CameraMatch::NoneYet);
         infos.insert(&info(6));
         assert!(is_new(&infos.pair_or_last(&image(7))));
         let other = CameraInfo { width: 320, ..info(8) };
         infos.insert(&other);
         assert!(
-            matches!(infos.pair_or_last(&image(7)), Pairing::Conflict(_)),
+            matches!(infos.pair_or_last(&image(7)), CameraMatch::Conflict(_)),
             "until its own comes"
         );
         infos.insert(&info(7));
@@ -297,7 +298,7 @@ mod tests {
             infos.insert(&info(stamp_ns));
         }
         assert_eq!(infos.waiting.len(), CAPACITY);
-        assert_eq!(infos.pair(&image(0)), Pairing::NoneYet);
+        assert_eq!(infos.pair(&image(0)), CameraMatch::NoneYet);
         assert!(is_new(&infos.pair(&image(1000 - CAPACITY as i64))));
     }
 }

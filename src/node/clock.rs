@@ -1,4 +1,4 @@
-//! What time it is for the node: the system's time, or with `use_sim_time` the last that `/clock` told.
+//! The time of the node: the system's time, or with `use_sim_time` the last message on `/clock`.
 
 use std::{
     sync::{
@@ -22,7 +22,7 @@ use super::endpoints;
 const LIMIT_BYTES: usize = 64;
 const UNHEARD_NS: i64 = i64::MIN;
 
-/// Who says what time it is.
+/// Source of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeSource {
     /// This machine's clock.
@@ -33,16 +33,16 @@ pub enum TimeSource {
 
 /// The node's clock. Clones share it.
 #[derive(Clone, Default)]
-pub struct RosClock(Arc<Shared>);
+pub struct RosClock(Arc<ClockState>);
 
 #[derive(Default)]
-struct Shared {
+struct ClockState {
     uses_sim_time: AtomicBool,
     sim: Arc<SimTime>,
     subscription: Mutex<Option<Box<dyn Subscription>>>,
 }
 
-/// What `/clock` has told.
+/// The last time on `/clock`.
 struct SimTime {
     now_ns: AtomicI64,
     num_breaks: AtomicU64,
@@ -60,7 +60,7 @@ impl Default for SimTime {
 }
 
 impl RosClock {
-    /// Nanoseconds since the epoch; 0 while nothing has been heard on `/clock`, as in rcl.
+    /// Nanoseconds since the epoch; 0 before the first message on `/clock`, as in rcl.
     pub fn now_ns(&self) -> i64 {
         if !self.uses_sim_time() {
             return system_ns();
@@ -71,12 +71,12 @@ impl RosClock {
         }
     }
 
-    /// Whether [`now_ns`](Self::now_ns) is a time: with `use_sim_time` not before the first message on `/clock`.
+    /// True if [`now_ns`](Self::now_ns) is valid: with `use_sim_time` not before the first message on `/clock`.
     pub fn is_known(&self) -> bool {
         !self.uses_sim_time() || self.0.sim.now_ns.load(Ordering::Acquire) != UNHEARD_NS
     }
 
-    /// Whether `/clock` rules.
+    /// True if time comes from `/clock`.
     pub fn uses_sim_time(&self) -> bool {
         self.0.uses_sim_time.load(Ordering::Acquire)
     }
@@ -120,7 +120,7 @@ impl RosClock {
         names: &NodeNames,
     ) -> Result<Box<dyn Subscription>, TransportError> {
         let sim = Arc::clone(&self.0.sim);
-        // What was heard before it was switched off is long past.
+        // An earlier time on `/clock` is out of date.
         sim.now_ns.store(UNHEARD_NS, Ordering::Release);
         let on_arrival = Box::new(move |arrival| sim.hear(arrival));
         let qos = QosProfile::best_effort(1);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn the_system_rules_unless_told_otherwise() {
+    fn the_system_clock_is_the_default() {
         let mut rig = Rig::new();
         rig.tell(5);
         assert!(rig.clock.is_known() && !rig.clock.uses_sim_time());
@@ -232,14 +232,14 @@ mod tests {
         assert_eq!((rig.clock.num_breaks(), rig.clock.now_ns()), (2, 29));
         rig.switch(TimeSource::System);
         assert_eq!(rig.clock.num_breaks(), 3);
-        // Unsubscribed: what comes now is not heard, and what came before is forgotten.
+        // Unsubscribed: later messages do not arrive, and earlier ones are forgotten.
         rig.tell(40);
         rig.switch(TimeSource::Sim);
         assert!(!rig.clock.is_known());
     }
 
     #[test]
-    fn what_is_no_clock_is_counted_and_changes_nothing() {
+    fn malformed_clock_messages_are_counted_and_change_nothing() {
         let mut rig = Rig::new();
         rig.switch(TimeSource::Sim);
         rig.tell(50);

@@ -1,57 +1,57 @@
-//! What people and machines ask of a running camera, carried out between two frames.
+//! Commands to a running camera, carried out between two frames.
 
 use std::sync::{Mutex, PoisonError, mpsc::SyncSender};
 
 use crate::scanner::params::Params;
 
-/// A request to the worker; the answer follows when it is carried out.
+/// A request to the worker, which answers when it has carried it out.
 #[derive(Debug)]
 pub enum Command {
     /// Ends the open scan and begins a new one with the next frame.
     StartScan(ScanRequest, Reply),
     /// Ends the open scan with its last slice and its height map; then frames give profiles only.
     StopScan(Reply),
-    /// Throws the open scan away and begins a new one with the next frame.
+    /// Discards the open scan and begins a new one with the next frame.
     Reset(Reply),
-    /// Measures what waits, then ends the open scan and the session.
-    Rest(Reply),
+    /// Measures the frames that wait, then ends the open scan and the session.
+    Drain(Reply),
 }
 
-/// Which scan.
+/// The scan to start.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ScanRequest {
-    /// What is scanned; may be empty.
+    /// Identity of the part; may be empty.
     pub part_id: String,
-    /// Length at which it ends, metres; 0: when it is stopped.
-    pub length_m: f64,
+    /// Length at which the scan ends, metres, above 0; `None`: it ends when stopped.
+    pub length_m: Option<f64>,
 }
 
-/// What came of a command.
+/// The answer to a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Answer {
-    /// Whether it was carried out.
+    /// True if the command was carried out.
     pub success: bool,
-    /// What was done, or why not.
+    /// The action taken, or the reason for refusal.
     pub message: String,
-    /// The scan it speaks of, where there is one.
+    /// The scan concerned, where there is one.
     pub scan_id: Option<[u8; 16]>,
 }
 
-/// Where the answer goes. Nobody may be waiting for it any more.
+/// Channel for the answer. The caller may have stopped waiting.
 pub type Reply = SyncSender<Answer>;
 
-/// What a camera measures by, as parameters change.
+/// Settings of a camera that can change at run time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// The measurement.
     pub params: Params,
     /// Hash of the camera's parameters.
     pub parameters_sha256: String,
-    /// Whether input images are sent on with the results, to be recorded.
+    /// True if input images are forwarded with the results, to be recorded.
     pub sends_images: bool,
 }
 
-/// Holds the latest of something until somebody takes it: a thousand changes between two frames are one.
+/// Holds the latest value until it is taken: many changes between two frames count as one.
 #[derive(Debug)]
 pub struct Mailbox<T>(Mutex<Option<T>>);
 
@@ -62,12 +62,12 @@ impl<T> Default for Mailbox<T> {
 }
 
 impl<T> Mailbox<T> {
-    /// Puts `value` in the place of what is there.
+    /// Replaces the value.
     pub fn put(&self, value: T) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(value);
     }
 
-    /// Takes what is there.
+    /// Takes the value.
     pub fn take(&self) -> Option<T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
     }

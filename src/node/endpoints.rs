@@ -19,7 +19,7 @@ use crate::{
     },
 };
 
-/// Why a message is not sent.
+/// The reason that a message is not sent.
 #[derive(Debug, Error)]
 pub enum SendError {
     /// It has no bytes.

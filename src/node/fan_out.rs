@@ -64,7 +64,7 @@ impl<'scope> FanOut<'scope> {
     /// Hands a message to every sink that takes it.
     ///
     /// # Errors
-    /// An essential sink has failed: [`finish`](Self::finish) tells why.
+    /// An essential sink has failed: [`finish`](Self::finish) returns the reason.
     pub fn send(&self, message: &Outgoing) -> Result<(), Closed<()>> {
         let is_taken: fn(Takes) -> bool =
             if message.topic < self.num_topics { Takes::has_results } else { Takes::has_images };

@@ -6,7 +6,7 @@ use crate::bag::RawMessage;
 
 use super::{
     queue::{Bound, Closed, Popped, Queue, WhenFull},
-    source::{Input, Source, Writer},
+    source::{Input, PublisherId, Source},
     stop::Stop,
     unpack::Unpacker,
 };
@@ -117,7 +117,7 @@ impl Feed<'_> {
         inputs.try_for_each(|input| push(input, Input::NewRecording, 0))
     }
 
-    fn pass(&self, message: RawMessage, writer: Writer) -> Result<(), Closed<()>> {
+    fn pass(&self, message: RawMessage, writer: PublisherId) -> Result<(), Closed<()>> {
         let wants = |lane: &&Lane| lane.positions.contains(&message.topic.name);
         for lane in self.lanes.iter().filter(wants) {
             push(&lane.input, Input::Position(message.clone()), message.data.len())?;

@@ -10,7 +10,7 @@ mod tests;
 
 use thiserror::Error;
 
-/// Why a callback did not do what it should.
+/// The reason that a callback failed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Failure {
     /// All is as it was: the node goes back to the state before.
@@ -27,36 +27,36 @@ impl From<String> for Failure {
     }
 }
 
-/// What a node does when its state changes. One callback runs at a time.
+/// Actions of a node when its state changes. One callback runs at a time.
 pub trait Managed: Send + Sync {
     /// Takes what it needs: parameters, calibration, publishers.
     ///
     /// # Errors
-    /// It cannot; says why.
+    /// The action failed, with the reason.
     fn configure(&self) -> Result<(), Failure>;
 
     /// Begins to work.
     ///
     /// # Errors
-    /// It cannot; says why.
+    /// The action failed, with the reason.
     fn activate(&self) -> Result<(), Failure>;
 
     /// Stops working and keeps what it has.
     ///
     /// # Errors
-    /// It cannot; says why.
+    /// The action failed, with the reason.
     fn deactivate(&self) -> Result<(), Failure>;
 
     /// Gives back what it took.
     ///
     /// # Errors
-    /// It cannot; says why.
+    /// The action failed, with the reason.
     fn cleanup(&self) -> Result<(), Failure>;
 
     /// Ends for good, from any state: stops working and gives back what it has.
     ///
     /// # Errors
-    /// Something was lost; says what. The node ends all the same.
+    /// Something was lost, with a description. The node ends all the same.
     fn shutdown(&self) -> Result<(), Failure>;
 
     /// Gives back what it has after a [`Failure::Broken`].

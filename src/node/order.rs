@@ -1,6 +1,6 @@
 //! A frame's place in its stream: what is missing before it, and whether it may be used at all.
 
-/// Where a frame's number comes from, as in `FrameTrace.frame_number_source`.
+/// Source of a frame's number, as in `FrameTrace.frame_number_source`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberSource {
     /// The sequence number of the publication.
@@ -14,7 +14,7 @@ pub enum NumberSource {
 pub struct Place {
     /// Number of the frame, lost ones counted.
     pub frame_number: u64,
-    /// Where that number comes from.
+    /// Source of that number.
     pub source: NumberSource,
     /// Frames missing directly before this one; `None` when that cannot be known.
     pub missing: Option<u32>,
@@ -67,14 +67,14 @@ impl Sequence {
         self.last = None;
     }
 
-    /// How far the writer counted on; `None` when it did not, or not believably.
+    /// Step of the publisher's counter; `None` if it did not advance, or not plausibly.
     fn step(&self, sequence: u32) -> Option<u32> {
         let step = sequence.wrapping_sub(self.last?);
         (1..=MAX_GAP + 1).contains(&step).then_some(step)
     }
 }
 
-/// Why a frame's stamp is refused.
+/// The reason to reject a frame's stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StampFault {
     /// The stamp of the frame before it.
@@ -83,7 +83,7 @@ pub enum StampFault {
     OutOfOrder,
 }
 
-/// How a stamp continues the stream.
+/// The relation of a stamp to the stream before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StampStep {
     /// As it should.
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_or_restarted_counter_says_nothing() {
+    fn a_constant_or_restarted_counter_leaves_gaps_unknown() {
         assert_eq!(places(&[0, 0, 0]), [(0, None), (1, None), (2, None)]);
         assert_eq!(places(&[5, 6, 1, 2]), [(0, None), (1, Some(0)), (2, None), (3, Some(0))]);
         let far = places(&[1, 2, 3_000_000_000, 3_000_000_001]);

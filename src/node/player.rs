@@ -5,7 +5,7 @@ use std::{collections::VecDeque, time::Instant};
 use crate::bag::{Messages, RawMessage, player::Pacer};
 
 use super::{
-    source::{Input, Source, Writer},
+    source::{Input, PublisherId, Source},
     stop::Stop,
 };
 
@@ -50,7 +50,7 @@ impl Source for BagPlayer {
             match self.recordings.front_mut()?.next() {
                 Some(Ok(message)) => {
                     self.wait_for(&message);
-                    return Some(Input::Message(message, Writer::default()));
+                    return Some(Input::Message(message, PublisherId::default()));
                 }
                 Some(Err(error)) if error.is_loss() => {
                     return Some(Input::Damage(error.to_string()));

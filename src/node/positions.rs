@@ -1,7 +1,7 @@
-//! Where the axis was when a frame was exposed: from messages about it to positions of frames.
+//! Positions of frames along the axis at their exposure, from messages about the axis.
 //!
-//! A replay and a live node find the same: what was known of a frame is decided by stamps and by when samples were
-//! received, never by when somebody had time to look.
+//! A replay and a node on a network give the same positions: only stamps and times of reception decide which samples count,
+//! never the time at which a thread ran.
 
 mod decode;
 mod constant_lag;
@@ -15,7 +15,7 @@ use crate::{
     bag::RawMessage,
     ros::camera_params::{CameraParams, Moved},
     scanner::{
-        axis::AxisKind,
+        axis::{AxisKind, RawPosition},
         calibration::Calibration,
         motion::{
             Position,
@@ -29,12 +29,12 @@ use crate::{
 };
 use constant_lag::ConstantLag;
 
-/// A frame waits at least so long for a sample behind it: networks are no clockworks.
+/// Minimum time that a frame waits for the next sample, nanoseconds: covers network jitter.
 const MIN_PATIENCE_NS: i64 = 1_000_000_000;
-/// Names that a message tells.
+/// Maximum number of names in a log message.
 const MAX_NAMED: usize = 20;
 
-/// An axis that the calibration does not have.
+/// A contradiction between motion parameters and calibration.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum AxisError {
     /// Parameter and calibration disagree.
@@ -47,13 +47,13 @@ pub enum AxisError {
         /// The calibration.
         calibrated: &'static str,
     },
-    /// Angles cannot become places.
+    /// A revolute axis needs a calibrated axis.
     #[error(
         "motion.axis is revolute, but the calibration has no axis: find it with laser_profiler calibrate axis, or set \
          motion.source to none for profiles without a scan"
     )]
     NoAxis,
-    /// A camera whose place nobody knows.
+    /// The frame of the camera is unknown.
     #[error(
         "motion.source is tf, but the calibration knows no camera whose frame could be looked up: set motion.sensor_frame to its \
          frame_id, {0}, and publish where that is"
@@ -61,7 +61,7 @@ pub enum AxisError {
     NoCamera(String),
 }
 
-/// What is known of the axis, by stamp.
+/// Samples of the axis, by stamp.
 enum Known {
     /// A joint or an encoder.
     Axis(Track<Reading>),
@@ -80,20 +80,20 @@ pub struct Positions {
     scale: Option<f64>,
     /// Frame of the images.
     camera_frame: String,
-    /// Joints that were heard of.
+    /// Names of the joints received.
     joints: Vec<String>,
     lag: ConstantLag,
-    /// The last frame that was given up for want of a sample: middle of its exposure, and when it was received.
+    /// The last frame measured without a later sample: middle of its exposure and time of reception, nanoseconds.
     given_up: Option<(i64, i64)>,
     num_refused: u64,
-    has_told_missing: bool,
-    has_told_late: bool,
+    has_warned_missing: bool,
+    has_warned_late: bool,
 }
 
-/// What the positions of that camera are of.
+/// The kind of axis that positions refer to.
 ///
 /// # Errors
-/// Parameter and calibration disagree, or angles could not be placed.
+/// Parameter and calibration disagree, or a revolute axis is not calibrated.
 pub fn axis_kind(
     params: &MotionParams,
     calibration: Option<&Calibration>,
@@ -120,7 +120,7 @@ pub fn axis_kind(
 /// The positions of a camera's frames, where they are measured.
 ///
 /// # Errors
-/// As [`axis_kind`], and poses of a camera whose place nobody knows.
+/// As [`axis_kind`]; or the source is tf and the calibration has no camera frame.
 pub fn of_camera(
     camera: &CameraParams,
     calibration: Option<&Calibration>,
@@ -139,7 +139,7 @@ pub fn of_camera(
 }
 
 impl Positions {
-    /// What is known before the first message; `None` where positions are not measured.
+    /// Creates a store without samples; `None` where positions are not measured.
     pub fn new(params: &MotionParams, moved: &Moved, kind: AxisKind) -> Option<Self> {
         let known = match params.source {
             MotionSource::None | MotionSource::Constant => return None,
@@ -160,12 +160,12 @@ impl Positions {
             lag: ConstantLag::default(),
             given_up: None,
             num_refused: 0,
-            has_told_missing: false,
-            has_told_late: false,
+            has_warned_missing: false,
+            has_warned_late: false,
         })
     }
 
-    /// Goes by other parameters. What samples meant before, they may mean no more: they are forgotten.
+    /// Applies other parameters. Forgets samples of a joint or encoder, whose meaning may have changed.
     pub fn reconfigure(&mut self, params: &MotionParams) {
         if self.params == *params {
             return;
@@ -181,7 +181,7 @@ impl Positions {
         }
     }
 
-    /// Another recording begins, with times of its own.
+    /// Forgets all samples: another recording begins, with times of its own.
     pub fn restart(&mut self) {
         match &mut self.known {
             Known::Axis(track) => track.clear(),
@@ -193,7 +193,7 @@ impl Positions {
         self.given_up = None;
     }
 
-    /// Frames that may wait at a time.
+    /// Maximum number of frames that wait at a time.
     pub const fn max_wait_frames(&self) -> usize {
         self.params.max_wait_frames as usize
     }
@@ -203,14 +203,14 @@ impl Positions {
         self.num_refused
     }
 
-    /// Learns the frame of the images.
-    pub fn see_frame(&mut self, frame_id: &str) {
+    /// Sets the frame of the images.
+    pub fn set_camera_frame(&mut self, frame_id: &str) {
         if self.camera_frame != frame_id {
             frame_id.clone_into(&mut self.camera_frame);
         }
     }
 
-    /// Takes a message about the axis. What cannot be used is counted, and the first is told.
+    /// Processes a message about the axis. Counts messages that cannot be used, and warns about the first.
     pub fn take(&mut self, message: &RawMessage) {
         let taken = match self.params.source {
             MotionSource::JointState => self.take_joint(message),
@@ -222,8 +222,8 @@ impl Positions {
         }
     }
 
-    /// Counts messages that never came this far.
-    pub fn lose(&mut self, num_lost: u64, why: &str) {
+    /// Counts messages that were lost before they got here.
+    pub fn count_lost(&mut self, num_lost: u64, why: &str) {
         if num_lost > 0 {
             if self.num_refused == 0 {
                 tracing::warn!("positions lost: {why}; further ones are only counted");
@@ -242,7 +242,7 @@ impl Positions {
         }
     }
 
-    /// Whether nothing that comes can change where a frame of that stamp was taken.
+    /// True if no later message can change the position of a frame of that stamp.
     pub fn has_reached(&self, stamp_ns: i64) -> bool {
         let time_ns = self.exposed_ns(stamp_ns);
         match &self.known {
@@ -251,7 +251,7 @@ impl Positions {
         }
     }
 
-    /// How long after it was received a frame is given up, nanoseconds; `None`: not before others press.
+    /// Time after reception at which a frame stops waiting, nanoseconds; `None`: only when the queue is full.
     pub fn patience_ns(&self) -> Option<i64> {
         let gap_ns = match &self.known {
             Known::Axis(track) => track.gap_ns(),
@@ -260,7 +260,7 @@ impl Positions {
         gap_ns.map(|gap_ns| gap_ns.max(MIN_PATIENCE_NS))
     }
 
-    /// Where a frame of that stamp was taken, that was received at `received_ns`. `None`: nobody knows.
+    /// The position of a frame of that stamp, received at `received_ns`; `None` if it is unknown.
     pub fn at(&mut self, stamp_ns: i64, received_ns: i64) -> Option<Position> {
         let time_ns = self.exposed_ns(stamp_ns);
         let patience_ns = self.patience_ns().unwrap_or(i64::MAX);
@@ -277,7 +277,7 @@ impl Positions {
                     tracing::warn!("{advice}");
                 }
                 found.map(|found| Position {
-                    value: found.value.position,
+                    value: RawPosition(found.value.position),
                     counts: found.value.counts,
                     doubts: found.doubts,
                     is_exact: found.is_exact,
@@ -289,32 +289,32 @@ impl Positions {
                     doubts: found.doubts,
                     is_exact: found.is_exact,
                     part_from_sensor: Some(found.value),
-                    ..Position::at(0.0)
+                    ..Position::at(RawPosition(0.0))
                 }),
                 Err(reason) => {
-                    self.tell_missing(Some(reason));
+                    self.warn_missing(Some(reason));
                     return None;
                 }
             },
         };
         if found.is_none() {
-            self.tell_missing(None);
+            self.warn_missing(None);
         }
         found
     }
 
-    /// A sample has come: perhaps too late for a frame that waited for it.
+    /// Warns once if a sample arrived too late for the frame that waited for it.
     fn note_arrival(&mut self, stamp_ns: i64, received_ns: i64) {
         let Some((time_ns, frame_ns)) = self.given_up.filter(|(time_ns, _)| *time_ns <= stamp_ns)
         else {
             return;
         };
         self.given_up = None;
-        if !std::mem::replace(&mut self.has_told_late, true) {
+        if !std::mem::replace(&mut self.has_warned_late, true) {
             let lag_s = received_ns.saturating_sub(frame_ns) as f64 * 1e-9;
             tracing::warn!(
                 "positions lag the images: the one for {time_ns} ns came {lag_s:.3} s after its frame, which did not wait so \
-                 long; raise motion.max_wait or motion.max_gap, or publish positions more often; not told again"
+                 long; raise motion.max_wait or motion.max_gap, or publish positions more often; not reported again"
             );
         }
     }
@@ -323,16 +323,16 @@ impl Positions {
         stamp_ns.saturating_add((self.params.exposure_offset_s * 1e9).round() as i64)
     }
 
-    /// Target and source.
+    /// Target and source frame.
     fn frames(&self) -> (&str, &str) {
         let Moved { part_frame, sensor_frame, .. } = &self.moved;
         let sensor = if sensor_frame.is_empty() { &self.camera_frame } else { sensor_frame };
         (part_frame, sensor)
     }
 
-    /// Says once why a frame has no position, and what is there instead.
-    fn tell_missing(&mut self, reason: Option<NotFound>) {
-        if std::mem::replace(&mut self.has_told_missing, true) {
+    /// Warns once that a frame has no position, with the reason.
+    fn warn_missing(&mut self, reason: Option<NotFound>) {
+        if std::mem::replace(&mut self.has_warned_missing, true) {
             return;
         }
         let (part, sensor) = self.frames();
@@ -368,11 +368,11 @@ impl Positions {
     fn why_nothing_came(&self) -> String {
         match (self.params.source, self.joints.is_empty()) {
             (MotionSource::JointState, false) => format!(
-                "motion.joint is {:?}, but the joints that were heard of are {}",
+                "motion.joint is {:?}, but the joints received are {}",
                 self.moved.joint,
                 self.joints.join(", ")
             ),
-            _ => "no sample has come that could be used".to_owned(),
+            _ => "no usable sample has arrived".to_owned(),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Results become bytes, once, and go to every sink.
+//! Encodes results once and sends them to every sink.
 
 use std::{
     sync::Arc,
@@ -22,18 +22,18 @@ use super::{
     topics::Output,
 };
 
-/// Why nothing more can be published.
+/// The reason that nothing more can be published.
 #[derive(Debug, Error)]
-pub enum Halt {
-    /// A sink has failed; it says why itself.
+pub enum PublishError {
+    /// A sink has failed, and reports the reason itself.
     #[error("a sink has failed")]
     SinkFailed,
-    /// A message that has no bytes.
+    /// A message cannot be encoded.
     #[error(transparent)]
     Encode(#[from] CdrError),
 }
 
-/// The worker's way out.
+/// Publishes the results of a worker.
 pub struct Publisher<'a> {
     fan_out: &'a FanOut<'a>,
     buffer: Vec<u8>,
@@ -59,7 +59,7 @@ impl<'a> Publisher<'a> {
         output: Output,
         time_ns: i64,
         message: &M,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         let started = Instant::now();
         cdr::encode(message, &mut self.buffer)?;
         let data = Arc::from(self.buffer.as_slice());
@@ -70,14 +70,14 @@ impl<'a> Publisher<'a> {
         self.send(&Outgoing { topic, log_time_ns, publish_time_ns, sequence, data })
     }
 
-    /// Sends an input message on as it is, with its own sequence number: a later replay sees the same gaps. `place` is that
-    /// of its topic among the inputs'.
+    /// Forwards an input message unchanged, with its own sequence number, so that a later replay sees the same gaps. `place`
+    /// is the index of its topic among the inputs.
     ///
     /// # Errors
     /// A sink has failed.
-    pub fn forward(&mut self, message: &RawMessage, place: usize) -> Result<(), Halt> {
+    pub fn forward(&mut self, message: &RawMessage, place: usize) -> Result<(), PublishError> {
         let &RawMessage { log_time_ns, publish_time_ns, sequence, ref data, .. } = message;
-        // The inputs' own topics stand behind the published ones.
+        // The topics of inputs follow the published ones.
         let topic = self.sequences.len() + place;
         let data = Arc::from(data.as_slice());
         self.send(&Outgoing { topic, log_time_ns, publish_time_ns, sequence, data })
@@ -98,8 +98,8 @@ impl<'a> Publisher<'a> {
         std::mem::take(&mut self.encoding)
     }
 
-    fn send(&mut self, message: &Outgoing) -> Result<(), Halt> {
+    fn send(&mut self, message: &Outgoing) -> Result<(), PublishError> {
         self.num_bytes += message.data.len() as u64;
-        self.fan_out.send(message).map_err(|Closed(())| Halt::SinkFailed)
+        self.fan_out.send(message).map_err(|Closed(())| PublishError::SinkFailed)
     }
 }

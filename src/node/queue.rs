@@ -6,7 +6,7 @@ use std::{
     time::Instant,
 };
 
-/// What happens to an item that finds the queue full.
+/// Behaviour of a full queue when an item is pushed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
     /// It takes the place of the oldest ones, which are lost and counted: for live input.
@@ -15,7 +15,7 @@ pub enum WhenFull {
     Wait,
 }
 
-/// How much a queue may hold.
+/// Bound of a queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bound {
     /// Items, at least 1.
@@ -24,14 +24,14 @@ pub struct Bound {
     pub bytes: usize,
 }
 
-/// Urgent items that can wait; a sender that is faster than that is told so.
+/// Maximum number of urgent items; a push beyond that returns an error.
 const MAX_URGENT: usize = 64;
 
 /// The queue was closed, or is full of urgent items; the item comes back.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Closed<T>(pub T);
 
-/// What came out of the queue.
+/// Result of a pop.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Popped<T> {
     /// The next item, and how many were lost before it.
@@ -196,12 +196,12 @@ impl<T> Queue<T> {
         self.lock().items.len()
     }
 
-    /// Whether nothing is inside.
+    /// True if the queue is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// How much it may hold.
+    /// The bound of the queue.
     pub const fn bound(&self) -> Bound {
         self.bound
     }

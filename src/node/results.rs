@@ -1,4 +1,4 @@
-//! What the pipeline said, as messages on their topics.
+//! Converts the output of the pipeline to messages and publishes them.
 
 use crate::{
     msg::{
@@ -10,18 +10,18 @@ use crate::{
     },
     scanner::{
         calibration::Calibration,
-        height_map::HeightMap,
+        frame_index::FrameIndex,
         image::Image,
         motion::{Position, doubt},
         params::{MotionSource, Params, RegionOfInterest, StripeDirection},
-        pipeline::{FrameIndex, Output as Measurement},
-        scan::{Point, Slice},
+        pipeline::Output as Measurement,
+        scan::{Completed, Point},
     },
 };
 
 use super::{
     order::{NumberSource, Place},
-    publisher::{Halt, Publisher},
+    publisher::{PublishError, Publisher},
     topics::Output,
 };
 
@@ -36,7 +36,7 @@ pub(super) struct Measured<'a> {
     pub(super) time_ns: i64,
 }
 
-/// What every result repeats, and buffers for those that need one.
+/// Values that every result repeats, and buffers.
 pub struct Results {
     roi: RegionOfInterest,
     stripe_direction: StripeDirection,
@@ -75,7 +75,7 @@ impl Results {
         results
     }
 
-    /// Says from now on that results were measured with these values.
+    /// Sets the values with which results are measured from now on.
     pub fn reconfigure(&mut self, params: &Params, parameters_sha256: &str) {
         let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
         self.roi = params.roi;
@@ -100,9 +100,10 @@ impl Results {
         &mut self,
         measured: &Measured<'_>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         let &Measured { header, image, output, time_ns, .. } = measured;
-        self.publish_completed((output.slice, output.height_map), time_ns, out)?;
+        let completed = Completed { slice: output.slice, height_map: output.height_map };
+        self.publish_completed(completed, time_ns, out)?;
         let source = results::FrameSource {
             header: header.borrowed(),
             trace: self.trace(measured),
@@ -125,10 +126,11 @@ impl Results {
     /// Publishes a slice with its companions, and a height map.
     pub(super) fn publish_completed(
         &mut self,
-        (slice, height_map): (Option<&Slice>, Option<&HeightMap>),
+        completed: Completed<'_>,
         time_ns: i64,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
+        let Completed { slice, height_map } = completed;
         if let Some(slice) = slice {
             out.publish(Output::Points, time_ns, &cloud::organised(&self.part_frame, slice))?;
             let dense = cloud::dense(&self.part_frame, slice, &mut self.dense);
@@ -161,7 +163,7 @@ impl Results {
             frames_missing: index.frames_missing,
             frames_missing_valid: place.missing.is_some(),
             encoder: output.position.map_or(0, |position| position.counts),
-            position: output.position.map_or(0.0, |position| position.value),
+            position: output.position.map_or(0.0, |position| position.value.0),
             encoder_source: self.position_source(output.position),
             encoder_status: output.position.map_or(doubt::STALE, |position| position.doubts),
             receive_stamp: Time::from_ns(*time_ns),

@@ -14,7 +14,7 @@ use super::{
     fan_out::FanOut,
     feed::{Fed, Feed, Lane},
     named,
-    publisher::{Halt, Publisher},
+    publisher::{PublishError, Publisher},
     queue::{Bound, Queue},
     sink::{Outlet, SinkError},
     source::{Input, Source},
@@ -140,7 +140,7 @@ pub fn work(
     });
     finished?;
     worked.map_err(|halt| match halt {
-        Halt::SinkFailed => RunError::SinkClosed,
-        Halt::Encode(error) => error.into(),
+        PublishError::SinkFailed => RunError::SinkClosed,
+        PublishError::Encode(error) => error.into(),
     })
 }

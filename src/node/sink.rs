@@ -27,7 +27,7 @@ pub struct Outgoing {
 pub struct SinkError {
     /// Which sink.
     pub sink: String,
-    /// Why.
+    /// The reason.
     #[source]
     pub source: Box<dyn std::error::Error + Send + Sync>,
 }
@@ -43,7 +43,7 @@ pub trait Sink: Send {
     /// Ends; called once, even after an error, so that what was taken is kept.
     ///
     /// # Errors
-    /// What was taken may be incomplete.
+    /// The messages written so far may be incomplete.
     fn finish(&mut self) -> Result<(), SinkError>;
 }
 
@@ -58,7 +58,7 @@ pub enum Takes {
     All,
 }
 
-/// What a sink is for: what full queues drop is counted by it.
+/// The purpose of a sink; dropped messages are counted by purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// To reach others now.
@@ -73,15 +73,15 @@ pub struct Outlet {
     pub sink: Box<dyn Sink>,
     /// Which messages it gets.
     pub takes: Takes,
-    /// What it is for.
+    /// Its purpose.
     pub purpose: Purpose,
-    /// How they get there.
+    /// Its way of delivery.
     pub way: Way,
-    /// Whether the run ends with it. If not, its end is told, and the others go on.
+    /// True if the run ends with it. Otherwise its end is logged, and the other sinks continue.
     pub is_essential: bool,
 }
 
-/// How messages reach a sink.
+/// Delivery of messages to a sink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// The sender calls it: for a sink that never waits.
@@ -103,16 +103,16 @@ impl Outlet {
     }
 }
 
-/// What a sink's queue may hold: enough for the burst at the end of a slice.
+/// Bound of a sink's queue: enough for the burst at the end of a slice.
 pub const SINK_BOUND: Bound = Bound { items: 256, bytes: 64 << 20 };
 
 impl Takes {
-    /// Whether it includes results.
+    /// True if it includes results.
     pub const fn has_results(self) -> bool {
         !matches!(self, Self::Images)
     }
 
-    /// Whether it includes input images.
+    /// True if it includes input images.
     pub const fn has_images(self) -> bool {
         !matches!(self, Self::Results)
     }

@@ -15,8 +15,8 @@ use super::endpoints::{self, SendError};
 
 /// A frame that cannot be placed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum FrameError {
-    /// The images say nothing of their frame.
+pub enum StaticFrameError {
+    /// The images have no frame.
     #[error("images have no frame_id: the laser plane {child:?} cannot be placed in it")]
     Empty {
         /// The laser plane's frame.
@@ -34,7 +34,7 @@ pub enum FrameError {
     Taken(String),
 }
 
-/// Where a laser plane is.
+/// The pose of a laser plane.
 #[derive(Clone, Debug, PartialEq)]
 struct Place {
     camera_frame: String,
@@ -48,7 +48,7 @@ pub struct StaticTf {
     publication: Box<dyn Publication>,
     /// By camera.
     places: Vec<Option<Place>>,
-    refused: Vec<Option<FrameError>>,
+    refused: Vec<Option<StaticFrameError>>,
     num_refused: u64,
 }
 
@@ -117,23 +117,23 @@ impl StaticTf {
         })
     }
 
-    fn check(&self, camera: usize, parent: &str, child: &str) -> Result<(), FrameError> {
+    fn check(&self, camera: usize, parent: &str, child: &str) -> Result<(), StaticFrameError> {
         // Old drivers write a slash before the name.
         let parent = parent.trim_start_matches('/');
         if parent.is_empty() {
-            return Err(FrameError::Empty { child: child.to_owned() });
+            return Err(StaticFrameError::Empty { child: child.to_owned() });
         }
         if parent == child.trim_start_matches('/') {
-            return Err(FrameError::Same(child.to_owned()));
+            return Err(StaticFrameError::Same(child.to_owned()));
         }
         let mut others = self.places.iter().enumerate().filter(|(other, _)| *other != camera);
         if others.any(|(_, place)| matches!(place, Some(place) if place.laser_frame == child)) {
-            return Err(FrameError::Taken(child.to_owned()));
+            return Err(StaticFrameError::Taken(child.to_owned()));
         }
         Ok(())
     }
 
-    fn refuse(&mut self, camera: usize, error: FrameError) {
+    fn refuse(&mut self, camera: usize, error: StaticFrameError) {
         self.num_refused += 1;
         let told = &mut self.refused[camera];
         if told.as_ref() != Some(&error) {
@@ -183,7 +183,7 @@ mod tests {
             Self { network, names, tf }
         }
 
-        /// Messages as a subscriber hears them: `parent>child z`, joined by commas.
+        /// Messages as a subscriber receives them: `parent>child z`, joined by commas.
         fn listen(&self) -> (Arc<Mutex<Vec<String>>>, Box<dyn Subscription>) {
             let heard = Arc::new(Mutex::new(Vec::new()));
             let kept = Arc::clone(&heard);
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_be_no_tree_is_counted_and_not_sent() {
+    fn frames_that_would_not_form_a_tree_are_counted_and_not_sent() {
         let mut rig = Rig::new(2);
         let (heard, _subscription) = rig.listen();
         rig.place(0, ("", "laser"), 0.3);

@@ -1,4 +1,4 @@
-//! Where every frame ended: in exactly one bin.
+//! Counters and stage times: every frame ends in exactly one bin.
 
 use std::time::Duration;
 
@@ -35,18 +35,18 @@ pub struct Counts {
     pub unpaired: u64,
     /// Frames whose measured position was known.
     pub located: u64,
-    /// Frames whose position nobody knows: they are not in the scan.
+    /// Frames without a known position: they are not in the scan.
     pub unlocated: u64,
     /// Frames whose position is in doubt.
     pub doubtful: u64,
     /// Messages about positions that could not be used.
     pub positions_refused: u64,
-    /// Frames of which too much is above the segment threshold for a line.
+    /// Frames with too many pixels above the segment threshold for a stripe.
     pub flooded: u64,
 }
 
 impl Counts {
-    /// Frames that arrived and were refused.
+    /// Frames that arrived and were rejected.
     pub const fn rejected(&self) -> u64 {
         self.malformed + self.duplicate + self.out_of_order
     }
@@ -56,7 +56,7 @@ impl Counts {
         self.lost_transport
     }
 
-    /// Counts what `other` has counted, too.
+    /// Adds the counts of `other`.
     pub const fn add(&mut self, other: &Self) {
         self.received += other.received;
         self.processed += other.processed;
@@ -78,7 +78,7 @@ impl Counts {
         self.flooded += other.flooded;
     }
 
-    /// Whether every frame that exists was measured, and every result kept.
+    /// True if every frame was measured and every result kept.
     pub const fn is_complete(&self) -> bool {
         self.rejected() == 0
             && self.dropped_overload == 0
@@ -89,7 +89,7 @@ impl Counts {
     }
 }
 
-/// How long the stages of a frame take on this machine: for the summary only, never in a message of a replay.
+/// Durations of the stages of a frame on this machine: for the summary only, never in a message of a replay.
 #[derive(Clone, Debug, Default)]
 pub struct StageTimes {
     /// From the message to one channel of numbers.
@@ -103,7 +103,7 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
-    /// Counts what `other` has counted, too.
+    /// Adds the counts of `other`.
     pub fn add(&mut self, other: &Self) {
         self.decode.add(&other.decode);
         self.extract.add(&other.extract);
@@ -125,15 +125,15 @@ impl StageTimes {
 /// Frames and time of a whole run.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
-    /// Where the frames ended.
+    /// Counters of all frames.
     pub counts: Counts,
     /// Time per stage.
     pub stages: StageTimes,
     /// Wall-clock time.
     pub elapsed: Duration,
-    /// Damaged places in the input, behind which reading went on.
+    /// Damaged places in the input; reading continued behind them.
     pub num_damaged: u64,
-    /// Whether a signal ended it before the input did.
+    /// True if a signal ended the run before the input did.
     pub was_interrupted: bool,
 }
 
@@ -147,7 +147,7 @@ impl Summary {
         self.was_interrupted |= other.was_interrupted;
     }
 
-    /// Whether all of the input was read and measured.
+    /// True if all input was read and measured.
     pub const fn is_complete(&self) -> bool {
         self.counts.is_complete() && self.num_damaged == 0 && !self.was_interrupted
     }

@@ -1,22 +1,25 @@
-//! `StreamStatus` and `/diagnostics`: what the counters say, once a second of the stream's time and on change.
+//! `StreamStatus` and `/diagnostics`: the counters as messages, once a second of the stream's time and on change.
 
 use std::borrow::Cow;
 
 use sha2::{Digest, Sha256};
 
-use crate::msg::{
-    builtin_interfaces::Time,
-    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
-    laser_profiler_msgs::StreamStatus,
-    std_msgs::Header,
-    unique_identifier_msgs::Uuid,
+use crate::{
+    msg::{
+        builtin_interfaces::Time,
+        diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
+        laser_profiler_msgs::StreamStatus,
+        std_msgs::Header,
+        unique_identifier_msgs::Uuid,
+    },
+    scanner::uuid::uuid_v8,
 };
 
 use super::statistics::Counts;
 
 const PERIOD_NS: i64 = 1_000_000_000;
 
-/// Who reports.
+/// Identity of the reporting node and camera.
 #[derive(Clone, Debug)]
 pub struct Reporter {
     /// Fully qualified name of the node.
@@ -38,11 +41,7 @@ pub fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
         .chain_update([0])
         .chain_update(parameters_sha256)
         .finalize();
-    let mut id = [0; 16];
-    id.copy_from_slice(&digest[..16]);
-    id[6] = (id[6] & 0x0f) | 0x80;
-    id[8] = (id[8] & 0x3f) | 0x80;
-    id
+    uuid_v8(&digest.into())
 }
 
 /// Decides when a report is due, from the times of the messages alone.
@@ -60,7 +59,7 @@ pub struct Schedule {
 pub struct Interval {
     /// Frames received a second; 0 before the first interval ends.
     pub rate_hz: f32,
-    /// Whether a frame was lost, dropped or rejected in it.
+    /// True if a frame was lost, dropped or rejected in it.
     pub has_faults: bool,
 }
 
@@ -92,7 +91,7 @@ impl Schedule {
         Interval { rate_hz, has_faults }
     }
 
-    /// What follows was recorded on another occasion: the time until then is nobody's interval.
+    /// Starts over: another recording follows, and the time until then belongs to no interval.
     pub fn restart(&mut self) {
         self.since_ns = None;
     }
@@ -107,7 +106,7 @@ const fn faults(counts: &Counts) -> u64 {
         + counts.unlocated
 }
 
-/// How busy a live camera is. A replay has no latency and no queue worth telling: NaN and 0.
+/// Load of a camera on a network. A replay has no latency and no queue to report: NaN and 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
     /// From stamp to result: median, seconds.
@@ -131,34 +130,34 @@ impl Default for Load {
     }
 }
 
-/// What somebody else has to say about the stream, for diagnostics.
+/// A note about the stream from outside the worker, for diagnostics.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Note {
     /// As in `DiagnosticStatus.level`.
     pub level: u8,
-    /// What it speaks of.
+    /// Key in the diagnostics.
     pub key: &'static str,
-    /// What it says; with a level above OK also part of the message.
+    /// Text; with a level above OK also part of the message.
     pub text: String,
 }
 
-/// All that a report says.
+/// Content of a report.
 #[derive(Clone, Debug)]
 pub struct State {
     /// The counters.
     pub counts: Counts,
     /// Since the last report.
     pub interval: Interval,
-    /// How busy the camera is.
+    /// Load of the camera.
     pub load: Load,
-    /// What others say.
+    /// Notes from outside the worker.
     pub notes: Vec<Note>,
-    /// Why the last frame since the last report was refused.
+    /// Reason for the last rejection since the last report.
     pub last_rejection: Option<String>,
 }
 
 impl Reporter {
-    /// Takes another identity, after a break in time: counters go on, but before and after are told apart.
+    /// Takes a new identity after a break in time, to distinguish before and after. Counters continue.
     pub fn begin_session(&mut self, now_ns: i64) {
         let before = format!("{:?}{now_ns}", self.session_id);
         self.session_id = session_id(&self.topic, &before);
@@ -191,7 +190,7 @@ impl Reporter {
         }
     }
 
-    /// What tells the camera apart from other cameras and nodes.
+    /// Name that distinguishes the camera from other cameras and nodes.
     fn status_name(&self) -> String {
         let node = self.node.trim_start_matches('/');
         match self.camera.as_str() {

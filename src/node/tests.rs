@@ -9,7 +9,7 @@ use super::{
     results::Results,
     run::{Chain, Run, RunError},
     sink::{Outgoing, Outlet, Sink, SinkError},
-    source::{Input, Source, Writer},
+    source::{Input, PublisherId, Source},
     statistics::Summary,
     status::{Reporter, session_id},
     stop::Stop,
@@ -92,7 +92,7 @@ fn message(sequence: u32, log_ms: i64, data: Vec<u8>) -> Input {
         sequence,
         data,
     };
-    Input::Message(message, Writer::default())
+    Input::Message(message, PublisherId::default())
 }
 
 struct Listed(std::vec::IntoIter<Input>);
@@ -265,7 +265,7 @@ fn every_frame_lands_in_exactly_one_bin() {
 }
 
 #[test]
-fn a_result_repeats_its_frame_and_says_what_is_missing() {
+fn a_result_repeats_its_frame_and_the_gap_before_it() {
     let (_, messages) = run(&Setup::default(), troubled());
     let traces: Vec<_> = on(&messages, Output::Centerline)
         .iter()

@@ -27,7 +27,7 @@ pub enum Output {
     Annotations,
     /// Counters of the stream.
     StreamStatus,
-    /// How the node is doing.
+    /// Status of the stream.
     Diagnostics,
     /// The metric profile of every frame.
     Profile,
@@ -35,7 +35,7 @@ pub enum Output {
     Points,
     /// The same slice without missing points.
     PointsDense,
-    /// What a slice covers.
+    /// Description of a slice.
     SliceInfo,
     /// The heights of a scan.
     HeightMap,

@@ -27,7 +27,7 @@ use super::{
     fan_out::CloseOnDrop,
     named,
     queue::{Bound, Closed, Popped, Queue, WhenFull},
-    source::Writer,
+    source::PublisherId,
 };
 
 /// Unpacked pictures take much memory, and beyond so many threads the file is read no faster.
@@ -38,7 +38,7 @@ pub struct Picture {
     pixels: Vec<u8>,
     shape: Shape,
     took: Duration,
-    /// Where the memory of the pixels goes back to.
+    /// Queue that takes back the memory of the pixels.
     home: Arc<Queue<Vec<u8>>>,
 }
 
@@ -46,8 +46,8 @@ pub struct Picture {
 pub struct Unpacked {
     /// The message.
     pub message: RawMessage,
-    /// Who wrote it.
-    pub writer: Writer,
+    /// Its publisher.
+    pub publisher: PublisherId,
     /// Its picture.
     pub picture: Option<Picture>,
 }
@@ -58,7 +58,7 @@ pub struct Ahead(Receiver<Unpacked>);
 
 struct Job {
     message: RawMessage,
-    writer: Writer,
+    publisher: PublisherId,
     max_frame_bytes: u64,
     done: SyncSender<Unpacked>,
 }
@@ -79,7 +79,7 @@ impl Picture {
         self.shape.image(&self.pixels)
     }
 
-    /// How long it took.
+    /// Duration of the unpacking.
     pub const fn took(&self) -> Duration {
         self.took
     }
@@ -112,7 +112,7 @@ impl Unpacker {
         }
     }
 
-    /// Starts the threads; they end when [`close`](Self::close) says so.
+    /// Starts the threads; they end after [`close`](Self::close).
     pub fn start<'scope>(&'scope self, scope: &'scope Scope<'scope, '_>) {
         for _ in 0..self.num_threads {
             named::spawn(scope, "unpack", || self.work());
@@ -131,11 +131,11 @@ impl Unpacker {
     pub fn begin(
         &self,
         message: RawMessage,
-        writer: Writer,
+        publisher: PublisherId,
         max_frame_bytes: u64,
     ) -> Result<Ahead, Closed<()>> {
         let (done, unpacked) = sync_channel(1);
-        let job = Job { message, writer, max_frame_bytes, done };
+        let job = Job { message, publisher, max_frame_bytes, done };
         self.jobs.push(job, 0).map_err(|Closed(_)| Closed(()))?;
         Ok(Ahead(unpacked))
     }
@@ -147,10 +147,10 @@ impl Unpacker {
 
     fn work(&self) {
         let _closed_at_the_end = CloseOnDrop(&self.jobs);
-        while let Some(Job { message, writer, max_frame_bytes, done }) = self.jobs.pop() {
+        while let Some(Job { message, publisher, max_frame_bytes, done }) = self.jobs.pop() {
             let picture = self.unpack(&message, max_frame_bytes);
-            // Nobody waits for it any more: its worker has failed and says so itself.
-            _ = done.send(Unpacked { message, writer, picture });
+            // The receiver is gone if its worker has failed, which reports that itself.
+            _ = done.send(Unpacked { message, publisher, picture });
         }
     }
 

@@ -1,6 +1,9 @@
 //! The colour scale of heights, in pages and pictures.
 
-use plotters::style::{RGBColor, colors::colormaps::ViridisRGB};
+use plotters::style::{
+    RGBColor,
+    colors::colormaps::{ColorMap, ViridisRGB},
+};
 
 /// Returns the colour of a height on a scale from low to high, metres. Heights beyond get the colour of that end.
 pub(crate) fn viridis(height_m: f32, [low, high]: [f32; 2]) -> RGBColor {

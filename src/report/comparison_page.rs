@@ -159,7 +159,7 @@ fn tables(comparison: &Comparison<'_>) -> Vec<Table> {
         rows,
     };
     let px = |value: f64| format!("{value:.4}");
-    let why = answer
+    let why = comparison
         .reasons
         .iter()
         .map(|Reason { name, values: [a, b] }| vec![name.clone(), a.clone(), b.clone()]);

@@ -18,9 +18,9 @@ use crate::{
     report::overlay::Overlay,
     results::{Notes, ResultsRecording, add_error},
     scanner::{
-        channel::{AnyPlane, Decoder, Plane, window},
+        channel::{AnyPlane, Decoder, Plane, SearchedRegion},
         image::Image as Picture,
-        params::{Channel, RegionOfInterest},
+        params::Channel,
     },
 };
 
@@ -134,14 +134,14 @@ fn put(message: &RawMessage, overlays: &mut [Overlay]) -> anyhow::Result<()> {
 
 /// The image as a `data:` address, and how many times smaller it became.
 fn address(image: &Picture<'_>) -> anyhow::Result<(String, usize)> {
-    let whole = window(RegionOfInterest::default(), image.width(), image.height())?;
+    let whole = SearchedRegion::whole(image);
     let mut decoder = Decoder::default();
     let reduction = whole.width.max(whole.height).div_ceil(LONGEST_PX);
     let (pixels, size) = match decoder.decode(image, Channel::Auto, &whole) {
         AnyPlane::Eight(plane) => reduced(&plane, reduction, 255),
         AnyPlane::Sixteen(plane) => {
             // Many cameras use 10 or 12 of the 16 bits.
-            let rows = (0..plane.height).map(|y| plane.row(y).iter().max());
+            let rows = plane.rows().map(|row| row.iter().max());
             let brightest = rows.flatten().max().map_or(1, |level| u32::from(*level)).max(1);
             reduced(&plane, reduction, brightest)
         }
@@ -164,13 +164,13 @@ fn address(image: &Picture<'_>) -> anyhow::Result<(String, usize)> {
 
 /// Means over squares of pixels, on a scale on which `full` is white, and the size.
 fn reduced<S: Copy + Into<u32>>(plane: &Plane<'_, S>, by: usize, full: u32) -> (Vec<u8>, [u32; 2]) {
-    let size = [plane.width.div_ceil(by), plane.height.div_ceil(by)];
+    let size = [plane.width().div_ceil(by), plane.height().div_ceil(by)];
     let mut pixels = Vec::with_capacity(size[0] * size[1]);
     for y in 0..size[1] {
         for x in 0..size[0] {
             let (mut sum, mut num) = (0_u64, 0);
-            for row in y * by..((y + 1) * by).min(plane.height) {
-                let end = ((x + 1) * by).min(plane.width);
+            for row in y * by..((y + 1) * by).min(plane.height()) {
+                let end = ((x + 1) * by).min(plane.width());
                 let levels = plane.row(row)[x * by..end].iter();
                 sum += levels.map(|level| u64::from((*level).into())).sum::<u64>();
                 num += end - x * by;
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn squares_of_pixels_become_their_mean() {
         let samples = [0_u16, 4095, 100, 4095, 0, 100];
-        let plane = Plane { width: 3, height: 2, stride: 3, samples: &samples };
+        let plane = Plane::new(3, 2, 3, &samples).unwrap();
         assert_eq!(reduced(&plane, 1, 4095).0, [0, 255, 6, 255, 0, 6]);
         assert_eq!(reduced(&plane, 2, 4095), (vec![127, 6], [2, 1]));
     }

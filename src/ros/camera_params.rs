@@ -11,8 +11,8 @@ use crate::{
     scanner::{
         calibration::Calibration,
         params::{
-            Background, Channel, Exposure, ExtractionParams, Method, NoiseSource, Params,
-            PeakSelection, RegionOfInterest, StripeDirection, Threshold, Window,
+            Background, Channel, Exposure, ExtractionParams, GravityWindow, Method, NoiseSource,
+            Params, PeakSelection, RegionOfInterest, StripeDirection, Threshold,
         },
         scan::MAX_SLICE_POINTS,
     },
@@ -155,7 +155,7 @@ fn extraction(values: Section<'_>) -> Result<ExtractionParams, ParameterError> {
         |name: &str| values.unsigned(&format!("extraction.{name}")).map(|value| value as u32);
     Ok(ExtractionParams {
         method: values.choice("extraction.method", Method::from_name)?,
-        window: values.choice("extraction.window", Window::from_name)?,
+        window: values.choice("extraction.window", GravityWindow::from_name)?,
         blur_radius: number("blur_radius")?,
         segment_threshold: float("segment_threshold")?,
         min_segment_area: number("min_segment_area")?,

@@ -4,13 +4,14 @@ use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
         calibration::Calibration,
-        channel::{AnyPlane, Plane},
+        channel::{Offset, Plane},
+        frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         params::{
-            ExtractionParams, Method, Params, PeakSelection, RegionOfInterest, StripeDirection,
-            Window,
+            ExtractionParams, GravityWindow, Method, Params, PeakSelection, RegionOfInterest,
+            StripeDirection,
         },
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
         stripe::{Centerline, Extractor, flag},
     },
     simulate::stripe::{StripeScene, render_stripe},
@@ -55,11 +56,8 @@ fn extract_stripe(
 
 /// The centreline of 8-bit samples as large as that scene.
 fn extract_samples(scene: &StripeScene, samples: &[u8], params: ExtractionParams) -> Centerline {
-    let (width, height) = (scene.width as usize, scene.height as usize);
-    let plane = AnyPlane::Eight(Plane { width, height, stride: width, samples });
-    let mut centerline = Centerline::default();
-    Extractor::new(params, scene.direction).extract(&plane, (0, 0), 255, &mut centerline);
-    centerline
+    let image = Image::packed(scene.width, scene.height, PixelFormat::Mono8, samples).unwrap();
+    Extractor::new(params, scene.direction).extract(&image).clone()
 }
 
 /// Errors of every point, pixels; fails when a column is missing.
@@ -95,7 +93,7 @@ fn improved_gravity_meets_its_limits() {
     }
 }
 
-/// Error of a noise-free stripe that lies at the same sub-pixel phase in every column, for 50 phases.
+/// Error of a noise-free stripe with the same sub-pixel phase in every column, for 50 phases.
 fn error_by_phase_px(params: ExtractionParams) -> Vec<f64> {
     let scene = StripeScene {
         width: 128,
@@ -122,8 +120,10 @@ fn half_amplitude(errors: &[f64]) -> f64 {
 /// The window as printed in the paper pulls the result to whole pixels; the fractional one, the default, does not.
 #[test]
 fn rounded_window_locks_to_pixels() {
-    let rounded =
-        half_amplitude(&error_by_phase_px(ExtractionParams { window: Window::Rounded, ..paper() }));
+    let rounded = half_amplitude(&error_by_phase_px(ExtractionParams {
+        window: GravityWindow::Rounded,
+        ..paper()
+    }));
     let fractional = half_amplitude(&error_by_phase_px(paper()));
     eprintln!(
         "half amplitude over the phase: rounded {rounded:.4} px, fractional {fractional:.4} px"
@@ -205,12 +205,11 @@ fn deep_images_measure_the_same_thresholds() {
     render_stripe(&scene, truth_px, &mut bytes);
     let samples: Vec<u16> =
         bytes.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
-    let plane =
-        AnyPlane::Sixteen(Plane { width: 640, height: 256, stride: 640, samples: &samples });
+    let plane = Plane::new(640, 256, 640, &samples).unwrap().into();
     let mut centerline = Centerline::default();
-    Extractor::new(paper(), StripeDirection::Horizontal).extract(
+    Extractor::new(paper(), StripeDirection::Horizontal).extract_plane(
         &plane,
-        (0, 0),
+        Offset::default(),
         4095,
         &mut centerline,
     );

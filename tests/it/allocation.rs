@@ -4,6 +4,7 @@ use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
         calibration::Calibration,
+        frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         motion::{
             frames::{FrameTree, Stated},
@@ -14,7 +15,7 @@ use laser_profiler::{
             Background, Exposure, ExtractionParams, Method, NoiseSource, Params, PeakSelection,
             StripeDirection, Threshold,
         },
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
     },
     simulate::stripe::{StripeScene, render_stripe},
 };
@@ -68,7 +69,7 @@ fn no_selection_allocates() {
     }
 }
 
-/// Samples come and frames ask, long after the first have been forgotten.
+/// Samples arrive and frames look up positions long after the first samples have been discarded.
 #[test]
 fn positions_allocate_nothing() {
     const FRAMES: (&str, &str) = ("table", "camera");

@@ -3,16 +3,17 @@
 use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
-        exposure_pair::Pairing,
+        exposure_pair::ExposurePairing,
+        frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         params::{Exposure, ExtractionParams, Params},
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
         stripe::flag,
     },
     simulate::{scenario::Scenario, world::RenderedFrame},
 };
 
-/// A dark film on a bright cell that stands still: the stripe crosses both.
+/// A dark film on a bright cell, not moving; the stripe crosses both.
 const SCENE: &str = "
 frames: 40
 frame_rate_hz: 22.0
@@ -38,13 +39,13 @@ part:
   film: {margin_m: 0.004, thickness_m: 0.0002, reflectance: 0.09}
 ";
 
-/// What the frames of a scenario gave.
+/// Results of the frames of a scenario.
 #[derive(Debug, Default)]
 struct Result {
     errors_px: Vec<f64>,
     num_lit: usize,
     num_saturated: usize,
-    pairings: Vec<Pairing>,
+    pairings: Vec<ExposurePairing>,
 }
 
 impl Result {
@@ -87,7 +88,7 @@ fn measure(factors: &str, exposure: Exposure) -> Result {
         let line = output.centerline;
         let is_saturated = |flags: &&u8| **flags & flag::SATURATED != 0;
         result.num_saturated += line.flags.iter().filter(is_saturated).count();
-        // At an edge the blur mixes two surfaces: not what the exposure decides.
+        // At an edge the blur mixes two surfaces, independent of the exposure.
         let truth = |column: usize| rendered.truth[column].center_px;
         let is_even = |column: usize| {
             (column.saturating_sub(6)..(column + 7).min(320))
@@ -120,8 +121,10 @@ fn both_exposures_together_are_better_than_either() {
     assert!(both.num_saturated <= long.num_saturated / 40);
     assert!(both.found() > 0.99 * long.found());
     assert!(both.rms_px() < 0.95 * long.rms_px().min(short.rms_px()));
-    assert_eq!(both.pairings[0], Pairing::Alone);
-    assert!(both.pairings[1..].iter().all(|pairing| matches!(pairing, Pairing::Merged { .. })));
+    assert_eq!(both.pairings[0], ExposurePairing::Alone);
+    assert!(
+        both.pairings[1..].iter().all(|pairing| matches!(pairing, ExposurePairing::Merged { .. }))
+    );
 }
 
 #[test]
@@ -129,12 +132,12 @@ fn equal_exposures_are_not_merged_and_a_warning_is_logged() {
     let alternating = measure("[1.0]", Exposure::Alternating);
     let single = measure("[1.0]", Exposure::Single);
     assert_eq!(alternating.errors_px, single.errors_px);
-    assert!(alternating.pairings[1..].iter().all(|&pairing| pairing == Pairing::Alike));
+    assert!(alternating.pairings[1..].iter().all(|&pairing| pairing == ExposurePairing::Alike));
     assert!(single.pairings.is_empty());
 }
 
-/// What becomes of a long frame after a short one when `between` happens in between.
-fn pairing_after(between: impl FnOnce(&mut Pipeline, &mut FrameIndex)) -> Pairing {
+/// Result of a long frame after a short one if `between` happens in between.
+fn pairing_after(between: impl FnOnce(&mut Pipeline, &mut FrameIndex)) -> ExposurePairing {
     let yaml = SCENE.replacen("seed: 5", "seed: 5\nexposure_factors: [0.15, 1.0]", 1);
     let scenario = Scenario::from_yaml(&yaml).unwrap();
     let mut pipeline = Pipeline::new(alternating(), None);
@@ -145,7 +148,7 @@ fn pairing_after(between: impl FnOnce(&mut Pipeline, &mut FrameIndex)) -> Pairin
         let frame = Frame { stamp_ns: index.frame_number as i64, image };
         pipeline.process(&frame, index, |_| ()).unwrap().pairing.unwrap()
     };
-    assert_eq!(process(&mut pipeline, FrameIndex::default()), Pairing::Alone);
+    assert_eq!(process(&mut pipeline, FrameIndex::default()), ExposurePairing::Alone);
     let mut next = FrameIndex { frame_number: 1, ..FrameIndex::default() };
     between(&mut pipeline, &mut next);
     process(&mut pipeline, next)
@@ -153,13 +156,16 @@ fn pairing_after(between: impl FnOnce(&mut Pipeline, &mut FrameIndex)) -> Pairin
 
 #[test]
 fn nothing_is_merged_over_a_break() {
-    assert!(matches!(pairing_after(|_, _| ()), Pairing::Merged { .. }));
-    assert_eq!(pairing_after(|_, next| next.frames_missing = 1), Pairing::Alone);
-    assert_eq!(pairing_after(|_, next| next.frames_rejected = 1), Pairing::Alone);
-    assert_eq!(pairing_after(|pipeline, _| pipeline.discard()), Pairing::Alone);
-    assert_eq!(pairing_after(|pipeline, _| pipeline.reconfigure(alternating())), Pairing::Alone);
+    assert!(matches!(pairing_after(|_, _| ()), ExposurePairing::Merged { .. }));
+    assert_eq!(pairing_after(|_, next| next.frames_missing = 1), ExposurePairing::Alone);
+    assert_eq!(pairing_after(|_, next| next.frames_rejected = 1), ExposurePairing::Alone);
+    assert_eq!(pairing_after(|pipeline, _| pipeline.discard()), ExposurePairing::Alone);
+    assert_eq!(
+        pairing_after(|pipeline, _| pipeline.reconfigure(alternating())),
+        ExposurePairing::Alone
+    );
     let finish = |pipeline: &mut Pipeline, _: &mut FrameIndex| {
         pipeline.finish(0, 0);
     };
-    assert_eq!(pairing_after(finish), Pairing::Alone);
+    assert_eq!(pairing_after(finish), ExposurePairing::Alone);
 }

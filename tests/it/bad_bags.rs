@@ -1,4 +1,4 @@
-//! Recordings that are damaged, lie, or hold something else: a clear error or counted losses, and no good frame less.
+//! Damaged, inconsistent or foreign recordings: a clear error or counted losses, and every good frame is kept.
 
 use std::{fs, path::Path};
 
@@ -17,10 +17,10 @@ use crate::{
 };
 
 const NUM_FRAMES: usize = 12;
-/// Address space in KiB: a length from the file that were believed would not fit.
+/// Address space in KiB: an allocation of a false length would exceed it.
 const MEMORY: &str = "ulimit -v 1500000";
 
-/// A bare recording and at what length of it each frame is complete.
+/// A bare recording, and the file length at which each frame is complete.
 fn recording(directory: &TempDir) -> (Vec<u8>, Vec<u64>) {
     let bag = directory.path().join("good");
     let ends = record_images(&bag, &good_images(NUM_FRAMES));
@@ -145,7 +145,7 @@ fn no_flipped_bit_anywhere_crashes_it() {
     let (whole, ends) = recording(&directory);
     let input = directory.path().join("flipped.mcap").display().to_string();
     let output = directory.path().join("out").display().to_string();
-    // What frames the pictures is denser in meaning than they are.
+    // The records around the pictures carry more information per byte than the pixels.
     let framing = (0..ends[0] as usize - 4000).chain(ends[NUM_FRAMES - 1] as usize..whole.len());
     for (turn, place) in framing.step_by(23).chain((0..whole.len()).step_by(2003)).enumerate() {
         let mut bytes = whole.clone();

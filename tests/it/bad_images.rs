@@ -1,4 +1,4 @@
-//! Images that contradict themselves among good ones: each is counted and named, and the good ones are measured.
+//! Inconsistent images among good ones: each is counted and named, and the good ones are measured.
 
 use laser_profiler::msg::sensor_msgs::Image;
 
@@ -84,7 +84,7 @@ fn a_stamp_that_repeats_or_goes_back_is_rejected() {
     rejected("back", image(0, |_| {}), "stamp");
 }
 
-/// Honest images, but larger than the 64 MiB that are allowed: one that is read and refused, one whose record is.
+/// Consistent images that exceed the limit of 64 MiB: one is rejected after reading, one by its record length.
 #[test]
 fn a_frame_above_the_limit_costs_only_itself() {
     for (side, reason) in [(9000, "at most 67108864 are allowed"), (11_000, "damaged at byte")] {

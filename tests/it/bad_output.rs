@@ -1,4 +1,4 @@
-//! Outputs that are there already, cannot be written, or do not fit on the disk.
+//! Outputs that already exist, are not writable, or do not fit on the disk.
 
 use std::{fs, path::Path};
 
@@ -74,7 +74,7 @@ fn the_input_is_never_the_output() {
 fn an_output_that_cannot_be_made_is_named() {
     let directory = tempfile::tempdir().unwrap();
     let input = input(directory.path());
-    // Nobody makes directories in these, not even root.
+    // Not even root can create directories in these.
     for output in ["/proc/results", "/dev/null/results"] {
         let ended = end(&mut laser_profiler(&["replay", &input, "-o", output]));
         assert_eq!(ended.code, Some(1), "{ended:?}");

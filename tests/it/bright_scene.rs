@@ -1,4 +1,4 @@
-//! What a fixed threshold makes of real scenes in ambient light: the figures of the README's limits.
+//! Results of a fixed threshold on real scenes in ambient light: the figures in the README's limits.
 
 use std::path::Path;
 

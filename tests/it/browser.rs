@@ -1,4 +1,4 @@
-//! Other people's viewer in a real browser: Foxglove 1.48, the last open version, in Chromium. See `tests/browser`.
+//! A third-party viewer in a real browser: Foxglove 1.48, the last open version, in Chromium. See `tests/browser`.
 //!
 //! The pictures that it takes stay in `target/browser`.
 
@@ -19,7 +19,7 @@ use crate::{
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// What the checks run with.
+/// Tools that the checks need.
 #[derive(Debug)]
 pub(crate) struct Tools {
     /// Directory of the JavaScript packages.
@@ -27,7 +27,7 @@ pub(crate) struct Tools {
     chromium: PathBuf,
 }
 
-/// Chromium and the pinned packages, installed once and kept for the next run; `None` after saying what is missing.
+/// Chromium and the pinned packages, installed once and kept for the next run; `None` after reporting the missing ones.
 pub(crate) fn tools() -> Option<&'static Tools> {
     static TOOLS: OnceLock<Result<Tools, String>> = OnceLock::new();
     match TOOLS.get_or_init(install) {
@@ -95,12 +95,12 @@ pub(crate) fn check(tools: &Tools, script: &str, arguments: &[(&str, &Path)]) ->
     end(&mut command)
 }
 
-/// What is shipped for the viewers.
+/// The shipped file for the viewers.
 fn viewers() -> PathBuf {
     Path::new(ROOT).join("launch_configs/viewers")
 }
 
-/// Plays a recording in Foxglove for some seconds of its time and tells what is seen.
+/// Plays some seconds of a recording in Foxglove and returns the findings.
 pub(crate) fn foxglove(tools: &Tools, source: &Path, seconds: &str, name: &str) -> Json {
     let is_live = source.starts_with("ws:");
     let layout = if is_live { "foxglove_live_layout.json" } else { "foxglove_layout.json" };
@@ -166,7 +166,7 @@ fn foxglove_shows_a_results_bag() {
     assert!(health.contains("frames were lost"), "{health}");
 }
 
-/// The check sees what is missing, and so does a user: the panel names the topic.
+/// The check detects a missing topic, and so does a user: the panel names it.
 #[test]
 fn foxglove_reports_missing_images_and_shows_the_rest() {
     let Some(tools) = tools() else { return };
@@ -221,7 +221,7 @@ fn millimetres(readout: &str) -> [f64; 3] {
     ["x", "y", "z"].map(length)
 }
 
-/// What the two layouts have in common stays common.
+/// The common parts of the two layouts stay equal.
 #[test]
 fn the_live_layout_differs_in_the_image_and_the_open_tab() {
     let layout = |name: &str| -> Json {

@@ -27,7 +27,7 @@ fn run(arguments: &[&str], input: &Path, output: &Path) -> Ended {
     end(command.args(&arguments[1..]))
 }
 
-/// Runs `calibrate`; it must fail, write nothing and say all of `told`.
+/// Runs `calibrate`; it must fail, write nothing and report all of `told`.
 fn refused(arguments: &[&str], input: &Path, output: &Path, told: &[&str]) {
     let ended = run(arguments, input, output);
     assert!(matches!(ended.code, Some(1 | 2)), "{ended:?}");

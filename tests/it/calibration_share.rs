@@ -1,4 +1,4 @@
-//! Whether the calibration's share in the uncertainty of `measure` is true where the part turns, where its axis leans, and by
+//! Coverage of the calibration's share in the uncertainty of `measure`: with a rotary axis, with a tilted axis, and by
 //! formula 6.
 //!
 //! A true rig sees two points of a part at two positions: a lens and rotations that are written here project them. A
@@ -7,7 +7,7 @@
 use laser_profiler::{
     metrology::{calibration_error::perturbations, surface::Surface},
     scanner::{
-        axis::{Axis, AxisKind},
+        axis::{Axis, AxisKind, RawPosition},
         calibration::{
             AxisQuality, Calibration, CameraAndPlane, CameraQuality, Lines, PlaneQuality,
             StepsQuality, VerticalIncidence,
@@ -119,7 +119,7 @@ fn moved_part(number: u64, kind: AxisKind) -> [f64; 2] {
         AxisKind::Revolute => [between(random, -3.0, 3.0), between(random, -3.0, 3.0)],
         AxisKind::Prismatic => [between(random, -0.1, 0.1), between(random, -0.1, 0.1)],
     };
-    // What the rig really is.
+    // The true rig.
     let [first, second] = plane.tangents();
     let lens = lens(&values);
     let origin = Point3::new(0.0, 0.0, plane.distance_m / plane.normal.z);
@@ -141,7 +141,7 @@ fn moved_part(number: u64, kind: AxisKind) -> [f64; 2] {
         AxisKind::Prismatic => point - axis.into_inner() * position,
     };
     let true_m = (at_0((pair[0].0, positions[0])) - at_0((pair[1].0, positions[1]))).norm();
-    // What a calibration makes of it.
+    // The rig as calibrated.
     let rig = off(
         random,
         &values,
@@ -151,14 +151,15 @@ fn moved_part(number: u64, kind: AxisKind) -> [f64; 2] {
     let mut placement = Placement::new(rig.camera_from_laser(DIRECTION), rig.axis);
     let calibration = Calibration::CameraAndPlane(Box::new(rig));
     let points = [0, 1].map(|k| {
-        let part_from_laser: Isometry3<f64> = placement.place(&mut Position::at(positions[k]));
+        let part_from_laser: Isometry3<f64> =
+            placement.place(&mut Position::at(RawPosition(positions[k])));
         let [x_m, z_m] = measured(&calibration, pair[k].1);
         part_from_laser * Point3::new(x_m, 0.0, z_m)
     });
     judged(&calibration, points, &positions, true_m)
 }
 
-/// A rig that is off as it says that it may be.
+/// A rig with errors drawn from its stated covariance.
 fn off(random: &mut impl Rng, camera: &[f64], plane: &LaserPlane, axis: &Axis) -> CameraAndPlane {
     let of_camera = covariance(&CAMERA_SIGMA, 0.9);
     let found = DVector::from_row_slice(camera) + draw(random, &of_camera);

@@ -1,4 +1,4 @@
-//! `camera_info` of a recording: a part of the sensor is measured as what it is, another camera is refused with its reason.
+//! `camera_info` of a recording: a region of the sensor is measured correctly, another camera is rejected with a reason.
 
 use std::path::{Path, PathBuf};
 
@@ -92,7 +92,7 @@ impl Bags {
         path
     }
 
-    /// Replays with the calibration of the whole sensor; what was rejected, what was told, and all profiles.
+    /// Replays with the calibration of the full sensor; returns rejections, log lines and all profiles.
     fn measured(&self, bag: &Path) -> (u64, String, Vec<Vec<[f32; 2]>>) {
         let output = bag.with_extension("results");
         let file =

@@ -1,10 +1,11 @@
-//! Whether the stated uncertainty of a measured length is true: 500 rigs, each calibrated from noisy boards of its own.
+//! Coverage of the stated uncertainty of a measured length: 500 rigs, each calibrated from its own noisy boards.
 //!
 //! Boards and points are projected by the simulated lens. A calibration is the least-squares estimate from its noisy
 //! corners, to first order, as is its covariance; the plane of light is fitted to noisy points. Then a length in the plane
 //! is measured in a noisy image, and its 95 % interval holds the true length or not.
 
 use laser_profiler::{
+    metrology::{calibration_error::perturbations, surface::Surface},
     scanner::{
         calibration::{Calibration, CameraAndPlane, CameraQuality, Lines, PlaneQuality},
         camera::{Camera, Distortion},
@@ -62,7 +63,7 @@ fn estimate(
     errors: &DVector<f64>,
     sigma: f64,
 ) -> (DVector<f64>, DMatrix<f64>) {
-    // Scaled, so that pixels and radians can stand in one matrix.
+    // Scaled so that pixels and radians fit into one matrix.
     let scales = DVector::from_iterator(
         jacobian.ncols(),
         jacobian.column_iter().map(|column| 1.0 / column.norm()),
@@ -74,7 +75,7 @@ fn estimate(
     (&covariance * (jacobian.transpose() * errors), covariance * (sigma * sigma))
 }
 
-/// A camera, and what ten noisy views of a board say of it.
+/// A camera, and its calibration from ten noisy views of a board.
 fn camera(random: &mut impl Rng) -> (Lens, Camera, CameraQuality) {
     let mut between = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
     let focal_px = between(1200.0, 2500.0);
@@ -128,7 +129,7 @@ fn camera(random: &mut impl Rng) -> (Lens, Camera, CameraQuality) {
     (lens(values.as_slice()), camera, quality)
 }
 
-/// A plane of light, and what noisy points say of it.
+/// A laser plane, and its fit to noisy points.
 fn plane(random: &mut impl Rng) -> (LaserPlane, LaserPlane, PlaneQuality) {
     let mut between = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
     let direction = Vector3::new(between(-0.3, 0.3), -0.8, between(0.4, 0.9));
@@ -227,10 +228,15 @@ fn trial(number: u64) -> (f64, f64, f64) {
     let pixels = pair.map(|(_, [u, v])| [u, v + STRIPE_SIGMA_PX * normal(random)]);
     let places = measured(&rig, pixels);
     let measured_m = length(places);
-    let common = rig.covariance_at(StripeDirection::Horizontal, &places).unwrap();
-    let (dx, dz) = (places[0][0] - places[1][0], places[0][1] - places[1][1]);
-    let slope = DVector::from_row_slice(&[dx, dz, -dx, -dz]) / measured_m;
-    let of_calibration = (slope.transpose() * common * &slope)[(0, 0)];
+    let points = places.map(|[x_m, z_m]| Point3::new(x_m, 0.0, z_m)).to_vec();
+    let surface = Surface { width: 1, points };
+    let calibration = Calibration::CameraAndPlane(Box::new(rig.clone()));
+    let of_calibration: f64 = perturbations(&calibration, StripeDirection::Horizontal)
+        .unwrap()
+        .iter()
+        .map(|other| other.apply(&surface, &[]).points)
+        .map(|points| ((points[0] - points[1]).norm() - measured_m).powi(2))
+        .sum();
     let of_image: f64 = (0..2)
         .map(|point| {
             let mut moved = pixels;

@@ -1,4 +1,4 @@
-//! The same recording gives the same bytes, whatever the machine's threads do.
+//! The same recording gives the same bytes under any thread schedule.
 
 use std::path::Path;
 
@@ -48,7 +48,7 @@ fn a_real_recording() {
     }
 }
 
-/// The place where a recording lies, and where its results go, are not in the results.
+/// Results do not contain the paths of the recording and of the output.
 #[test]
 fn directories_leave_no_trace() {
     let directory = tempfile::tempdir().unwrap();

@@ -3,9 +3,9 @@
 use laser_profiler::{
     evaluate::bound::{Samples, of_scene},
     scanner::{
-        channel::{AnyPlane, Plane},
+        image::{Image, PixelFormat},
         params::{ExtractionParams, Method, NoiseSource, StripeDirection},
-        stripe::{Centerline, Extractor},
+        stripe::Extractor,
     },
     simulate::stripe::{StripeScene, render_stripe},
 };
@@ -14,7 +14,7 @@ use laser_profiler::{
 const COLUMNS: u32 = 2592;
 const FRAMES: u64 = 4;
 
-/// Smallest standard deviation of the centre of one column, pixels; samples say all that rounded and clipped ones can.
+/// Smallest possible standard deviation of the centre of one column, pixels, for rounded and clipped samples.
 fn bound_px(scene: &StripeScene) -> f64 {
     of_scene(scene, 0.0, Samples::Exact)
 }
@@ -58,7 +58,7 @@ fn params(method: Method, scene: &StripeScene) -> ExtractionParams {
     }
 }
 
-/// How good the points of a scene are.
+/// Errors of the points of a scene.
 struct Found {
     rms_px: f64,
     bias_px: f64,
@@ -69,19 +69,17 @@ struct Found {
 /// Extracts four frames; fails when a column is missing.
 fn extract(scene: &StripeScene, params: ExtractionParams) -> Found {
     let mut extractor = Extractor::new(params, scene.direction);
-    let mut centerline = Centerline::default();
     let mut samples = Vec::new();
     let mut errors = Vec::new();
     for seed in 0..FRAMES {
         render_stripe(&StripeScene { seed, ..*scene }, truth_px, &mut samples);
-        let (width, height) = (scene.width as usize, scene.height as usize);
-        let plane = AnyPlane::Eight(Plane { width, height, stride: width, samples: &samples });
-        extractor.extract(&plane, (0, 0), 255, &mut centerline);
+        let image = Image::packed(scene.width, scene.height, PixelFormat::Mono8, &samples).unwrap();
+        let centerline = extractor.extract(&image);
         let (along, across, lines) = match scene.direction {
-            StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px, width),
-            StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px, height),
+            StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px, scene.width),
+            StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px, scene.height),
         };
-        assert_eq!(along.len(), lines, "columns are missing");
+        assert_eq!(along.len(), lines as usize, "columns are missing");
         let points = along.iter().zip(across).zip(&centerline.sigma_px);
         errors.extend(points.map(|((&line, &at), &sigma_px)| {
             assert!(sigma_px > 0.0, "sigma {sigma_px} in column {line}");

@@ -1,4 +1,4 @@
-//! What the node writes, opened by four readers that are not ours: see `tests/interop`.
+//! Files that the node writes, opened by four third-party readers: see `tests/interop`.
 
 use std::{
     env,
@@ -132,7 +132,7 @@ fn the_bundled_recordings_themselves() {
     }
 }
 
-/// What a live node records: in several files, with the latched topics repeated in each.
+/// Recordings of a live node: several files, with the latched topics repeated in each.
 #[test]
 fn live_recordings_in_several_files() {
     let Some(python) = python() else { return };
@@ -185,7 +185,7 @@ fn record_again(bag: &Path, params: RecordingParams) -> PathBuf {
     directory
 }
 
-/// A check that cannot fail would tell nothing.
+/// The check must be able to fail.
 #[test]
 fn the_check_notices() {
     let Some(python) = python() else { return };

@@ -12,7 +12,7 @@ use laser_profiler::{
     },
     scanner::{
         calibration::{Calibration, VerticalIncidence},
-        channel::window,
+        channel::SearchedRegion,
         params::{Channel, StripeDirection},
     },
 };
@@ -76,7 +76,7 @@ fn calibration(camera: &CameraParams) -> VerticalIncidence {
 
 /// Table and the top of a cell of 10 mm lie in the part of 2592 x 2048 pixels that is searched.
 fn sees_the_cell(camera: &CameraParams) {
-    let searched = window(camera.scanner.roi, 2592, 2048).unwrap();
+    let searched = SearchedRegion::new(camera.scanner.roi, 2592, 2048).unwrap();
     for z_m in [0.0, 0.010] {
         let (_, row_px) = calibration(camera).project(0.0, z_m).unwrap();
         let rows = searched.y as f64..(searched.y + searched.height) as f64;
@@ -88,7 +88,7 @@ fn sees_the_cell(camera: &CameraParams) {
 fn they_fit_the_cameras_that_they_name() {
     sees_the_cell(&load(&directory().join("cell.yaml"))[0]);
     let turntable = load(&directory().join("turntable.yaml")).remove(0).scanner;
-    assert!(window(turntable.roi, 640, 480).is_ok());
+    assert!(SearchedRegion::new(turntable.roi, 640, 480).is_ok());
     assert_eq!(
         (turntable.stripe_direction, turntable.channel),
         (StripeDirection::Vertical, Channel::Green)

@@ -1,4 +1,4 @@
-//! The launch files in Python, XML and YAML: what each would start, and that the node takes it. They are resolved by
+//! The launch files in Python, XML and YAML: their command lines, and that the node accepts them. They are resolved by
 //! `tests/interop/resolve_launch.py`, since ROS's own launch is on no package index.
 
 use std::{
@@ -45,7 +45,7 @@ impl Prefix {
         end(command.args(arguments).env("AMENT_PREFIX_PATH", self.path()))
     }
 
-    /// What all three forms of a launch file say.
+    /// The command line on which all three forms of a launch file agree.
     fn resolved(&self, name: &str, arguments: &[&str]) -> Json {
         let [python, xml, yaml] = FORMS.map(|form| {
             let ended = self.resolve(&format!("{name}.launch.{form}"), arguments);
@@ -65,7 +65,7 @@ impl Prefix {
     }
 }
 
-/// The node's names and parameters, as its command line gives them.
+/// Names and parameters of the node in a command line.
 fn node(command: &[String]) -> (NodeNames, NodeParams, Vec<String>) {
     let (ros, own) = arguments::split(&command[1..]).unwrap();
     let names = NodeNames::new("laser_profiler", &ros.remaps).unwrap();

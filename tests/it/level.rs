@@ -1,4 +1,4 @@
-//! A flat that is scanned: how level it lies, how its height repeats, what the calibration adds to its uncertainty, and the
+//! A scanned flat: its tilt, the repeatability of its height, the calibration's share of its uncertainty, and the
 //! part's frame laid on it. Rendered, and on the disk of a real turntable.
 
 use std::{fs, path::Path};
@@ -10,7 +10,7 @@ use crate::{
     recordings::{bundled, real},
 };
 
-/// What an independent calibration found of the turntable's rig; of all of it only the laser plane's distance is uncertain, by
+/// The turntable's rig by an independent calibration; only the distance of the laser plane is uncertain, by
 /// 0.4 mm. The table turns about the normal of its disk.
 fn turntable(distance_m: f64) -> String {
     format!(
@@ -51,7 +51,7 @@ fn disk(recording: &Path, place: &Path, calibration: &Path) -> String {
     results.display().to_string()
 }
 
-/// Half of the disk's width, without its printed rim; and the heights that are its own, not the wall's.
+/// Half of the disk's width without its printed rim, and its range of heights, which excludes the wall.
 fn plane(results: &str, low_mm: f64) -> Json {
     let heights = format!("--heights={low_mm}mm,{}mm", low_mm + 10.0);
     json(&["measure", "plane", results, "--region=-50mm,-50mm,50mm,50mm", &heights])
@@ -73,13 +73,13 @@ fn the_height_of_an_empty_disk_repeats() {
     assert!(value(&seen, "profiles_sigma_m") < 60e-6, "{seen}");
 }
 
-/// The plane of the disk, wherever it lies in the table's frame.
+/// The plane of the disk in the table's frame.
 fn disk_plane(results: &str) -> Json {
     let middle = json(&["measure", "plane", results, "--region=-20mm,-20mm,20mm,20mm"]);
     plane(results, 1e3 * value(&middle, "height_m") - 5.0)
 }
 
-/// The stated share is the difference to a replay with a laser plane that lies one standard deviation farther away.
+/// The stated share equals the difference to a replay with the laser plane one standard deviation farther away.
 #[test]
 fn the_calibrations_share_matches_a_shifted_calibration() {
     let Some(recording) = real("turntable_empty") else { return };

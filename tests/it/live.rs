@@ -35,7 +35,7 @@ impl Node {
         let (sender, lines) = sync_channel(10_000);
         thread::spawn(move || {
             for line in BufReader::new(stderr).lines().map_while(Result::ok) {
-                // Nobody reads any more: the pipe is emptied all the same.
+                // The pipe is drained even if nothing reads the lines.
                 drop(sender.try_send(line));
             }
         });
@@ -58,7 +58,7 @@ impl Node {
         }
     }
 
-    /// Ends it by SIGTERM; returns its exit code, its last words and how long that took.
+    /// Ends it by SIGTERM; returns its exit code, its last line and the time it took.
     pub(crate) fn end(mut self) -> (i32, Json, Duration) {
         let started = Instant::now();
         let killed = Command::new("kill").arg(self.child.id().to_string()).status().unwrap();

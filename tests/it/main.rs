@@ -1,4 +1,4 @@
-//! Everything that is tested through the public interface, in one binary: it links once.
+//! All tests of the public interface, in one binary, which links once.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stderr,

@@ -87,7 +87,7 @@ fn json(arguments: &[&str]) -> Json {
     serde_json::from_str(&ended.stdout).unwrap()
 }
 
-/// The truth lies within four standard deviations, and those are no larger than `sigma`.
+/// The ground truth lies within four standard deviations, which do not exceed `sigma`.
 fn holds(figure: &Json, truth: f64, sigma: f64) {
     let [value, stated] = ["value", "sigma"].map(|key| figure[key].as_f64().unwrap());
     assert!((value - truth).abs() < 4.0 * stated, "{figure}, {truth}");
@@ -228,7 +228,7 @@ fn a_truncated_recording_is_measured_and_reported() {
     holds(&told["tilt_rad"], 0.02_f64.atan(), 1e-5);
 }
 
-/// What `export` writes of a real chain of results, opened by other people's readers.
+/// Exported files of a real chain of results, opened by third-party readers.
 #[test]
 fn third_party_readers_open_exported_files() {
     let Some(python) = interop::python() else { return };

@@ -9,7 +9,7 @@ use crate::{
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 96;
-/// What the index of the longer files may take; the long recording is 80 MB larger than the short one.
+/// Allowance for the index of the longer files; the long recording is 80 MB larger than the short one.
 const SLACK_KIB: u64 = 8 * 1024;
 
 /// Largest resident memory of a replay, KiB, as Linux counts it. Polled, since it is gone with the process: what grows

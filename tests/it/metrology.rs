@@ -1,5 +1,5 @@
 //! Rendered gauges through the whole chain with the commands that users have: simulate, calibrate, replay, measure. The
-//! truth is in the scenarios of `tests/data/metrology`; `docs/metrology.md` says what comes out.
+//! ground truth is in the scenarios of `tests/data/metrology`; `docs/metrology.md` has the results.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use crate::program::{end, laser_profiler};
 const STEP_M: f64 = 100e-6;
 const HEIGHT_RANGE_M: f64 = 0.030;
 const SPHERES_APART_M: f64 = 0.050;
-/// 95 % of normal deviations lie in a band so many standard deviations wide.
+/// Width, in standard deviations, of the band that contains 95 % of normal deviates.
 const D95_SIGMAS: f64 = 3.92;
 
 fn data(name: &str) -> String {
@@ -39,12 +39,12 @@ fn simulate(directory: &Path, name: &str) -> PathBuf {
     bag
 }
 
-/// What a replay with a calibration gives.
+/// Results of a replay with a calibration.
 fn scan(directory: &Path, name: &str, calibration: Option<&Path>) -> PathBuf {
     let bag = simulate(directory, name);
     let results = directory.join(format!("{name}_results"));
     let params = data(if name == "spheres" { "replay_spheres.yaml" } else { "replay_scan.yaml" });
-    // Without another, the true one, which lies beside the recording.
+    // By default the true calibration, which is stored beside the recording.
     let own = bag.join("calibration.yaml");
     let file = format!("calibration_file:={}", path(calibration.unwrap_or(&own)));
     let arguments = ["replay", path(&bag), "-o", path(&results), "--params-file", &params];
@@ -78,12 +78,12 @@ fn noise_m(results: &Path) -> f64 {
     f64::from(sigmas[sigmas.len() / 2])
 }
 
-/// What the chain made of the gauges.
+/// Errors of the whole chain on the gauges.
 #[derive(Debug)]
 struct Judged {
     /// Measured less true depth of the groove, metres.
     step_error_m: f64,
-    /// Flatness D95 % over what the noise explains.
+    /// Flatness D95 % relative to that explained by noise.
     flatness_ratio: f64,
     /// Largest departure of a plateau from the best straight line, as a share of the range.
     linearity: f64,
@@ -91,7 +91,7 @@ struct Judged {
     scale: f64,
     /// Relative error of the distance of the spheres.
     distance: f64,
-    /// Largest form D95 % of a sphere over what the noise explains.
+    /// Largest form D95 % of a sphere relative to that explained by noise.
     form_ratio: f64,
 }
 
@@ -117,7 +117,7 @@ fn judge(calibration: Option<&Path>) -> Judged {
     judged
 }
 
-/// Departure from a straight line, and error of scale, of seven plateaus of which each stands 5 mm above the one before,
+/// Deviation from a straight line, and scale error, of seven plateaus, each 5 mm above the previous one,
 /// on a gauge that rises by 0.01 along x and by 0.02 along y.
 fn heights(results: &Path) -> (f64, f64) {
     let errors: Vec<[f64; 2]> = (0..7)
@@ -141,7 +141,7 @@ fn heights(results: &Path) -> (f64, f64) {
     (off_m.fold(0.0, f64::max) / HEIGHT_RANGE_M, scale)
 }
 
-/// What remains when the calibration is perfect: extraction, triangulation and the measuring tools.
+/// Errors with a perfect calibration: those of extraction, triangulation and the measuring tools.
 #[test]
 fn gauges_are_measured_correctly_with_the_true_calibration() {
     let judged = judge(None);

@@ -52,7 +52,7 @@ fn a_pixel_looks_at_the_point_that_opencv_projected_there() {
     }
 }
 
-/// What renders is a second writing of the same formulas.
+/// The renderer is an independent implementation of the same formulas.
 #[test]
 fn the_simulated_lens_is_that_of_opencv() {
     for (camera, point, expected) in projections() {

@@ -42,7 +42,7 @@ fn ament_python() -> Option<&'static str> {
     found
 }
 
-/// What `ament_index_python` finds in a prefix: where the packages lie, and which interfaces there are.
+/// Package locations and interfaces that `ament_index_python` finds in a prefix.
 fn indexed(python: &str, ament_prefix_path: &str) -> Ended {
     const FIND: &str = "
 from ament_index_python import get_resource
@@ -62,7 +62,7 @@ fn sourced(shell: &str, command: &str) -> String {
     ended.stdout
 }
 
-/// Whatever ROS needs of a prefix, at the place where it lies now.
+/// Checks everything that ROS needs of a prefix at its current place.
 fn is_found(prefix: &Path) {
     let place = prefix.to_str().unwrap();
     let expected = format!("{place}:/other");
@@ -138,7 +138,7 @@ for path in sys.argv[1:]:
     assert_eq!((ended.stdout, ended.code), (expected, Some(0)), "{}", ended.stderr);
 }
 
-/// A colcon workspace with the repository as a clone has it: without what is built in it.
+/// A colcon workspace with the repository as in a fresh clone, without build output.
 fn workspace(place: &Path) -> io::Result<()> {
     let clone = place.join("src/laser_profiler");
     fs::create_dir_all(&clone)?;

@@ -1,4 +1,4 @@
-//! Real recordings of a table that turns: where each profile was taken, and what the scan looks like in the table's frame.
+//! Real recordings of a turntable: the position of each profile, and the scan in the table's frame.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -13,7 +13,7 @@ use laser_profiler::{
 
 use crate::{program::replay, recordings::real};
 
-/// What an independent calibration found of the rig, to some tenths of a millimetre; the table turns about the normal of
+/// The rig by an independent calibration, to some tenths of a millimetre; the table turns about the normal of
 /// its disk.
 const RIG: &str = "type: camera_and_plane
 camera_name: camera
@@ -80,11 +80,11 @@ fn median(mut values: Vec<f32>) -> f32 {
 }
 
 /// Between two passes over the same cells of 4 mm, an eighth of a turn or more apart: median of the difference in height,
-/// metres; and how many cells were passed twice.
+/// metres, and the number of cells that were passed twice.
 fn disagreement(points: &[([f32; 3], usize)]) -> (f32, usize) {
     let num_frames = points.iter().map(|(_, frame)| frame + 1).max().unwrap_or(1);
     let mut cells = BTreeMap::<(i32, i32), Vec<(f32, usize)>>::new();
-    // The disk is a little larger; what is farther out is the wall.
+    // The disk is a little larger; points farther out are the wall.
     for &([x_m, y_m, z_m], frame) in points.iter().filter(|([x, y, _], _)| x.hypot(*y) < 0.075) {
         let cell = ((x_m / 0.004).floor() as i32, (y_m / 0.004).floor() as i32);
         cells.entry(cell).or_default().push((z_m, frame));
@@ -123,7 +123,7 @@ fn one_turn_of_the_table_is_one_scan_with_all_positions_known() {
     );
     assert_eq!(infos.iter().map(|info| info.frames_accepted).sum::<u32>(), 320);
     assert!(infos.last().unwrap().last_slice);
-    // The recording's joint stands at number · 1.125° for frame number, from 1.
+    // The joint position of frame n, counted from 1, is n · 1.125°.
     for (trace, number) in traces(place.path()).iter().zip(1..) {
         let angle_rad = f64::from(number) * std::f64::consts::TAU / 320.0;
         assert!((trace.position - angle_rad).abs() < 1e-9, "{trace:?}");
@@ -180,7 +180,7 @@ fn a_missing_joint_is_reported_and_nothing_is_scanned() {
     let place = tempfile::tempdir().unwrap();
     let (summary, told) = scanned(&recording, place.path(), RIG, 3, &["motion.joint:=spindle"]);
     assert_eq!((&summary["positions"]["unknown"], &summary["slices"]), (&40.into(), &0.into()));
-    assert!(told.contains("\"spindle\"") && told.contains("heard of are turntable"), "{told}");
+    assert!(told.contains("\"spindle\"") && told.contains("received are turntable"), "{told}");
     let shift = RIG.replace("revolute, point_m: [0.0185, 0.0551, 0.4263]", "prismatic");
     let calibration = place.path().join("shift.yaml");
     fs::write(&calibration, shift).unwrap();

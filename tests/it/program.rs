@@ -1,4 +1,4 @@
-//! The executable, run as its users run it.
+//! Runs the executable as users do.
 
 use std::{
     ffi::OsStr,
@@ -12,7 +12,7 @@ use serde_json::Value as Json;
 
 pub(crate) const EXECUTABLE: &str = env!("CARGO_BIN_EXE_laser_profiler");
 
-/// How the executable ended.
+/// The exit of the executable.
 #[derive(Debug)]
 pub(crate) struct Ended {
     /// Exit code; `None` when a signal ended it, as an abort does.
@@ -28,7 +28,7 @@ pub(crate) fn laser_profiler<Text: AsRef<OsStr>>(arguments: &[Text]) -> Command 
     command
 }
 
-/// The executable behind shell commands that limit what it may use.
+/// The executable under shell commands that limit its resources.
 pub(crate) fn limited<Text: AsRef<OsStr>>(limits: &str, arguments: &[Text]) -> Command {
     let mut command = Command::new("bash");
     command.args(["-c", &format!("{limits}; exec \"$0\" \"$@\""), EXECUTABLE]);
@@ -55,7 +55,7 @@ pub(crate) fn replay(input: &Path, output: &Path, code: i32, arguments: &[&str])
     (summary, ended.stderr)
 }
 
-/// Says that something is not tested, and why. Not by `eprintln!`, which the test harness hides when a test passes.
+/// Reports a skipped test and the reason. `eprintln!` would not do: the test harness hides it when a test passes.
 pub(crate) fn skip(what: &str, reason: &str) {
     io::stderr().write_all(format!("SKIPPED {what}: {reason}\n").as_bytes()).unwrap();
 }

@@ -41,7 +41,7 @@ impl Picture {
         Self { lines: height, rows: width, levels: turned.collect() }
     }
 
-    /// Red without what green and blue have of it.
+    /// Red minus the larger of green and blue.
     fn red(message: &[u8]) -> Self {
         let message: CompressedImage<'_> = cdr::decode(message).unwrap();
         let mut pixels = Vec::new();
@@ -86,7 +86,7 @@ impl Picture {
     }
 }
 
-/// The picture of the median of every pixel: what stands still.
+/// The median of every pixel over all frames: everything that does not move.
 fn still(pictures: &[Picture]) -> Picture {
     let level = |at: usize| {
         let mut levels: Vec<f32> = pictures.iter().map(|picture| picture.levels[at]).collect();
@@ -119,7 +119,7 @@ fn found(results: &Path, direction: StripeDirection, lines: usize) -> Vec<Vec<Op
     messages(results, "/laser_profiler/centerline").into_iter().map(places).collect()
 }
 
-/// What a recording's centrelines are worth.
+/// Quality of a recording's centrelines.
 #[derive(Debug)]
 struct Figures {
     /// Share of the lines with contrast in which the point is right, and in which it is wrong.

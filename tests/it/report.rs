@@ -66,7 +66,7 @@ fn data(html: &Html) -> Json {
     serde_json::from_str(&text(html, "#report-data")).unwrap()
 }
 
-/// Nothing is loaded: what an element or a style refers to stands in the page.
+/// The page loads nothing: everything that an element or a style refers to is inside it.
 fn needs_no_network(html: &str) {
     let page = Html::parse_document(html);
     for element in all(&page, "[src], [href], [data], [action], [poster], [srcset]") {

@@ -19,7 +19,7 @@ use crate::{
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Whether there is a driver of Vulkan, be it one in software; says when there is none.
+/// True if a Vulkan driver (hardware or software) is available; reports the skip otherwise.
 fn has_vulkan() -> bool {
     let is_there = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"]
         .iter()
@@ -90,7 +90,7 @@ fn rerun_shows_a_results_bag() {
     }
 }
 
-/// Images and results in two bags, as the live node records them, make the same recording; a bag without results is told.
+/// Images and results in two bags, as the live node records them, give the same recording. A bag without results is reported.
 #[test]
 fn the_script_uses_available_topics_and_names_missing_ones() {
     let Some(python) = python() else { return };

@@ -75,7 +75,7 @@ fn four_pictures(directory: &Path) -> Vec<String> {
     pictures.collect()
 }
 
-/// The place that a calibration file gives to a pixel.
+/// The position that a calibration file assigns to a pixel.
 fn place(file: &Path, column: f32, row: f64) -> (f64, f64) {
     let calibration = Calibration::from_yaml(&std::fs::read_to_string(file).unwrap()).unwrap();
     let line = Centerline {

@@ -1,4 +1,4 @@
-//! The architecture as a test: what ARCHITECTURE.md says of the source is true of it.
+//! The architecture as a test: the source obeys ARCHITECTURE.md.
 
 use std::{
     fs,
@@ -6,23 +6,24 @@ use std::{
     process::Command,
 };
 
-use laser_profiler::simulate::scene;
+use laser_profiler::simulate::scene_from_yaml;
 
 use crate::program::{end, laser_profiler};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
-/// What each module may use of the others.
-const MAY_USE: [(&str, &[&str]); 13] = [
-    ("scanner", &[]),
-    ("metrology", &["scanner"]),
+/// The modules that each module may use.
+const MAY_USE: [(&str, &[&str]); 14] = [
+    ("statistics", &[]),
+    ("scanner", &["statistics"]),
+    ("metrology", &["scanner", "statistics"]),
     ("simulate", &["scanner"]),
     ("evaluate", &["scanner", "simulate"]),
-    ("calibrate", &["scanner"]),
+    ("calibrate", &["metrology", "scanner", "statistics"]),
     ("msg", &["scanner"]),
-    ("results", &["bag", "msg", "metrology", "scanner"]),
-    ("report", &["results", "bag", "msg", "scanner"]),
+    ("results", &["bag", "msg", "metrology", "scanner", "statistics"]),
+    ("report", &["results", "bag", "msg", "scanner", "statistics"]),
     ("ros", &["msg", "scanner"]),
     ("bag", &["msg"]),
     ("foxglove", &["msg"]),
@@ -41,13 +42,14 @@ const MAY_USE: [(&str, &[&str]); 13] = [
             "evaluate",
             "metrology",
             "calibrate",
+            "statistics",
         ],
     ),
 ];
 
-/// What a module that only computes does not use.
-const PURE: [&str; 7] =
-    ["scanner", "metrology", "simulate", "evaluate", "calibrate", "msg", "report"];
+/// Words that pure modules must not contain.
+const PURE: [&str; 8] =
+    ["statistics", "scanner", "metrology", "simulate", "evaluate", "calibrate", "msg", "report"];
 const IMPURE: [&str; 14] = [
     "std::fs",
     "std::net",
@@ -65,7 +67,7 @@ const IMPURE: [&str; 14] = [
     "atomic::",
 ];
 
-/// Nothing unfinished stands in the source, and nothing prints around the writer that commands are given.
+/// Marks of unfinished code, and printing that bypasses the writer passed to commands.
 const FORBIDDEN: [&str; 9] =
     ["todo!", "unimplemented!", "dbg!", "#[ignore", "FIXME", "TODO", "XXX", "println!", "eprint!"];
 
@@ -91,7 +93,7 @@ fn text(path: &Path) -> String {
     String::from_utf8_lossy(&fs::read(Path::new(ROOT).join(path)).unwrap()).into_owned()
 }
 
-/// The code that ships, without comments: unit tests stand at the end of a file or in files called `tests`.
+/// The shipped code without comments. Unit tests are at the end of a file or in files named `tests`.
 fn shipped(path: &Path) -> String {
     if path.iter().any(|part| part == "tests" || part == "tests.rs") {
         return String::new();
@@ -189,7 +191,7 @@ fn pure_modules_use_no_file_thread_or_clock() {
     let mut complaints = Vec::new();
     for path in PURE.into_iter().flat_map(source_of) {
         let code = shipped(&path);
-        // `use std::{fs, …}` would hide what is looked for.
+        // `use std::{fs, …}` would hide the words.
         let hidden = ["std::{fs", "std::{io", "std::{net", "std::{thread", "std::{time"];
         for word in IMPURE.iter().chain(&hidden).filter(|word| code.contains(**word)) {
             complaints.push(format!("{}: {word}", path.display()));
@@ -219,7 +221,7 @@ fn files_are_short_and_finished() {
     complain(&complaints);
 }
 
-/// `rustc` does not look for files that nobody names: their tests would never run.
+/// `rustc` ignores files without a `mod` line, so their tests would never run.
 #[test]
 fn every_file_is_a_module_of_its_parent() {
     let is_module = |path: &PathBuf| is_source(path) || path.starts_with("tests/it");
@@ -305,7 +307,7 @@ fn every_stored_parameter_file_and_scenario_loads() {
         assert!(matches!(ended.code, Some(0 | 3)), "{}: {ended:?}", path.display());
     }
     for path in files_ending_in(".scenario.yaml") {
-        let scenario = scene::from_yaml(&text(&path));
+        let scenario = scene_from_yaml(&text(&path));
         assert!(scenario.is_ok(), "{}: {:?}", path.display(), scenario.err());
     }
 }

@@ -79,7 +79,7 @@ impl Drop for Viewed {
     }
 }
 
-/// The viewer looks, and tells what it found.
+/// Runs the viewer; returns its findings.
 fn look(python: &Path, url: &str, arguments: &[&str]) -> Json {
     let mut command = Command::new(python);
     let ended = end(command.arg(interop("check_view.py")).arg(url).args(arguments));
@@ -87,7 +87,7 @@ fn look(python: &Path, url: &str, arguments: &[&str]) -> Json {
     serde_json::from_str(ended.stdout.lines().last().unwrap()).unwrap()
 }
 
-/// What the view of the film's recording shows.
+/// Contents of the view of the film's recording.
 fn looks_at_the_film(arguments: &[&str]) -> Option<Json> {
     let python = python()?;
     let viewed = Viewed::replay(FILM);

@@ -1,31 +1,38 @@
-//! Camera, laser plane and axis from views of boards and markers. Pure: a result is a function of the pictures.
+//! Calibration: from pictures of known things to the file that turns pixels into metres.
 //!
-//! | file | what |
-//! |---|---|
-//! | [`target`] | the board that the user says was shown |
-//! | [`board`] | its corners in a picture |
-//! | [`least_squares`] | the solver of everything but the camera |
-//! | [`homography`], [`pose`] | a plane's picture, and where the plane lies |
-//! | [`variety`] | whether a set of views says enough, and what is missing |
-//! | [`intrinsics`] | the camera from many views |
-//! | [`markers`], [`quads`] | square markers in a picture |
-//! | [`revolute`], [`board_axis`] | the axis that markers turn about, or that moves a board |
-//! | [`positions`] | what the joint said, against what the pictures show |
-//! | [`stripe_line`], [`plane`] | the laser's line on a board, and its plane through many |
+//! Every result is a function of the pictures: no file, socket, thread or clock.
+//!
+//! | entry point | input | result |
+//! |---|---|---|
+#![cfg_attr(
+    feature = "calibrate",
+    doc = "| [`calibrate_camera`] | views of a [`Checkerboard`] | the camera and its lens |"
+)]
+#![cfg_attr(
+    feature = "calibrate",
+    doc = "| [`LaserLines::find`], [`calibrate_plane`] | views of the board with the laser's line on it | the laser plane |"
+)]
+#![cfg_attr(
+    feature = "calibrate",
+    doc = "| [`calibrate_axis`] | markers or a board that move with the part, and stated positions | the axis |"
+)]
+//! | [`calibrate_steps`] | known heights: a step gauge, gauge blocks, or a moved flat | a projective map, or formula 6 |
+//! | [`level_part`] | a plane that was scanned | the part's frame laid on it |
+//!
+//! The first three need the feature `calibrate`.
 
-pub mod target;
-pub mod least_squares;
-pub mod homography;
-pub mod board;
-pub mod pose;
-pub mod variety;
-mod bundle;
-pub mod intrinsics;
-pub mod stripe_line;
-pub mod plane;
-mod components;
-pub mod quads;
-pub mod markers;
-pub mod revolute;
-pub mod board_axis;
-pub mod positions;
+mod level;
+mod median_stripe;
+mod steps;
+#[cfg(feature = "calibrate")]
+mod vision;
+
+pub use level::level_part;
+pub use median_stripe::{GaugePicture, GaugeStripe, MedianStripe, MedianStripeError};
+pub use steps::{
+    GaugePlateau, HeightModel, HeightTerms, KnownDistance, KnownLateral, MIN_HEIGHTS, Plateau,
+    PlateauCheck, PlateauError, StepsCalibration, StepsError, VerticalGeometry,
+    VerticalIncidenceError, calibrate_steps, find_plateaus, vertical_incidence,
+};
+#[cfg(feature = "calibrate")]
+pub use vision::*;

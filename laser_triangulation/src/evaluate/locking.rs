@@ -89,7 +89,7 @@ mod tests {
     use super::*;
     use crate::{
         evaluate::trial::tests::plan,
-        scanner::params::{ExtractionParams, Method, Window},
+        scanner::params::{ExtractionParams, GravityWindow, Method},
     };
 
     #[test]
@@ -102,7 +102,7 @@ mod tests {
     fn the_rounded_window_locks_and_the_curve_shows_it() {
         let fractional = plan(&[Method::ImprovedGravity], 1);
         let rounded = Plan {
-            params: ExtractionParams { window: Window::Rounded, ..fractional.params },
+            params: ExtractionParams { window: GravityWindow::Rounded, ..fractional.params },
             ..fractional.clone()
         };
         let [fractional, rounded] = [fractional, rounded].map(|plan| run(&plan, 2.3));

@@ -2,6 +2,7 @@
 
 use crate::{
     scanner::{
+        channel::Offset,
         params::{ExtractionParams, Method, StripeDirection},
         stripe::{Centerline, Extractor},
     },
@@ -79,7 +80,7 @@ pub fn centerlines(
         scene.render(frame, &mut picture);
         for (method, extractor) in extractors.iter_mut().enumerate() {
             let full_scale = u32::from(bit_depth.full_scale());
-            extractor.extract(&picture.plane(), (0, 0), full_scale, &mut line);
+            extractor.extract_plane(&picture.plane(), Offset::default(), full_scale, &mut line);
             take(frame, method, &by_line(&line, StripeDirection::Horizontal, width as usize));
         }
     }

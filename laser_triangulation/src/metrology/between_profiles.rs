@@ -1,4 +1,4 @@
-//! How well the height of a plane repeats from profile to profile.
+//! Repeatability of a plane's height from profile to profile.
 
 use super::{plane::PlaneFit, robust::TUKEY, surface::Surface};
 

@@ -1,4 +1,4 @@
-//! What a calibration that is not known exactly does to measured points.
+//! The effect of a calibration's uncertainty on measured points.
 
 mod axes;
 mod rig;
@@ -10,6 +10,7 @@ use crate::scanner::{
     axis::{Axis, AxisKind},
     calibration::{AxisQuality, Calibration, CameraAndPlane, VerticalIncidence},
     params::StripeDirection,
+    pose::perpendicular_basis,
 };
 use axes::axes;
 use rig::Rig;
@@ -32,7 +33,7 @@ enum Map {
     Rays(Box<[Rig; 2]>),
 }
 
-/// Whether a scan's points tell what the calibration adds only together with the positions of its profiles: its axis turns
+/// Returns true if the calibration's contribution depends on the positions of the profiles: its axis turns
 /// the part, or leans, or the part's frame was laid on a flat.
 #[must_use]
 pub fn needs_positions(calibration: &Calibration) -> bool {
@@ -49,7 +50,7 @@ pub fn needs_positions(calibration: &Calibration) -> bool {
 /// the axis is, it moves by its direction, its place and its scale.
 ///
 /// # Errors
-/// Why it is not known: the file states no covariance.
+/// The file states no covariance.
 pub fn perturbations(
     calibration: &Calibration,
     direction: StripeDirection,
@@ -121,7 +122,7 @@ fn other_axes(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static
     let sigma = |of: fn(&AxisQuality) -> Option<f64>| {
         stated.and_then(of).ok_or("the file states no uncertainty of its axis")
     };
-    let across = across(&axis.direction);
+    let across = perpendicular_basis(&axis.direction);
     let direction_rad = sigma(|quality| quality.direction_sigma_rad)?;
     let turned = across.map(|to| {
         let direction = axis.direction.into_inner() + direction_rad * to;
@@ -137,13 +138,6 @@ fn other_axes(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static
     all.push(Axis { scale, ..axis });
     let rig = |axis| CameraAndPlane { axis: Some(axis), ..geometry.clone() };
     Ok(all.into_iter().map(rig).collect())
-}
-
-/// Two unit vectors at right angles to a direction and to each other.
-fn across(direction: &Unit<Vector3<f64>>) -> [Vector3<f64>; 2] {
-    let start = if direction.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
-    let first = (start - direction.into_inner() * direction.dot(&start)).normalize();
-    [first, direction.cross(&first)]
 }
 
 impl Perturbation {

@@ -1,4 +1,4 @@
-//! Neighbours that deviate together tell less than as many independent points.
+//! The loss of information where the errors of neighbouring points are correlated.
 
 /// Correlations below this end the sum: beyond is noise of the estimate.
 const LEAST: f64 = 0.05;
@@ -9,7 +9,7 @@ const MAX_SHARE: usize = 4;
 /// `1 + 2 Σ ρ(k)`, the sum ending where ρ is lost in its own noise (Bayley and Hammersley 1946; the initial
 /// sequence as in Geyer 1992). `width` residuals make a row; NaN: no residual.
 #[must_use]
-pub fn inflation(residuals: &[f64], width: usize) -> [f64; 2] {
+pub(crate) fn inflation(residuals: &[f64], width: usize) -> [f64; 2] {
     let width = width.clamp(1, residuals.len().max(1));
     let height = residuals.len() / width;
     [along(residuals, [height, width], [width, 1]), along(residuals, [width, height], [1, width])]

@@ -1,4 +1,4 @@
-//! How far points lie from an ideal form.
+//! Deviation of points from an ideal form.
 
 /// Deviations from a form, as acceptance tests state them.
 #[derive(Clone, Copy, Debug, PartialEq)]

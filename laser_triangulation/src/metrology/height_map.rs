@@ -31,7 +31,7 @@ pub enum CellState {
     Invalid = 0,
     /// Measured.
     Measured = 1,
-    /// Filled in from measured neighbours, because somebody asked for it.
+    /// Interpolated from measured neighbours on request.
     Filled = 2,
 }
 

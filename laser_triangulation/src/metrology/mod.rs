@@ -1,11 +1,10 @@
-//! What is done with measured points: plateaus, planes, steps, spheres, volumes, regular height maps. Pure: no file,
+//! Measuring tools for scanned points: planes, steps, spheres, volumes, regular height maps. Pure: no file,
 //! socket, thread or clock. Every figure comes with its uncertainty.
 
-pub mod robust;
-pub mod student;
-pub mod correlation;
-pub mod plateaus;
-pub mod steps;
+pub(crate) mod robust;
+pub(crate) mod student;
+pub(crate) mod correlation;
+pub(crate) mod plateaus;
 pub mod surface;
 pub mod form;
 pub mod plane;
@@ -17,3 +16,5 @@ pub mod volume;
 pub mod calibration_error;
 #[cfg(test)]
 mod noise;
+
+pub use plateaus::PlateauError;

@@ -9,6 +9,7 @@ use super::{
     robust::{self, Equation},
     surface::Surface,
 };
+use crate::scanner::pose::perpendicular_basis;
 
 /// Rounds of turning the frame to the plane; the second one changes little, unless many points are none of its.
 const MAX_ROUNDS: usize = 20;
@@ -33,17 +34,17 @@ pub struct PlaneFit {
     pub directions: [Vector3<f64>; 2],
     /// Robust standard deviation of the points about the plane, metres.
     pub scatter_m: f64,
-    /// How flat all points are, outliers included.
+    /// Flatness over all points, outliers included.
     pub flatness: Form,
     /// Points that took part.
     pub num_points: usize,
     /// Points without weight: farther away than 4.7 standard deviations.
     pub num_outliers: usize,
-    /// So many independent points would tell as much: neighbours deviate together.
+    /// Number of independent points with the same information: the errors of neighbours are correlated.
     pub effective_points: f64,
 }
 
-/// Why there is no plane.
+/// The reason why no form can be fitted.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum FormError {
     /// Too few points.
@@ -86,8 +87,7 @@ impl PlaneFit {
 }
 
 /// The plane with the smallest distances from the points along its normal, by Tukey's weights; see
-/// [`robust::solve`]. Uncertainties count neighbours that deviate together as what they tell:
-/// [`inflation`].
+/// Huber 1981. Uncertainties account for the correlation of neighbouring points' errors.
 ///
 /// # Errors
 /// Too few points, or points on a line.
@@ -101,7 +101,7 @@ pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
     let middle = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / found as f64);
     let mut normal = narrowest(&points, &middle).ok_or_else(degenerate)?;
     for round in 1..=MAX_ROUNDS {
-        let directions = directions(&normal);
+        let directions = perpendicular_basis(&normal);
         let equations: Vec<Equation<3>> = points
             .iter()
             .map(|point| {
@@ -150,7 +150,7 @@ fn finish(
         sigma_m: covariance[(0, 0)].sqrt(),
         tilt_sigma_rad: [covariance[(1, 1)].sqrt(), covariance[(2, 2)].sqrt()],
         covariance,
-        directions: directions(&normal),
+        directions: perpendicular_basis(&normal),
         scatter_m: solved.scale,
         flatness,
         num_points,
@@ -175,13 +175,6 @@ fn narrowest(points: &[Point3<f64>], middle: &Point3<f64>) -> Option<Vector3<f64
     }
     let normal = eigen.eigenvectors.column(order[0]).into_owned();
     Some(if normal.z < 0.0 { -normal } else { normal })
-}
-
-/// Two directions at right angles to the normal, the first nearly along x.
-fn directions(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let start = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
-    let first = (start - normal * normal.dot(&start)).normalize();
-    [first, normal.cross(&first)]
 }
 
 /// The motion that lays a plane level at height 0: the smallest turn that takes its normal to z, about its middle.

@@ -17,13 +17,13 @@ const MORE: usize = 3;
 /// Smallest jump between plateaus, pixels, and in standard deviations of the points.
 const MIN_JUMP_PX: f64 = 0.3;
 const MIN_JUMP_SIGMA: f64 = 6.0;
-/// A further jump counts when it is this share of the smallest one that was asked for, or so many pixels.
+/// A further jump counts if it reaches this share of the smallest expected one, or this many pixels.
 const MORE_SHARE: f64 = 0.3;
 const MORE_JUMP_PX: f64 = 1.0;
 /// One part in so many of a plateau is left out at each of its ends.
 const TRIM: usize = 6;
 
-/// Why a line is not cut.
+/// The reason why a line cannot be cut into plateaus.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum PlateauError {
     /// Too short.
@@ -31,8 +31,14 @@ pub enum PlateauError {
     TooShort {
         /// Points of the line.
         num: usize,
-        /// Plateaus asked for.
+        /// Number of plateaus expected.
         wanted: usize,
+    },
+    /// A plateau through which no line can be fitted.
+    #[error("plateau {plateau} has too few points")]
+    TooFewPoints {
+        /// Number of the plateau along the stripe, from 0.
+        plateau: usize,
     },
     /// Another number of plateaus.
     #[error("{wanted} heights are given, but the line has {found} plateaus{}: {}", at_least(*.found, *.wanted), listed(.places))]
@@ -57,7 +63,7 @@ fn listed(places: &[[i64; 2]]) -> String {
 
 /// A plateau as indices into the line's points.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Piece {
+pub(crate) struct Piece {
     /// From border to border.
     pub whole: Range<usize>,
     /// Without the outer sixths, which the blur and the edges of the gauge spoil.
@@ -70,8 +76,8 @@ pub struct Piece {
 /// distances from straight pieces, found by dynamic programming (Bellman 1961).
 ///
 /// # Errors
-/// Too few points, or another number of plateaus than asked for.
-pub fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, PlateauError> {
+/// Too few points, or a number of plateaus other than `count`.
+pub(crate) fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, PlateauError> {
     let num = points.len();
     if count == 0 || num < count * MIN_POINTS {
         return Err(PlateauError::TooShort { num, wanted: count });
@@ -128,7 +134,7 @@ fn noise_of(points: &[[f64; 2]]) -> f64 {
     sigma_about_zero(&mut steps).map_or(0.0, |sigma| sigma / std::f64::consts::SQRT_2)
 }
 
-/// How far two straight pieces lie apart where they meet.
+/// Returns the distance of two straight pieces where they meet.
 fn jump(points: &[[f64; 2]], left: &Range<usize>, right: &Range<usize>) -> f64 {
     let sums = Sums::new(points);
     let at = 0.5 * (points[left.end - 1][0] + points[right.start][0]);

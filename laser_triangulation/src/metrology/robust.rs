@@ -13,12 +13,12 @@ const NUM_DRAWS: usize = 130;
 /// Residuals that judge a draw.
 const MAX_JUDGES: usize = 400;
 const MAX_ROUNDS: usize = 50;
-/// What is smaller, relative to the largest residual of the start, is rounding.
+/// Residuals below this share of the largest value are rounding errors.
 const ROUNDING: f64 = 1e-12;
 
 /// One equation `row · x = value`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Equation<const P: usize> {
+pub(crate) struct Equation<const P: usize> {
     /// Coefficients.
     pub row: SVector<f64, P>,
     /// Right-hand side.
@@ -27,7 +27,7 @@ pub struct Equation<const P: usize> {
 
 /// A robust solution.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fit<const P: usize> {
+pub(crate) struct Fit<const P: usize> {
     /// The solution.
     pub x: SVector<f64, P>,
     /// Left over, in the order of the equations: value - row · x.
@@ -44,7 +44,7 @@ pub struct Fit<const P: usize> {
 /// the least median of squares (Rousseeuw 1984), with the sandwich covariance of M-estimators (Huber 1981, equation 6.6.3 with unequal
 /// spreads). None: too few equations, or they leave the solution open.
 #[must_use]
-pub fn solve<const P: usize>(equations: &[Equation<P>]) -> Option<Fit<P>> {
+pub(crate) fn solve<const P: usize>(equations: &[Equation<P>]) -> Option<Fit<P>> {
     if equations.len() < P {
         return None;
     }

@@ -24,13 +24,13 @@ pub struct SphereFit {
     pub covariance: Matrix4<f64>,
     /// Robust standard deviation of the points about the sphere, metres.
     pub scatter_m: f64,
-    /// How round all points are, outliers included.
+    /// Roundness over all points, outliers included.
     pub form: Form,
     /// Points that took part.
     pub num_points: usize,
     /// Points without weight: farther away than 4.7 standard deviations.
     pub num_outliers: usize,
-    /// So many independent points would tell as much: neighbours deviate together.
+    /// Number of independent points with the same information: the errors of neighbours are correlated.
     pub effective_points: f64,
 }
 
@@ -49,7 +49,7 @@ impl SphereFit {
 }
 
 /// The sphere with the smallest distances from the points along its radii, by Tukey's weights: Gauss and Newton's steps
-/// from the algebraic sphere, each by [`robust::solve`], until they end.
+/// from the algebraic sphere, each by robust least squares, until they converge.
 ///
 /// # Errors
 /// Too few points, or points that are nearly flat.

@@ -14,7 +14,7 @@ use crate::statistics::median;
 
 /// Fewest points of each of the three parts of a profile.
 const MIN_POINTS: usize = 4;
-/// What `plateaus` takes for the noise of a line: heights are scaled to it.
+/// Noise level to which heights are scaled for the search of plateaus.
 const NOISE: f64 = 0.05;
 
 /// A step and what is known of it.
@@ -34,11 +34,11 @@ pub struct StepHeight {
     pub num_profiles: usize,
     /// Profiles with too few points.
     pub num_rejected: usize,
-    /// So many independent profiles would tell as much.
+    /// Number of independent profiles with the same information.
     pub effective_profiles: f64,
 }
 
-/// Why there is no step height.
+/// The reason why no step height can be measured.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StepHeightError {
     /// No ridge or groove.
@@ -68,7 +68,7 @@ pub enum StepHeightError {
 ///
 /// Each profile: `Z = α·X + β + h·δ` (ISO 5436-1:2000, 7.2), here with Tukey's weights; δ is 1 over the middle third of the
 /// step and 0 over the outer parts, from one third to one width of the step away from each edge, so that h is the height.
-/// The mean over the profiles has the scatter that they show, those that deviate together counted as what they tell.
+/// The mean over the profiles has the scatter that they show, correlated ones counted by their effective number.
 ///
 /// # Errors
 /// No step, or too few points.
@@ -92,7 +92,7 @@ pub fn measure(
     let squares: f64 = residuals.iter().map(|residual| residual * residual).sum();
     let [factor, _] = inflation(&residuals, num);
     let effective = (num as f64 / factor).max(1.0);
-    // Two profiles tell less of their scatter than each tells of its own.
+    // The scatter of two profiles is less certain than the scatter within each.
     let (profile_sigma_m, freedom) = if num > 2 {
         ((squares / (num - 1) as f64).sqrt(), effective - 1.0)
     } else {

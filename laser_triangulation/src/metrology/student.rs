@@ -6,11 +6,11 @@ const TABLE: [f64; 10] =
 /// The same of the normal distribution.
 const NORMAL: f64 = 1.959_964;
 
-/// How many standard deviations, estimated with that many degrees of freedom, contain the truth in 95 %: Student's
+/// Returns the half width of the 95 % interval, in standard deviations estimated with these degrees of freedom: Student's
 /// quantile (Abramowitz and Stegun 1964, table 26.10, and their expansion 26.7.5 above 10). Below one degree of
-/// freedom the estimate tells nothing: infinite.
+/// freedom the result is infinite.
 #[must_use]
-pub fn factor_95(degrees_of_freedom: f64) -> f64 {
+pub(crate) fn factor_95(degrees_of_freedom: f64) -> f64 {
     let dof = degrees_of_freedom;
     if dof.is_nan() || dof < 1.0 {
         return f64::INFINITY;

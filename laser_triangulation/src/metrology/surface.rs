@@ -26,7 +26,7 @@ impl Region {
     /// Everything.
     pub const ALL: Self = Self { from_m: [f64::NEG_INFINITY; 2], to_m: [f64::INFINITY; 2] };
 
-    /// Whether a place lies in it.
+    /// Returns true if a place lies in the region.
     #[must_use]
     pub fn contains(&self, x_m: f64, y_m: f64) -> bool {
         let inside =
@@ -111,7 +111,7 @@ impl Surface {
     }
 }
 
-/// Whether a point has a place.
+/// Returns true if a point was measured: all coordinates are finite.
 #[must_use]
 pub fn is_measured(point: &Point3<f64>) -> bool {
     point.x.is_finite() && point.y.is_finite() && point.z.is_finite()

@@ -1,7 +1,7 @@
 //! The stored frame without laser that `background: reference` takes off every frame.
 
 use super::{
-    channel::{Decoder, Window},
+    channel::{Decoder, SearchedRegion},
     image::{Image, OwnedImage},
     params::{Background, Params},
     stripe::Extractor,
@@ -10,10 +10,10 @@ use thiserror::Error;
 
 /// The frame, and what it was last prepared for.
 #[derive(Debug, Default)]
-pub struct Ambient {
+pub(super) struct Ambient {
     image: Option<OwnedImage>,
     decoder: Decoder,
-    prepared: Option<(Window, u32)>,
+    prepared: Option<(SearchedRegion, u32)>,
 }
 
 /// Why the stored frame is none of the scene at hand.
@@ -50,12 +50,12 @@ pub enum AmbientError {
 
 impl Ambient {
     /// This frame without laser, or none.
-    pub fn new(image: Option<OwnedImage>) -> Self {
+    pub(super) fn new(image: Option<OwnedImage>) -> Self {
         Self { image, ..Self::default() }
     }
 
     /// Prepares the frame anew: the extractor or the channel is another one.
-    pub const fn forget(&mut self) {
+    pub(super) const fn forget(&mut self) {
         self.prepared = None;
     }
 
@@ -63,10 +63,10 @@ impl Ambient {
     ///
     /// # Errors
     /// There is none, or it does not fit the image.
-    pub fn prepare(
+    pub(super) fn prepare(
         &mut self,
         image: &Image<'_>,
-        searched: &Window,
+        searched: &SearchedRegion,
         params: &Params,
         extractor: &mut Extractor,
     ) -> Result<(), AmbientError> {

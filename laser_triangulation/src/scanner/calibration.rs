@@ -31,7 +31,7 @@ pub enum Calibration {
     Projective(Box<Projective>),
 }
 
-/// A calibration that cannot be used.
+/// Reason to reject a calibration file.
 #[derive(Debug, Error)]
 pub enum CalibrationError {
     /// Not the YAML of a calibration.
@@ -42,9 +42,9 @@ pub enum CalibrationError {
     Value {
         /// Name of the entry.
         key: &'static str,
-        /// What it says.
+        /// Its value.
         value: String,
-        /// What it may say.
+        /// Allowed values.
         allowed: &'static str,
     },
     /// Camera only: a profile needs the plane of light too.
@@ -52,15 +52,15 @@ pub enum CalibrationError {
         "the file has a camera, but no laser plane: run `laser_profiler calibrate plane` with it"
     )]
     CameraOnly,
-    /// The values are not those that the file was written with.
+    /// The values were edited after the file was written.
     #[error(
         "id is {stated}, but these values have id {actual}: the file was edited; calibrate again, or remove the line \
          to say that you mean it"
     )]
     Edited {
-        /// What the file says.
+        /// `id` in the file.
         stated: String,
-        /// What its values give.
+        /// `id` of its values.
         actual: String,
     },
 }
@@ -121,7 +121,7 @@ impl Calibration {
         }
     }
 
-    /// Columns and rows of the images that it is of; `None` where it does not say.
+    /// Columns and rows of the calibrated images; `None` if unknown.
     pub fn image_size_px(&self) -> Option<(u32, u32)> {
         match self {
             Self::VerticalIncidence(_) => None,
@@ -190,4 +190,4 @@ pub struct PlacedPoint {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -1,4 +1,4 @@
-//! A camera: where it sees a point, and along which ray a pixel looks.
+//! The camera model: projects points to pixels and pixels to rays.
 //!
 //! Camera frame, as ROS has optical frames: x right, y down, z forward, metres. Image positions: (column, row), (0, 0) is
 //! the centre of the top-left pixel. The model is OpenCV's (calib3d documentation, "Detailed Description"): pinhole,
@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Point2, Point3, Vector3};
 pub use distortion::Distortion;
 pub use view::View;
 
-/// What a camera calibration knows.
+/// Intrinsic parameters of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Columns of its images.
@@ -28,15 +28,15 @@ pub struct Camera {
     pub cx_px: f64,
     /// Row of the principal point, pixels.
     pub cy_px: f64,
-    /// What the lens bends.
+    /// Lens distortion.
     pub distortion: Distortion,
     /// Inclination of the sensor after Scheimpflug, OpenCV's τx and τy, radians; zeros for an ordinary camera.
     pub tilt_rad: [f64; 2],
 }
 
 impl Camera {
-    /// Where the camera sees a point, pixels; also outside the image. `None` for a point that lies behind the lens or
-    /// where the distortion model folds back and means nothing.
+    /// Projects a point to a pixel, which may lie outside the image. `None` for a point behind the lens or where the
+    /// distortion model folds back.
     pub fn project(&self, point: Point3<f64>) -> Option<Point2<f64>> {
         if point.z.is_nan() || point.z <= 0.0 {
             return None;
@@ -55,6 +55,19 @@ impl Camera {
     pub fn ray(&self, pixel: Point2<f64>) -> Option<Vector3<f64>> {
         let straight = self.distortion.undistort(self.bent(pixel)?)?;
         Some(Vector3::new(straight.x, straight.y, 1.0))
+    }
+
+    /// A calibrated value by its name in a covariance: fx, fy, cx, cy, `tau_x`, `tau_y` or a distortion coefficient.
+    pub(crate) fn value_mut(&mut self, name: &str) -> Option<&mut f64> {
+        match name {
+            "fx" => Some(&mut self.fx_px),
+            "fy" => Some(&mut self.fy_px),
+            "cx" => Some(&mut self.cx_px),
+            "cy" => Some(&mut self.cy_px),
+            "tau_x" => Some(&mut self.tilt_rad[0]),
+            "tau_y" => Some(&mut self.tilt_rad[1]),
+            _ => self.distortion.coefficient_mut(name),
+        }
     }
 
     /// From the inclined sensor to the plane z = 1; `None` where it is not inclined.

@@ -1,40 +1,92 @@
 //! Steps 1 and 2 of Yao et al. 2023: the region of interest, and one grey level a pixel.
 
 use super::{
-    image::{BayerPattern, ByteOrder, Image, PixelFormat},
+    image::{BayerPattern, ByteOrder, Image, MAX_SIDE_PX, PixelFormat},
     params::{Channel, RegionOfInterest},
 };
 use thiserror::Error;
 
-/// One channel of an image: rows of samples, `stride` samples apart.
+/// One channel of an image: a borrowed view of its samples, row by row.
 #[derive(Clone, Copy, Debug)]
 pub struct Plane<'a, S> {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Samples from one row to the next.
-    pub stride: usize,
-    /// The samples; the last row may end after `width` of them.
-    pub samples: &'a [S],
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// Samples from the start of one row to the start of the next.
+    pub(crate) stride: usize,
+    /// The last row may end after `width` samples.
+    pub(crate) samples: &'a [S],
 }
 
 impl<'a, S: Copy> Plane<'a, S> {
+    /// Views `samples` as rows of `width` samples that start `stride` samples apart.
+    ///
+    /// # Errors
+    /// A side that is zero or longer than [`MAX_SIDE_PX`], a stride shorter than a row, or fewer samples than the rows need.
+    pub fn new(
+        width: usize,
+        height: usize,
+        stride: usize,
+        samples: &'a [S],
+    ) -> Result<Self, PlaneError> {
+        let sides = 1..=MAX_SIDE_PX as usize;
+        let needed = |rows: usize| stride.checked_mul(rows)?.checked_add(width);
+        let is_valid = sides.contains(&width)
+            && sides.contains(&height)
+            && stride >= width
+            && needed(height - 1).is_some_and(|needed| samples.len() >= needed);
+        if is_valid {
+            Ok(Self { width, height, stride, samples })
+        } else {
+            Err(PlaneError { width, height, stride, samples: samples.len() })
+        }
+    }
+
+    /// Columns.
+    pub const fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub const fn height(&self) -> usize {
+        self.height
+    }
+
     /// The samples of row `y`.
+    ///
+    /// # Panics
+    /// If the plane has no row `y`.
     pub fn row(&self, y: usize) -> &'a [S] {
         &self.samples[y * self.stride..][..self.width]
     }
 
+    /// The rows, from the top.
+    pub fn rows(self) -> impl Iterator<Item = &'a [S]> {
+        (0..self.height).map(move |y| self.row(y))
+    }
+
     /// The sample in column `x` of row `y`.
-    pub fn at(&self, x: usize, y: usize) -> S {
+    pub(crate) fn at(&self, x: usize, y: usize) -> S {
         self.samples[y * self.stride + x]
     }
 
-    /// The part inside a window that [`window`] has checked.
-    fn crop(self, window: &Window) -> Self {
-        let samples = &self.samples[window.y * self.stride + window.x..];
-        Plane { width: window.width, height: window.height, stride: self.stride, samples }
+    fn crop(self, region: &SearchedRegion) -> Self {
+        let samples = &self.samples[region.y * self.stride + region.x..];
+        Plane { width: region.width, height: region.height, stride: self.stride, samples }
     }
+}
+
+/// A buffer does not hold a plane of the stated size.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{samples} samples cannot hold {width} x {height} pixels with rows {stride} samples apart")]
+pub struct PlaneError {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Samples from the start of one row to the start of the next.
+    pub stride: usize,
+    /// Samples in the buffer.
+    pub samples: usize,
 }
 
 /// A plane of 8-bit or of 16-bit samples.
@@ -46,11 +98,23 @@ pub enum AnyPlane<'a> {
     Sixteen(Plane<'a, u16>),
 }
 
+impl<'a> From<Plane<'a, u8>> for AnyPlane<'a> {
+    fn from(plane: Plane<'a, u8>) -> Self {
+        Self::Eight(plane)
+    }
+}
+
+impl<'a> From<Plane<'a, u16>> for AnyPlane<'a> {
+    fn from(plane: Plane<'a, u16>) -> Self {
+        Self::Sixteen(plane)
+    }
+}
+
 /// The region of interest lies outside the image.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("roi {roi:?} does not lie inside the image of {width} x {height} pixels")]
 pub struct RoiError {
-    /// The region asked for.
+    /// The requested region.
     pub roi: RegionOfInterest,
     /// Columns of the image.
     pub width: u32,
@@ -58,9 +122,9 @@ pub struct RoiError {
     pub height: u32,
 }
 
-/// The searched part in full: no zeros that mean something else.
+/// The part of an image that is searched: a region of interest with its size resolved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
+pub struct SearchedRegion {
     /// First column.
     pub x: usize,
     /// First row.
@@ -71,26 +135,47 @@ pub struct Window {
     pub height: usize,
 }
 
-/// Step 1: the searched part of an image of that size.
-///
-/// # Errors
-/// A region that reaches beyond the image.
-pub fn window(roi: RegionOfInterest, width: u32, height: u32) -> Result<Window, RoiError> {
-    let span = |offset: u32, wanted: u32, available: u32| match wanted {
-        0 => available.checked_sub(offset).filter(|&length| length > 0),
-        _ => offset.checked_add(wanted).filter(|&end| end <= available).map(|_| wanted),
-    };
-    let columns = span(roi.x_offset, roi.width, width);
-    let rows = span(roi.y_offset, roi.height, height);
-    match (columns, rows) {
-        (Some(columns), Some(rows)) => Ok(Window {
-            x: roi.x_offset as usize,
-            y: roi.y_offset as usize,
-            width: columns as usize,
-            height: rows as usize,
-        }),
-        _ => Err(RoiError { roi, width, height }),
+impl SearchedRegion {
+    /// Step 1: resolves `roi` in an image of that size.
+    ///
+    /// # Errors
+    /// A region that is empty or reaches beyond the image.
+    pub fn new(roi: RegionOfInterest, width: u32, height: u32) -> Result<Self, RoiError> {
+        let span = |offset: u32, wanted: u32, available: u32| match wanted {
+            0 => available.checked_sub(offset).filter(|&length| length > 0),
+            _ => offset.checked_add(wanted).filter(|&end| end <= available).map(|_| wanted),
+        };
+        let columns = span(roi.x_offset, roi.width, width);
+        let rows = span(roi.y_offset, roi.height, height);
+        match (columns, rows) {
+            (Some(columns), Some(rows)) => Ok(Self {
+                x: roi.x_offset as usize,
+                y: roi.y_offset as usize,
+                width: columns as usize,
+                height: rows as usize,
+            }),
+            _ => Err(RoiError { roi, width, height }),
+        }
     }
+
+    /// The whole image.
+    pub const fn whole(image: &Image<'_>) -> Self {
+        Self { x: 0, y: 0, width: image.width() as usize, height: image.height() as usize }
+    }
+
+    /// Position of the region's top-left pixel in the image.
+    pub const fn offset(&self) -> Offset {
+        Offset { column: self.x, row: self.y }
+    }
+}
+
+/// Position of a plane's top-left sample in its image, pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Offset {
+    /// Column.
+    pub column: usize,
+    /// Row.
+    pub row: usize,
 }
 
 /// Step 2: one grey level a pixel. Grey 8-bit images are borrowed; everything else is written into buffers that are kept.
@@ -108,31 +193,31 @@ impl Decoder {
         &'a mut self,
         image: &Image<'a>,
         channel: Channel,
-        window: &Window,
+        region: &SearchedRegion,
     ) -> AnyPlane<'a> {
         match image.format() {
-            PixelFormat::Mono8 => AnyPlane::Eight(bytes(image).crop(window)),
+            PixelFormat::Mono8 => AnyPlane::Eight(bytes(image).crop(region)),
             PixelFormat::Mono16(order) => {
                 self.sixteen.clear();
                 let sample = sample_of(order);
-                for y in window.y..window.y + window.height {
-                    let row = &image.data()[y * image.step() + 2 * window.x..][..2 * window.width];
+                for y in region.y..region.y + region.height {
+                    let row = &image.data()[y * image.step() + 2 * region.x..][..2 * region.width];
                     self.sixteen.extend(row.as_chunks().0.iter().map(|&pair| sample(pair)));
                 }
-                AnyPlane::Sixteen(packed(&self.sixteen, window))
+                AnyPlane::Sixteen(packed(&self.sixteen, region))
             }
-            PixelFormat::Rgb8 => self.colour::<3>(image, window, channel, [0, 1, 2]),
-            PixelFormat::Bgr8 => self.colour::<3>(image, window, channel, [2, 1, 0]),
-            PixelFormat::Rgba8 => self.colour::<4>(image, window, channel, [0, 1, 2]),
-            PixelFormat::Bgra8 => self.colour::<4>(image, window, channel, [2, 1, 0]),
+            PixelFormat::Rgb8 => self.colour::<3>(image, region, channel, [0, 1, 2]),
+            PixelFormat::Bgr8 => self.colour::<3>(image, region, channel, [2, 1, 0]),
+            PixelFormat::Rgba8 => self.colour::<4>(image, region, channel, [0, 1, 2]),
+            PixelFormat::Bgra8 => self.colour::<4>(image, region, channel, [2, 1, 0]),
             PixelFormat::Bayer8(pattern) => {
                 let mosaic = bytes(image);
                 let sample = |x: usize, y: usize| u32::from(mosaic.at(x, y));
                 self.eight.clear();
-                demosaic(image, window, pattern, sample, |rgb| {
+                demosaic(image, region, pattern, sample, |rgb| {
                     self.eight.push(select(channel, rgb) as u8);
                 });
-                AnyPlane::Eight(packed(&self.eight, window))
+                AnyPlane::Eight(packed(&self.eight, region))
             }
             PixelFormat::Bayer16(pattern, order) => {
                 let convert = sample_of(order);
@@ -141,10 +226,10 @@ impl Decoder {
                     u32::from(convert([image.data()[at], image.data()[at + 1]]))
                 };
                 self.sixteen.clear();
-                demosaic(image, window, pattern, sample, |rgb| {
+                demosaic(image, region, pattern, sample, |rgb| {
                     self.sixteen.push(select(channel, rgb) as u16);
                 });
-                AnyPlane::Sixteen(packed(&self.sixteen, window))
+                AnyPlane::Sixteen(packed(&self.sixteen, region))
             }
         }
     }
@@ -152,13 +237,13 @@ impl Decoder {
     fn colour<'a, const BYTES: usize>(
         &'a mut self,
         image: &Image<'_>,
-        window: &Window,
+        region: &SearchedRegion,
         channel: Channel,
         [red, green, blue]: [usize; 3],
     ) -> AnyPlane<'a> {
         self.eight.clear();
-        for y in window.y..window.y + window.height {
-            let row = &image.data()[y * image.step() + BYTES * window.x..][..BYTES * window.width];
+        for y in region.y..region.y + region.height {
+            let row = &image.data()[y * image.step() + BYTES * region.x..][..BYTES * region.width];
             let pixels = row.as_chunks::<BYTES>().0.iter();
             match channel {
                 Channel::Red => self.eight.extend(pixels.map(|p| p[red])),
@@ -183,7 +268,7 @@ impl Decoder {
                 }
             }
         }
-        AnyPlane::Eight(packed(&self.eight, window))
+        AnyPlane::Eight(packed(&self.eight, region))
     }
 }
 
@@ -196,8 +281,8 @@ fn bytes<'a>(image: &Image<'a>) -> Plane<'a, u8> {
     }
 }
 
-fn packed<'a, S>(samples: &'a [S], window: &Window) -> Plane<'a, S> {
-    Plane { width: window.width, height: window.height, stride: window.width, samples }
+fn packed<'a, S>(samples: &'a [S], region: &SearchedRegion) -> Plane<'a, S> {
+    Plane { width: region.width, height: region.height, stride: region.width, samples }
 }
 
 fn sample_of(order: ByteOrder) -> fn([u8; 2]) -> u16 {
@@ -236,17 +321,17 @@ const fn colour_at(pattern: BayerPattern, x: usize, y: usize) -> usize {
     cell[2 * (y % 2) + x % 2]
 }
 
-/// Calls `put` with red, green and blue of every pixel of the window, row by row.
+/// Calls `put` with red, green and blue of every pixel of the region, row by row.
 fn demosaic(
     image: &Image<'_>,
-    window: &Window,
+    region: &SearchedRegion,
     pattern: BayerPattern,
     sample: impl Fn(usize, usize) -> u32,
     mut put: impl FnMut([u32; 3]),
 ) {
     let (width, height) = (image.width() as usize, image.height() as usize);
-    for y in window.y..window.y + window.height {
-        for x in window.x..window.x + window.width {
+    for y in region.y..region.y + region.height {
+        for x in region.x..region.x + region.width {
             let (mut sum, mut count) = ([0; 3], [0; 3]);
             for near_y in y.saturating_sub(1)..=(y + 1).min(height - 1) {
                 for near_x in x.saturating_sub(1)..=(x + 1).min(width - 1) {
@@ -272,8 +357,11 @@ mod tests {
     fn eight(format: PixelFormat, width: u32, step: u32, data: &[u8], channel: Channel) -> Vec<u8> {
         let image = Image::new(width, data.len() as u32 / step, step, format, data).unwrap();
         let mut decoder = Decoder::default();
-        match decoder.decode(&image, channel, &window(ALL, image.width(), image.height()).unwrap())
-        {
+        match decoder.decode(
+            &image,
+            channel,
+            &SearchedRegion::new(ALL, image.width(), image.height()).unwrap(),
+        ) {
             AnyPlane::Eight(plane) => {
                 (0..plane.height).flat_map(|y| plane.row(y).to_vec()).collect()
             }
@@ -321,7 +409,7 @@ mod tests {
             let image = Image::new(2, 1, 4, PixelFormat::Mono16(order), &data[1..]).unwrap();
             let mut decoder = Decoder::default();
             let AnyPlane::Sixteen(plane) =
-                decoder.decode(&image, Channel::Auto, &window(ALL, 2, 1).unwrap())
+                decoder.decode(&image, Channel::Auto, &SearchedRegion::new(ALL, 2, 1).unwrap())
             else {
                 panic!("16-bit image became 8 bit")
             };
@@ -356,7 +444,7 @@ mod tests {
         let mut decoder = Decoder::default();
         let roi = RegionOfInterest { x_offset: 1, y_offset: 1, width: 2, height: 0 };
         let AnyPlane::Eight(plane) =
-            decoder.decode(&image, Channel::Auto, &window(roi, 4, 3).unwrap())
+            decoder.decode(&image, Channel::Auto, &SearchedRegion::new(roi, 4, 3).unwrap())
         else {
             panic!()
         };
@@ -366,7 +454,7 @@ mod tests {
             RegionOfInterest { x_offset: 3, width: 2, ..ALL },
             RegionOfInterest { y_offset: 1, height: u32::MAX, ..ALL },
         ] {
-            assert!(window(roi, 4, 3).is_err(), "{roi:?}");
+            assert!(SearchedRegion::new(roi, 4, 3).is_err(), "{roi:?}");
         }
     }
 }

@@ -18,7 +18,7 @@ const SIDE: usize = 32;
 /// Share of the pixels above a fixed segment threshold, from 0 to 1, from a grid of 32 x 32 pixels, or of all in a smaller
 /// plane. `full_scale` is the level of a saturated sample, to which the threshold is scaled. `None` where the threshold is
 /// not one of the image's grey levels: adaptive, or above a background.
-pub fn share_above_threshold(
+pub(super) fn share_above_threshold(
     plane: &AnyPlane<'_>,
     params: &ExtractionParams,
     full_scale: u32,

@@ -18,12 +18,12 @@ mod points;
 mod tests;
 
 use super::{
+    frame_index::FrameIndex,
     params::StripeDirection,
-    pipeline::FrameIndex,
     stripe::{Centerline, flag},
 };
 use crate::statistics::median;
-use points::{Points, Writer, join};
+use points::{MergeWriter, Points, join};
 
 /// Exposures whose grey levels differ less are alike.
 const MIN_RATIO: f32 = 1.25;
@@ -32,7 +32,7 @@ const MIN_COMMON: usize = 8;
 
 /// What became of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pairing {
+pub enum ExposurePairing {
     /// Its line has the points of both exposures.
     Merged {
         /// How many of them the frame before gave.
@@ -47,7 +47,7 @@ pub enum Pairing {
 
 /// Pairs frame after frame without allocating once the longest lines have been seen.
 #[derive(Debug)]
-pub struct ExposurePairs {
+pub(super) struct ExposurePairs {
     direction: StripeDirection,
     /// Own points of the frame before.
     before: Centerline,
@@ -60,7 +60,7 @@ pub struct ExposurePairs {
 
 impl ExposurePairs {
     /// Before the first frame.
-    pub fn new(direction: StripeDirection) -> Self {
+    pub(super) fn new(direction: StripeDirection) -> Self {
         Self {
             direction,
             before: Centerline::default(),
@@ -71,39 +71,39 @@ impl ExposurePairs {
     }
 
     /// Forgets the frame before.
-    pub const fn restart(&mut self) {
+    pub(super) const fn restart(&mut self) {
         self.before_px = None;
     }
 
     /// Replaces a frame's own line by that of both exposures; `image_px` is the size of its image.
-    pub fn merge(
+    pub(super) fn merge(
         &mut self,
         centerline: &mut Centerline,
         index: FrameIndex,
         image_px: (u32, u32),
-    ) -> Pairing {
+    ) -> ExposurePairing {
         self.own.copy_from(centerline);
         let follows = index.frames_missing == 0 && index.frames_rejected == 0;
         let pairing = if follows && self.before_px == Some(image_px) {
             self.merge_with_before(centerline)
         } else {
-            Pairing::Alone
+            ExposurePairing::Alone
         };
         std::mem::swap(&mut self.before, &mut self.own);
         self.before_px = Some(image_px);
         pairing
     }
 
-    fn merge_with_before(&mut self, merged: &mut Centerline) -> Pairing {
+    fn merge_with_before(&mut self, merged: &mut Centerline) -> ExposurePairing {
         let own = Points::new(&self.own, self.direction);
         let before = Points::new(&self.before, self.direction);
         let Some(ratio) = ratio(own, before, &mut self.ratios) else {
-            return Pairing::Alike;
+            return ExposurePairing::Alike;
         };
         let is_own_long = ratio > 1.0;
         let (long, short) = if is_own_long { (own, before) } else { (before, own) };
         let scales = [1.0, ratio.max(1.0 / ratio)];
-        let mut writer = Writer::new(merged, [long, short], scales);
+        let mut writer = MergeWriter::new(merged, [long, short], scales);
         join(long, short, |surface, pair| match pair {
             (Some(at_long), Some(at_short)) => {
                 let takes_short = long.has(at_long, flag::SATURATED | flag::LOW_CONTRAST)
@@ -116,7 +116,7 @@ impl ExposurePairs {
             (None, None) => {}
         });
         let [num_long, num_short] = writer.num_taken();
-        Pairing::Merged { from_before: if is_own_long { num_short } else { num_long } }
+        ExposurePairing::Merged { from_before: if is_own_long { num_short } else { num_long } }
     }
 }
 

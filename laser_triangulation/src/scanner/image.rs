@@ -157,6 +157,20 @@ impl<'a> Image<'a> {
         Ok(Self { width, height, step: step as usize, format, data })
     }
 
+    /// Views `data` as `height` rows of `width` pixels without padding.
+    ///
+    /// # Errors
+    /// A side of zero or longer than [`MAX_SIDE_PX`], or a buffer of another length than the pixels need.
+    pub fn packed(
+        width: u32,
+        height: u32,
+        format: PixelFormat,
+        data: &'a [u8],
+    ) -> Result<Self, ImageError> {
+        let step = width.saturating_mul(format.bytes_per_pixel() as u32);
+        Self::new(width, height, step, format, data)
+    }
+
     /// Columns.
     pub const fn width(&self) -> u32 {
         self.width

@@ -1,27 +1,25 @@
-//! The plane of the laser's light.
+//! The laser plane.
 
 use nalgebra::{Point3, Unit, Vector3};
+
+use super::pose::perpendicular_basis;
 
 /// All points p of the camera's frame (x right, y down, z forward, metres) with `normal · p = distance`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaserPlane {
-    /// At right angles to the plane, away from the lens.
+    /// Unit normal, away from the lens.
     pub normal: Unit<Vector3<f64>>,
     /// From the lens to the plane, metres, above 0.
     pub distance_m: f64,
 }
 
 impl LaserPlane {
-    /// Two unit vectors in the plane, at right angles: the tilts a and b of a normal move it to n + a t₁ + b t₂.
-    /// The first is as near to the camera's x as can be, or to its y where the plane nearly is that of y and z.
+    /// The [`perpendicular_basis`] of the normal: the tilts a and b of a normal move it to n + a t₁ + b t₂.
     pub fn tangents(&self) -> [Vector3<f64>; 2] {
-        let normal = self.normal.into_inner();
-        let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
-        let first = (near - normal * normal.dot(&near)).normalize();
-        [first, normal.cross(&first)]
+        perpendicular_basis(&self.normal)
     }
 
-    /// Where a ray from the lens meets the plane, metres. `None` when it never does in front of the lens.
+    /// Intersection of a ray from the lens with the plane, metres; `None` if there is none in front of the lens.
     pub fn meet(&self, ray: Vector3<f64>) -> Option<Point3<f64>> {
         let scale = self.distance_m / self.normal.dot(&ray);
         let point = Point3::from(ray * scale);

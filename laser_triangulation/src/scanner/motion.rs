@@ -1,54 +1,56 @@
-//! Where along the scan a profile was taken.
+//! Positions of frames along the scan.
 //!
-//! Known of itself (nowhere, or a constant motion) here; measured by samples of an axis or of a pose in
-//! [`track`] and [`frames`].
+//! [`Motion`] computes them for a constant motion; [`track`] and [`frames`] interpolate samples of an axis or of poses;
+//! [`locator`] turns them into places in the scan.
 
 pub mod track;
 pub mod reading;
 pub mod counter;
 pub mod frames;
-pub mod travel;
+mod travel;
+pub mod locator;
 pub mod placement;
 
 use nalgebra::Isometry3;
 
+use super::axis::RawPosition;
 use super::params::{MotionParams, MotionSource};
 
-/// Why a position is in doubt: bits, as in `FrameTrace.encoder_status`.
+/// Reasons to doubt a position: bits, as in `FrameTrace.encoder_status`.
 pub mod doubt {
-    /// The samples before and after lie further apart than an axis moves.
+    /// The samples before and after lie further apart than the axis can move.
     pub const GAP: u8 = 1;
     /// The axis moved against the scan direction.
     pub const REVERSED: u8 = 2;
-    /// The samples before and after lie further apart in time than they should, or there are none.
+    /// The samples before and after lie too far apart in time, or there are none.
     pub const STALE: u8 = 4;
-    /// There is no sample after it: the motion before it was thought to go on.
+    /// There is no sample after it: the motion before it was extrapolated.
     pub const EXTRAPOLATED: u8 = 8;
 }
 
-/// Where the axis was in the middle of a frame's exposure.
+/// Position of the axis in the middle of a frame's exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Position {
-    /// Metres, or radians of a rotary axis; 0 where a pose says more.
-    pub value: f64,
-    /// Encoder, counts; 0 where there is none.
+    /// Position along the scan, before the scale of the axis. For a measured pose: metres from the first frame of the scan.
+    pub value: RawPosition,
+    /// Encoder counts; 0 without an encoder.
     pub counts: i64,
     /// Bits of [`doubt`]; 0: none.
     pub doubts: u8,
-    /// Whether a sample was taken at that very time.
+    /// True if a sample was taken at exactly that time.
     pub is_exact: bool,
-    /// The sensor's pose in the part's frame, metres, where that is what was measured.
+    /// The sensor's pose in the part's frame, metres, if poses are measured.
     pub part_from_sensor: Option<Isometry3<f64>>,
 }
 
 impl Position {
-    /// A position beyond doubt.
-    pub const fn at(value: f64) -> Self {
+    /// A position without doubts, counts or pose.
+    pub const fn at(value: RawPosition) -> Self {
         Self { value, counts: 0, doubts: 0, is_exact: false, part_from_sensor: None }
     }
 }
 
-/// Turns frame numbers and stamps into positions along the scan, metres.
+/// Turns frame numbers and stamps into positions along the scan.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
     params: MotionParams,
@@ -57,13 +59,13 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Motion that starts with the first frame it is asked about.
+    /// A motion that starts with the first frame.
     pub const fn new(params: MotionParams) -> Self {
         Self { params, start: None }
     }
 
-    /// Position of a frame; none where positions are measured, and nobody has. Frames that were lost have moved the part
-    /// too: numbers count, not arrivals.
+    /// Position of a frame; `None` if positions are measured. Lost frames move the part too: frame numbers count, not
+    /// arrivals.
     pub fn position(&mut self, frame_number: u64, stamp_ns: i64) -> Option<Position> {
         let (first_number, first_stamp_ns) = *self.start.get_or_insert((frame_number, stamp_ns));
         let position_m = match self.params.source {
@@ -71,13 +73,13 @@ impl Motion {
             MotionSource::Constant if self.params.step_m != 0.0 => {
                 frame_number.wrapping_sub(first_number) as i64 as f64 * self.params.step_m
             }
-            // Subtracted as integers: seconds since the epoch in a float resolve only 0.2 µs.
+            // Subtracted as integers: seconds since the epoch resolve only 0.2 µs in a float.
             MotionSource::Constant => {
                 stamp_ns.saturating_sub(first_stamp_ns) as f64 * 1e-9 * self.params.velocity_m_s
             }
             MotionSource::JointState | MotionSource::Encoder | MotionSource::Tf => return None,
         };
-        Some(Position::at(position_m))
+        Some(Position::at(RawPosition(position_m)))
     }
 
     /// Starts again at 0 with the next frame.
@@ -97,7 +99,7 @@ mod tests {
     }
 
     fn position_m(motion: &mut Motion, frame_number: u64, stamp_ns: i64) -> f64 {
-        motion.position(frame_number, stamp_ns).unwrap().value
+        motion.position(frame_number, stamp_ns).unwrap().value.0
     }
 
     #[test]
@@ -108,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn the_year_does_not_matter() {
+    fn stamps_since_the_epoch_keep_nanoseconds() {
         let mut motion = constant(0.0, 0.1);
         let start_ns = 1_800_000_000_000_000_000;
         assert_eq!(position_m(&mut motion, 0, start_ns), 0.0);
@@ -123,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_made_up_where_positions_are_measured() {
+    fn measured_positions_are_not_computed() {
         for source in [MotionSource::JointState, MotionSource::Encoder, MotionSource::Tf] {
             let mut motion = Motion::new(MotionParams { source, ..MotionParams::default() });
             assert_eq!(motion.position(3, 5), None);

@@ -9,7 +9,7 @@ pub use motion::{AxisChoice, MotionParams, MotionSource, ScanDirection};
 
 use crate::named_enum;
 
-use super::{image::PixelFormat, pipeline::FrameError, scan::ScanLimits};
+use super::{frame_error::FrameError, image::PixelFormat, scan::ScanLimits};
 
 named_enum! {
     /// Which grey level a colour pixel contributes.
@@ -67,7 +67,7 @@ named_enum! {
 
 named_enum! {
     /// How the window of [`Method::ImprovedGravity`] is laid over the pixels.
-    Window {
+    GravityWindow {
         /// Ends anywhere between pixels, centred on the result until that stands still: unbiased.
         Fractional = "fractional",
         /// Rounded centre and rounded half length, as printed in the paper: locks to pixels.
@@ -152,7 +152,7 @@ pub struct ExtractionParams {
     /// Estimator of the centre.
     pub method: Method,
     /// Window of the improved gravity.
-    pub window: Window,
+    pub window: GravityWindow,
     /// Radius r of the blur, pixels: kernel 2r + 1, 0 is off.
     pub blur_radius: u32,
     /// Blurred grey above which a pixel may be stripe.
@@ -202,7 +202,7 @@ impl Default for ExtractionParams {
     fn default() -> Self {
         Self {
             method: Method::ImprovedGravity,
-            window: Window::Fractional,
+            window: GravityWindow::Fractional,
             blur_radius: 3,
             segment_threshold: 35.0,
             min_segment_area: 500,

@@ -7,6 +7,14 @@ use super::{
     params::StripeDirection,
 };
 
+/// Two unit vectors perpendicular to a unit vector and to each other: `first × second = normal`. The first lies as near
+/// to x as possible, or to y where the normal nearly is x.
+pub fn perpendicular_basis(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let first = (near - normal * normal.dot(&near)).normalize();
+    [first, normal.cross(&first)]
+}
+
 impl Calibration {
     /// The pose of the laser plane's frame in the camera's: `point_in_camera = camera_from_laser * point_in_laser`, metres.
     /// `None` where the calibration knows no camera.

@@ -1,4 +1,4 @@
-//! One metric cross-section of the part: what a frame's stripe says about heights.
+//! One metric cross-section of the part: the heights along the stripe of a frame.
 
 /// The stripe of one frame cut by the laser plane, one entry for every searched column (or row, for a vertical stripe).
 ///

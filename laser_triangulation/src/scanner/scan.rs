@@ -1,127 +1,59 @@
 //! Step 10 of Yao et al. 2023: profiles pushed along the motion into slices of a scan.
 
-use super::{height_map::HeightMap, pipeline::FrameIndex, profile::Profile};
+mod slice;
+
 use nalgebra::{Isometry3, Vector3};
 use sha2::{Digest, Sha256};
 
-/// Most points of a scan, 1 GiB of heights: one message must hold its height map. A scan ends before it has more.
+use super::{
+    frame_index::FrameIndex, height_map::HeightMap, motion::locator::Located, profile::Profile,
+    uuid::uuid_v8,
+};
+
+pub use slice::{Point, Slice, SliceAccount, SliceState};
+
+/// Maximum points of a scan, 1 GiB of heights: one message must hold its height map.
 pub const MAX_SCAN_POINTS: usize = 1 << 28;
-/// Most points of a slice, 1 GiB of points: one message must hold it. A slice is full before it has more.
+/// Maximum points of a slice, 1 GiB: one message must hold it.
 pub const MAX_SLICE_POINTS: usize = 1 << 26;
 
-/// A point of the part: x, y, z, metres in the part's frame ([`Placement`](super::motion::placement::Placement)); then the
-/// grey level at the centreline as a share of full scale, 0 to 1. NaN in all four: not measured.
-pub type Point = [f32; 4];
-
-/// Worst state in a slice, as in `SliceInfo.state`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(u8)]
-pub enum SliceState {
-    /// Every expected frame is in.
-    #[default]
-    Complete = 0,
-    /// Frames are missing or were rejected; positions are still right.
-    Gaps = 1,
-    /// Positions are in doubt.
-    Degraded = 2,
-    /// The scan ended early.
-    Aborted = 3,
-}
-
-/// What a slice covers and what is missing from it: `expected = accepted + missing + rejected`, always.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SliceAccount {
-    /// Identity of the scan, a UUID of version 8 made from the stream: the same frames give the same bytes.
-    pub scan_id: [u8; 16],
-    /// Number of this slice in its scan, from 0.
-    pub slice_index: u32,
-    /// Whether the scan ends with this slice.
-    pub last_slice: bool,
-    /// Number of the first frame in the slice.
-    pub first_frame: u64,
-    /// Number of the last frame in the slice, inclusive.
-    pub last_frame: u64,
-    /// Position of the first profile along the scan, metres; radians on a rotary axis.
-    pub first_position: f64,
-    /// Position of the last profile along the scan, metres; radians on a rotary axis.
-    pub last_position: f64,
-    /// Frames that the range should hold.
-    pub frames_expected: u32,
-    /// Frames whose profile is in the slice.
-    pub frames_accepted: u32,
-    /// Frames that never reached the scanner.
-    pub frames_missing: u32,
-    /// Frames that reached it and were not used.
-    pub frames_rejected: u32,
-    /// Accepted frames without a single valid point.
-    pub profiles_empty: u32,
-    /// Valid points in the slice.
-    pub points: u64,
-    /// Worst state in the slice.
-    pub state: SliceState,
-}
-
-impl SliceAccount {
-    /// Counts frames. Counters that reach 2³² - 1 stop there, and still add up.
-    fn count(&mut self, accepted: u32, missing: u32, rejected: u32) {
-        for (counter, frames) in [
-            (&mut self.frames_accepted, accepted),
-            (&mut self.frames_missing, missing),
-            (&mut self.frames_rejected, rejected),
-        ] {
-            let counted = frames.min(u32::MAX - self.frames_expected);
-            *counter += counted;
-            self.frames_expected += counted;
-        }
-    }
-}
-
-/// Some consecutive profiles of a scan as an organised cloud.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Slice {
-    /// Stamp of the first profile, nanoseconds.
-    pub stamp_ns: i64,
-    /// Points of a profile (columns of the cloud).
-    pub width: u32,
-    /// Profiles (rows of the cloud), 1 or more.
-    pub height: u32,
-    /// `height * width` points, profile after profile.
-    pub points: Vec<Point>,
-    /// What it covers and what is missing.
-    pub account: SliceAccount,
-}
-
-/// A profile and where it belongs.
+/// A measured frame, for [`Scan::push`].
 #[derive(Clone, Copy, Debug)]
-pub struct Placed<'a> {
-    /// The profile.
+pub struct ScanEntry<'a> {
+    /// Profile of the frame.
     pub profile: &'a Profile,
-    /// Columns and rows of the image that it was measured in.
+    /// Columns and rows of its image.
     pub image_px: (u32, u32),
-    /// Acquisition time of its frame, nanoseconds.
+    /// Acquisition time, nanoseconds.
     pub stamp_ns: i64,
-    /// Position along the scan, metres; radians on a rotary axis.
-    pub position: f64,
-    /// Whether that position is in doubt.
-    pub is_doubtful: bool,
-    /// The laser plane's frame in the part's, metres.
-    pub part_from_laser: Isometry3<f64>,
-    /// Which frame it is and what is missing before it.
+    /// Place along the scan; `None` if unknown: the frame counts as rejected.
+    pub located: Option<Located>,
+    /// Number of the frame and losses before it.
     pub index: FrameIndex,
 }
 
-/// Stacks profiles. A scan is a sequence of profiles of one length from images of one size; it ends with its last slice and its height map.
-/// Positions come with the profiles: they go on from a scan that reached its limit to the next.
+/// Frames before the next profile that are not in the scan.
+#[derive(Clone, Copy, Debug, Default)]
+struct LeftOut {
+    missing: u32,
+    /// Rejected, or without a position.
+    rejected: u32,
+}
+
+/// Stacks profiles. A scan is a sequence of profiles of one length from images of one size; it ends with its last slice
+/// and its height map. Positions continue from a scan that reached its limit to the next one.
 ///
-/// A full slice is handed out when the next profile arrives or the scan ends: only then is it known whether it is the
-/// last one. Two slices and two height maps take turns and are kept: after two scans of a length nothing is allocated.
+/// A full slice is returned when the next profile arrives or the scan ends: only then is it known to be the last one or
+/// not. Two slices and two height maps take turns: after two scans of a length nothing is allocated.
 #[derive(Debug)]
 pub struct Scan {
     limits: ScanLimits,
-    /// Makes scan ids of different calibrations differ.
+    /// Makes the identities of scans with different calibrations differ.
     seed: String,
-    /// Identity of the scan that begins next, where somebody has chosen one.
+    /// Requested identity of the next scan.
     next_id: Option<[u8; 16]>,
+    is_stacking: bool,
+    left_out: LeftOut,
     /// Columns and rows of the images of the open scan.
     image_px: (u32, u32),
     open: Slice,
@@ -130,7 +62,7 @@ pub struct Scan {
     finished: HeightMap,
 }
 
-/// Where slices and scans end.
+/// Limits of slices and scans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScanLimits {
     /// Profiles a slice.
@@ -141,7 +73,7 @@ pub struct ScanLimits {
     pub scan_profiles: u32,
 }
 
-/// What a push or the end completed.
+/// Slice and height map that a push or the end completed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Completed<'a> {
     /// A slice.
@@ -151,13 +83,15 @@ pub struct Completed<'a> {
 }
 
 impl Scan {
-    /// An empty scan, whose slices and itself end at these limits, and earlier where the profiles are so long that
-    /// [`MAX_SLICE_POINTS`] or [`MAX_SCAN_POINTS`] would be passed. `seed` tells scans of different calibrations apart.
+    /// An empty scan with these limits. Slices and scans end earlier where profiles are so long that they would exceed
+    /// [`MAX_SLICE_POINTS`] or [`MAX_SCAN_POINTS`]. `seed` makes scans of different calibrations differ.
     pub fn new(limits: ScanLimits, seed: String) -> Self {
         Self {
             limits,
             seed,
             next_id: None,
+            is_stacking: true,
+            left_out: LeftOut::default(),
             image_px: (0, 0),
             open: Slice::default(),
             closed: Slice::default(),
@@ -166,13 +100,33 @@ impl Scan {
         }
     }
 
-    /// Adds a profile. A profile of another length, or from an image of another size, ends the scan: geometries are never
-    /// mixed.
-    pub fn push(&mut self, placed: &Placed<'_>) -> Completed<'_> {
-        let width = placed.profile.x_m.len() as u32;
+    /// Adds a frame to the scan. A frame without a place is left out and counted as rejected; after [`stop`](Self::stop)
+    /// every frame is left out. A profile of another length, or from an image of another size, ends the scan: geometries
+    /// are never mixed.
+    pub fn push(&mut self, entry: &ScanEntry<'_>) -> Completed<'_> {
+        let LeftOut { missing, rejected } = std::mem::take(&mut self.left_out);
+        let frames_missing = entry.index.frames_missing.saturating_add(missing);
+        let frames_rejected = entry.index.frames_rejected.saturating_add(rejected);
+        match &entry.located {
+            _ if !self.is_stacking => Completed::default(),
+            Some(located) => {
+                let index = FrameIndex { frames_missing, frames_rejected, ..entry.index };
+                self.stack(&ScanEntry { index, ..*entry }, located)
+            }
+            None => {
+                let rejected = frames_rejected.saturating_add(1);
+                self.left_out = LeftOut { missing: frames_missing, rejected };
+                Completed::default()
+            }
+        }
+    }
+
+    /// Adds a profile to the open scan, which ends first where the profile does not fit.
+    fn stack(&mut self, entry: &ScanEntry<'_>, located: &Located) -> Completed<'_> {
+        let width = entry.profile.x_m.len() as u32;
         let ends = self.growing.height > 0
             && (self.growing.width != width
-                || self.image_px != placed.image_px
+                || self.image_px != entry.image_px
                 || self.growing.height >= self.scan_limit(width));
         let full = self.open.height > 0 && self.open.height >= self.slice_limit(width);
         if ends {
@@ -181,18 +135,21 @@ impl Scan {
             self.close_slice();
         }
         if self.growing.height == 0 {
-            self.begin(width, placed);
+            self.begin(width, entry);
         }
-        self.add(placed);
+        self.add(entry, located);
         Completed {
             slice: (ends || full).then_some(&self.closed),
             height_map: ends.then_some(&self.finished),
         }
     }
 
-    /// Ends the scan. Of the frames after the last profile, `frames_missing` never arrived and `frames_rejected` were
-    /// refused.
+    /// Ends the scan: returns its last slice and its height map. Of the frames after the last one pushed,
+    /// `frames_missing` never arrived and `frames_rejected` were rejected.
     pub fn finish(&mut self, frames_missing: u32, frames_rejected: u32) -> Completed<'_> {
+        let LeftOut { missing, rejected } = std::mem::take(&mut self.left_out);
+        let frames_missing = frames_missing.saturating_add(missing);
+        let frames_rejected = frames_rejected.saturating_add(rejected);
         if self.growing.height == 0 {
             return Completed::default();
         }
@@ -203,8 +160,9 @@ impl Scan {
         Completed { slice: Some(&self.closed), height_map: Some(&self.finished) }
     }
 
-    /// Throws the open scan away, as if it had never begun.
+    /// Discards the open scan.
     pub fn discard(&mut self) {
+        self.left_out = LeftOut::default();
         self.open.points.clear();
         self.open.height = 0;
         self.growing.z_m.clear();
@@ -212,7 +170,18 @@ impl Scan {
         self.next_id = None;
     }
 
-    /// Chooses the identity of the scan that begins next; `None`: made from its first frame.
+    /// Stacks profiles again after [`stop`](Self::stop), as a new scan does.
+    pub const fn start(&mut self) {
+        self.is_stacking = true;
+    }
+
+    /// Leaves out all frames until [`start`](Self::start). Call [`finish`](Self::finish) first.
+    pub const fn stop(&mut self) {
+        self.is_stacking = false;
+        self.next_id = None;
+    }
+
+    /// Sets the identity of the next scan; `None`: derived from its first frame.
     pub const fn set_next_id(&mut self, id: Option<[u8; 16]>) {
         self.next_id = id;
     }
@@ -238,20 +207,21 @@ impl Scan {
         limit(slice_profiles.min(scan_profiles), slice_points.min(MAX_SLICE_POINTS), width)
     }
 
-    fn begin(&mut self, width: u32, placed: &Placed<'_>) {
+    fn begin(&mut self, width: u32, entry: &ScanEntry<'_>) {
         self.growing.width = width;
-        self.growing.stamp_ns = placed.stamp_ns;
-        self.image_px = placed.image_px;
-        // Ahead, so that no frame waits for memory. Where the system does not promise so much, the buffers grow.
+        self.growing.stamp_ns = entry.stamp_ns;
+        self.image_px = entry.image_px;
+        // Reserved ahead, so that no frame waits for memory. If the system refuses, the buffers grow on demand.
         let (scan, slice) = (self.scan_limit(width) as usize, self.slice_limit(width) as usize);
         self.growing.z_m.try_reserve_exact(scan * width as usize).unwrap_or_default();
         self.open.points.try_reserve_exact(slice * width as usize).unwrap_or_default();
-        let scan_id = self.next_id.take().unwrap_or_else(|| self.scan_id(width, placed));
+        let scan_id = self.next_id.take().unwrap_or_else(|| self.scan_id(width, entry));
         self.open.account = SliceAccount { scan_id, ..SliceAccount::default() };
     }
 
-    fn add(&mut self, placed: &Placed<'_>) {
-        let Placed { profile, stamp_ns, position, index, .. } = *placed;
+    fn add(&mut self, entry: &ScanEntry<'_>, located: &Located) {
+        let ScanEntry { profile, stamp_ns, index, .. } = *entry;
+        let position = located.position.value;
         let slice = &mut self.open;
         let account = &mut slice.account;
         if slice.height == 0 {
@@ -267,10 +237,10 @@ impl Scan {
         account.count(1, index.frames_missing, index.frames_rejected);
         account.profiles_empty += u32::from(profile.valid_count == 0);
         account.points += u64::from(profile.valid_count);
-        if placed.is_doubtful {
+        if located.position.doubts != 0 {
             account.state = account.state.max(SliceState::Degraded);
         }
-        let place = Place::new(&placed.part_from_laser);
+        let place = Place::new(&located.part_from_laser);
         let (width, first) = (profile.x_m.len(), slice.points.len());
         slice.points.extend((0..width).map(|i| match (profile.x_m[i], profile.z_m[i]) {
             (x_m, z_m) if z_m.is_finite() => {
@@ -308,18 +278,14 @@ impl Scan {
         self.growing.height = 0;
     }
 
-    /// A UUID of version 8 (RFC 9562): a hash of where and when the scan began, so that a replay gives the same one.
-    fn scan_id(&self, width: u32, placed: &Placed<'_>) -> [u8; 16] {
+    /// Derived from the start of the scan, so that a replay gives the same identity.
+    fn scan_id(&self, width: u32, first: &ScanEntry<'_>) -> [u8; 16] {
         let mut hash = Sha256::new();
         hash.update(self.seed.as_bytes());
-        hash.update(placed.stamp_ns.to_le_bytes());
-        hash.update(placed.index.frame_number.to_le_bytes());
+        hash.update(first.stamp_ns.to_le_bytes());
+        hash.update(first.index.frame_number.to_le_bytes());
         hash.update(width.to_le_bytes());
-        let mut id = [0; 16];
-        id.copy_from_slice(&hash.finalize()[..16]);
-        id[6] = id[6] & 0x0f | 0x80;
-        id[8] = id[8] & 0x3f | 0x80;
-        id
+        uuid_v8(&hash.finalize().into())
     }
 }
 

@@ -16,3 +16,25 @@ pub mod sensor;
 pub mod stripe;
 pub mod texture;
 pub mod world;
+
+use serde::{Deserialize, de::IgnoredAny};
+
+use rig::RigScenario;
+use scenario::{Scenario, ScenarioError, parsed};
+use scene::Scene;
+
+/// Reads a scenario of either kind: with a `rig`, gauges or boards in front of any camera; without, a part under the
+/// camera of formula 6.
+///
+/// # Errors
+/// A text that is not a scenario, or a value out of range; both name the key.
+pub fn scene_from_yaml(text: &str) -> Result<Box<dyn Scene>, ScenarioError> {
+    #[derive(Deserialize)]
+    struct Head {
+        rig: Option<IgnoredAny>,
+    }
+    Ok(match parsed::<Head>(text)?.rig {
+        Some(_) => Box::new(RigScenario::from_yaml(text)?),
+        None => Box::new(Scenario::from_yaml(text)?),
+    })
+}

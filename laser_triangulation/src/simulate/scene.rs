@@ -1,13 +1,6 @@
 //! What can be recorded: frames, an axis, a camera, and the truth about them.
 
-use serde::{Deserialize, de::IgnoredAny};
-
-use super::{
-    rig::RigScenario,
-    scenario::{Scenario, ScenarioError},
-    sensor::BitDepth,
-    world::RenderedFrame,
-};
+use super::{scenario::Scenario, sensor::BitDepth, world::RenderedFrame};
 use crate::scanner::{camera::Camera, params::StripeDirection};
 
 /// The form of all pictures of a scene.
@@ -43,24 +36,6 @@ pub trait Scene {
     fn calibration_yaml(&self) -> String;
     /// Renders a frame.
     fn render(&self, frame: u32, out: &mut RenderedFrame);
-}
-
-/// Reads a scenario of either kind: a part under the camera of formula 6, or, where it has a `rig`, gauges and boards
-/// before any camera.
-///
-/// # Errors
-/// A text that is not a scenario, or a value outside of its range; both name the key.
-pub fn from_yaml(text: &str) -> Result<Box<dyn Scene>, ScenarioError> {
-    #[derive(Deserialize)]
-    struct Head {
-        rig: Option<IgnoredAny>,
-    }
-    let head: Head =
-        serde_saphyr::from_str(text).map_err(|error| ScenarioError::Yaml(Box::new(error)))?;
-    Ok(match head.rig {
-        Some(_) => Box::new(RigScenario::from_yaml(text)?),
-        None => Box::new(Scenario::from_yaml(text)?),
-    })
 }
 
 impl Scene for Scenario {

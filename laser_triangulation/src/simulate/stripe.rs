@@ -55,7 +55,7 @@ impl Default for StripeScene {
 /// little endian.
 ///
 /// ```
-/// use laser_profiler::simulate::stripe::{StripeScene, render_stripe};
+/// use laser_triangulation::simulate::stripe::{StripeScene, render_stripe};
 ///
 /// let scene = StripeScene { width: 3, height: 5, sigma_px: 0.5, ..StripeScene::default() };
 /// let mut samples = Vec::new();

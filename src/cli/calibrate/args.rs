@@ -1,4 +1,4 @@
-//! What `calibrate camera`, `plane` and `axis` are told; the same whether they are built in or not.
+//! Arguments of `calibrate camera`, `plane` and `axis`. A build without the feature `calibrate` has them too.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use crate::cli::settings::SettingsArgs;
 
 const CAMERA_HELP: &str = "\
 Hold the board into every part of the image, near and far, and tilt it by 20 to 40 degrees each way; 20 views are good.
-Views that do not help are left out and told, each with its reason.
+Rejected views are reported, each with its reason.
 
 Examples:
   laser_profiler calibrate camera board_recording --target checkerboard:8x6:0.040 -o camera.yaml --report camera.png
@@ -24,7 +24,7 @@ pub(super) struct CameraArgs {
     /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres. checkerboard:8x6:0.040 has 9 x 7 squares.
     #[arg(long)]
     pub(super) target: String,
-    /// Formula of the lens, as ROS names it. `rational_polynomial` is for wide angles.
+    /// Distortion model, as ROS names it. `rational_polynomial` suits wide-angle lenses.
     #[arg(long, default_value = "plumb_bob", value_parser = ["plumb_bob", "rational_polynomial"])]
     pub(super) model: String,
     /// Name of the camera in the file.
@@ -37,9 +37,9 @@ pub(super) struct CameraArgs {
 }
 
 const PLANE_HELP: &str = "\
-Hold the board into the laser near and far and tilted, with the line across its squares; 20 views are good. The line is
-found by the node's own extraction, with these defaults: background local, threshold adaptive (5 sigmas), method steger, and of
-colour pictures what the laser's colour has above the mean of the others. A params file or -p changes them.
+Hold the board into the laser near and far and tilted, with the line across its squares; 20 views are good. The node's
+extraction finds the line, with these defaults: background local, threshold adaptive (5 sigmas), method steger, and in
+colour pictures the laser's colour minus the mean of the others. A parameter file or -p changes them.
 
 Examples:
   laser_profiler calibrate plane laser_on_board --target checkerboard:8x6:0.040 --camera camera.yaml -o rig.yaml \\
@@ -59,8 +59,8 @@ pub(super) struct PlaneArgs {
     /// The camera: a file of `calibrate camera`, or of one of ROS's calibrators.
     #[arg(long = "camera", value_name = "FILE.yaml")]
     pub(super) camera_file: PathBuf,
-    /// How far the board is flat beyond its inner corners, squares: 1 for the outermost squares, 1.5 with the usual rim,
-    /// more for a plate about them. The line is looked for that far.
+    /// Width of the flat rim beyond the inner corners, in squares: 1 for the outermost squares, 1.5 with the usual rim,
+    /// more for a larger plate. The laser line is searched that far.
     #[arg(long, default_value_t = 1.5, value_name = "SQUARES", value_parser = border)]
     pub(super) border: f64,
     /// Name of the profiles' frame, the laser plane.
@@ -74,10 +74,10 @@ pub(super) struct PlaneArgs {
 }
 
 const AXIS_HELP: &str = "\
-Markers lie on a turning table and turn with it, at least half a turn, once round is best. How far away they are comes from
-their side, where it is given, else from the laser's line on the table. A checkerboard that moves with the part gives a linear
+The markers lie on a turntable and turn with it: at least half a turn, one full turn is best. Their distance follows from
+their side if it is given, otherwise from the laser's line on the table. A checkerboard that moves with the part gives a linear
 or a rotary axis, turned by less than a quarter from picture to picture. Positions come from sensor_msgs/JointState or
-laser_profiler_msgs/EncoderStamped (with motion.scale and motion.encoder_bits as in the node); pictures whose position lags are named and bend nothing.
+laser_profiler_msgs/EncoderStamped (with motion.scale and motion.encoder_bits as in the node); pictures whose position lags are reported and do not affect the result.
 
 Examples:
   laser_profiler calibrate axis turning --calibration rig.yaml --markers aruco:4x4_50 -o scanner.yaml \\
@@ -103,13 +103,13 @@ pub(super) struct AxisArgs {
     /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres.
     #[arg(long)]
     pub(super) target: Option<String>,
-    /// Joint whose positions count, where the messages name several.
+    /// Joint to use if the messages name several.
     #[arg(long, value_name = "NAME")]
     pub(super) joint: Option<String>,
-    /// Topic of the positions, where the recording has several.
+    /// Topic of the positions if the recording has several.
     #[arg(long, value_name = "TOPIC")]
     pub(super) joint_topic: Option<String>,
-    /// Position between one picture and the next, radians or metres, where no messages state it.
+    /// Motion from one picture to the next, radians or metres, if no messages state positions.
     #[arg(long, value_name = "STEP", allow_negative_numbers = true, conflicts_with_all = ["joint", "joint_topic"])]
     pub(super) step: Option<f64>,
     /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
@@ -124,19 +124,19 @@ fn border(text: &str) -> Result<f64, String> {
     squares.ok_or_else(|| "a number of squares from 0 to 20".to_owned())
 }
 
-/// Where the answer goes.
+/// Output files and format.
 #[derive(Debug, clap::Args)]
 pub(super) struct OutputArgs {
     /// The calibration, a YAML file.
     #[arg(short, long, value_name = "FILE.yaml")]
     pub(super) output: PathBuf,
-    /// Replaces a file that is there already.
+    /// Replaces an existing file.
     #[arg(long)]
     pub(super) force: bool,
     /// One JSON object on standard output: all figures, unrounded.
     #[arg(long)]
     pub(super) json: bool,
-    /// Draws what was seen and how well it fits into this PNG file.
+    /// Writes charts of the detections and residuals to this PNG file.
     #[arg(long, value_name = "FILE.png")]
     pub(super) report: Option<PathBuf>,
 }

@@ -3,10 +3,10 @@
 use std::{io::Write, path::PathBuf};
 
 use anyhow::{Context, bail};
-use nalgebra::Isometry3;
 use serde_json::json;
 
 use crate::{
+    calibrate::level_part,
     cli::{
         Outcome,
         length::{interval_m, region},
@@ -24,7 +24,7 @@ use crate::{
 const HELP: &str = "\
 Scan a flat (the empty table, a plate, a flat of the part), then lay the part's frame on it: scans with the new file come out
 level, with the flat at height 0 and x and y where they were. The calibration is the one that the results carry; a level
-that it has already is carried on. The flat is fitted without outliers; --region and --heights keep out what stands on it.
+that it already has is refined. Outliers do not affect the flat; --region and --heights exclude objects that stand on it.
 
 Examples:
   laser_profiler calibrate level results -o level.yaml
@@ -39,16 +39,16 @@ Examples:
 pub(super) struct LevelArgs {
     #[command(flatten)]
     results: ResultsArgs,
-    /// The flat is in x0,y0,x1,y1.
+    /// Region of the flat: x0,y0,x1,y1.
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
-    /// Only heights from LOW to HIGH.
+    /// Uses only heights from LOW to HIGH.
     #[arg(long, value_name = "LOW,HIGH", value_parser = interval_m, allow_hyphen_values = true)]
     heights: Option<[f64; 2]>,
     /// The calibration, a YAML file.
     #[arg(short, long, value_name = "FILE.yaml")]
     output: PathBuf,
-    /// Replaces a file that is there already.
+    /// Replaces an existing file.
     #[arg(long)]
     force: bool,
     /// One JSON object on standard output (see below).
@@ -56,7 +56,7 @@ pub(super) struct LevelArgs {
     json: bool,
 }
 
-/// Fits the flat, writes the file and tells on `out` how the flat lay.
+/// Fits the flat, writes the file and prints the pose of the flat to `out`.
 ///
 /// # Errors
 /// Results without a calibration of a camera and a plane, or placed by poses; no flat; a file that is there or cannot be
@@ -72,23 +72,22 @@ pub(super) fn run(args: &LevelArgs, out: &mut dyn Write) -> anyhow::Result<Outco
         .surface(&args.region.unwrap_or(Region::ALL), args.heights.unwrap_or(ANY_HEIGHT_M))
         .with_context(|| format!("{bag}: {}", results.topic()))?;
     let flat = plane::fit(&scanned.surface)?;
-    let unlaid_from_part = geometry.part.map_or(Isometry3::identity(), |part| part.pose());
-    let part = PartPose::new(&(unlaid_from_part * plane::leveling(&flat).inverse()));
+    let part = level_part(&flat, geometry.part);
     geometry.part = Some(part);
     geometry.calibrated_at =
         Some(jiff::Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string());
     let calibration = Calibration::CameraAndPlane(Box::new(geometry));
     output::write_file(&args.output, calibration.to_yaml())?;
-    let text = told(args, &calibration.id(), &flat, part);
+    let text = summary(args, &calibration.id(), &flat, part);
     output::print(out, &text)?;
     Ok(Outcome::with_losses(scanned.counts.rejected))
 }
 
-/// The calibration that the results carry.
+/// Returns the calibration that the results contain.
 fn geometry(results: &Results) -> anyhow::Result<CameraAndPlane> {
     let provenance = results.provenance();
     let text = provenance.calibration.as_ref().context(
-        "the results carry no calibration: replay with a calibration_file, which is then laid level",
+        "the results contain no calibration: replay with a calibration_file, which is then laid level",
     )?;
     if provenance.is_posed() {
         bail!("profiles were placed by poses (motion.source: tf): their frame is that of tf");
@@ -102,7 +101,7 @@ fn geometry(results: &Results) -> anyhow::Result<CameraAndPlane> {
     }
 }
 
-fn told(args: &LevelArgs, id: &str, flat: &PlaneFit, part: PartPose) -> String {
+fn summary(args: &LevelArgs, id: &str, flat: &PlaneFit, part: PartPose) -> String {
     let [about_x, about_y] = flat.tilt_sigma_rad;
     let tilt_sigma_rad = about_x.hypot(about_y) / 2.0_f64.sqrt();
     let output = args.output.display();

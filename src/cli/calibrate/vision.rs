@@ -1,19 +1,19 @@
-//! What needs the feature `calibrate`: boards and markers, found in pictures.
+//! The subcommands that need the feature `calibrate`: they find boards and markers in pictures.
 
 mod axis;
 mod axis_answer;
-mod axis_distance;
+mod axis_pictures;
 mod boards;
 mod camera;
+mod charts;
 mod file;
 mod joint;
+mod pictures;
 mod plane;
 mod plane_answer;
 mod rejected;
 mod report;
-mod report_charts;
 mod stripes;
-mod views;
 
 pub(super) use axis::run as axis;
 pub(super) use camera::run as camera;

@@ -1,4 +1,4 @@
-//! The node's own build stays small: boards and markers are looked for by a build that says so.
+//! Stand-ins in a build without the feature `calibrate`.
 
 use std::io::Write;
 

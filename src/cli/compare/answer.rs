@@ -121,7 +121,7 @@ pub(super) fn json(comparison: &Comparison<'_>, notes: &Notes) -> String {
         let only = differences.sections[section].only;
         json!({"section": section, "points": num, "bias_px": bias_px, "rms_px": rms_px, "points_only": only})
     });
-    let reasons = self
+    let reasons = comparison
         .reasons
         .iter()
         .map(|Reason { name, values: [a, b] }| json!({"what": name, "a": a, "b": b}));

@@ -18,10 +18,11 @@ use crate::{
     },
     msg::{cdr, laser_profiler_msgs},
     scanner::{
-        channel::{self, window},
+        channel::SearchedRegion,
+        frame_index::FrameIndex,
         image::Frame,
         params::{ExtractionParams, Method, Params, StripeDirection},
-        pipeline::{FrameIndex, Pipeline},
+        pipeline::Pipeline,
     },
 };
 
@@ -84,7 +85,7 @@ pub(super) fn measure(recording: &Recording, methods: &[Method]) -> anyhow::Resu
 
 /// The points of one frame, by column, of each method; and what was searched.
 struct MeasuredFrame {
-    searched: channel::Window,
+    searched: SearchedRegion,
     points: Vec<Vec<Option<Point>>>,
 }
 
@@ -122,7 +123,7 @@ impl Judge {
 
     fn take_frame(&mut self, frame: &Frame<'_>) -> anyhow::Result<()> {
         let (width, height) = (frame.image.width(), frame.image.height());
-        let searched = window(self.params.roi, width, height)?;
+        let searched = SearchedRegion::new(self.params.roi, width, height)?;
         let direction = self.params.stripe_direction;
         let length = match direction {
             StripeDirection::Horizontal => width,

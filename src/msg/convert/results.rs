@@ -134,8 +134,8 @@ pub fn slice_info<'a>(
         last_slice: account.last_slice,
         first_frame: account.first_frame,
         last_frame: account.last_frame,
-        first_position: account.first_position,
-        last_position: account.last_position,
+        first_position: account.first_position.0,
+        last_position: account.last_position.0,
         frames_expected: account.frames_expected,
         frames_accepted: account.frames_accepted,
         frames_missing: account.frames_missing,
@@ -150,7 +150,10 @@ pub fn slice_info<'a>(
 #[expect(clippy::float_cmp, reason = "values are copied, not computed")]
 mod tests {
     use super::*;
-    use crate::scanner::scan::{SliceAccount, SliceState};
+    use crate::scanner::{
+        axis::RawPosition,
+        scan::{SliceAccount, SliceState},
+    };
 
     fn source() -> FrameSource<'static> {
         FrameSource {
@@ -220,8 +223,8 @@ mod tests {
             last_slice: true,
             first_frame: 300,
             last_frame: 399,
-            first_position: 0.3,
-            last_position: 0.399,
+            first_position: RawPosition(0.3),
+            last_position: RawPosition(0.399),
             frames_expected: 100,
             frames_accepted: 97,
             frames_missing: 2,

@@ -16,7 +16,7 @@ const LARGEST_DIFFERENCE: f64 = 0.01;
 /// Places along each side of the image that are compared.
 const GRID: u32 = 8;
 
-/// Why a `camera_info` is not of the calibrated camera.
+/// The reason that a `camera_info` is not of the calibrated camera.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Misfit {
     /// Another resolution.
@@ -43,7 +43,7 @@ pub enum Misfit {
         /// Columns and rows of the sensor.
         sensor_px: [u32; 2],
     },
-    /// A lens that nobody can compare.
+    /// A distortion model that cannot be compared.
     #[error(
         "camera_info has distortion model {model:?} with {count} coefficients: allowed are plumb_bob (5) and \
          rational_polynomial (8)"
@@ -65,7 +65,7 @@ pub enum Misfit {
     },
 }
 
-/// What a `camera_info` says of the calibrated camera.
+/// A `camera_info` compared with the calibrated camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
     /// The part of the sensor that its images show.
@@ -85,7 +85,7 @@ pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<Fit, Misf
     if (info.width, info.height) != calibrated {
         return Err(Misfit::Size { info: (info.width, info.height), calibrated });
     }
-    // All zeros: the driver says that it is not calibrated.
+    // All zeros: the driver is not calibrated.
     if let (Calibration::CameraAndPlane(geometry), true) = (calibration, info.k[0] != 0.0) {
         fit.difference_px = compare(&geometry.camera, info)?;
     }
@@ -117,7 +117,7 @@ pub fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
     Ok(View { offset_px, size_px, binning })
 }
 
-/// How far apart both see a point, at most, pixels.
+/// Largest distance between the images of a point by both cameras, pixels.
 fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<f64, Misfit> {
     let model = if info.distortion_model.is_empty() { "plumb_bob" } else { &info.distortion_model };
     let distortion = Distortion::from_coefficients(model, &info.d)

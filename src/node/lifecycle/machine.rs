@@ -58,7 +58,7 @@ impl State {
         }
     }
 
-    /// Whether a node stays in it until somebody wants another.
+    /// True if a node stays in this state until another one is requested.
     pub const fn is_primary(self) -> bool {
         self.id() <= Self::Finalized.id()
     }
@@ -71,9 +71,9 @@ pub struct Transition {
     pub id: u8,
     /// Its name.
     pub label: &'static str,
-    /// Where it begins.
+    /// Start state.
     pub start: State,
-    /// Where it leads.
+    /// Goal state.
     pub goal: State,
 }
 
@@ -146,15 +146,15 @@ impl Wanted<'_> {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("transition {wanted} cannot begin in state {}: possible is {possible}", .state.label())]
 pub struct Impossible {
-    /// What was wanted.
+    /// The requested transition.
     pub wanted: String,
     /// The state.
     pub state: State,
-    /// What can begin in it.
+    /// The transitions that can start in this state.
     pub possible: String,
 }
 
-/// How a callback ended.
+/// Result of a callback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// It did what it should.

@@ -24,7 +24,7 @@ use crate::{
     },
 };
 
-/// Why a change of state did not come about.
+/// The reason that a transition failed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ChangeError {
     /// It cannot begin here.
@@ -40,16 +40,16 @@ pub enum ChangeError {
         label: &'static str,
         /// The state now.
         state: State,
-        /// Why.
+        /// The reason.
         failure: Failure,
     },
 }
 
-/// Changes and tells the state of the node. Clones share it.
+/// Changes and publishes the state of the node. Clones share it.
 #[derive(Clone)]
-pub struct Lifecycle(Arc<Shared>);
+pub struct Lifecycle(Arc<LifecycleState>);
 
-struct Shared {
+struct LifecycleState {
     machine: Mutex<Machine>,
     managed: Arc<dyn Managed>,
     clock: RosClock,
@@ -91,7 +91,7 @@ impl Lifecycle {
     /// Configures and activates: for those who have no manager.
     ///
     /// # Errors
-    /// The node could not do it; its state says how far it came.
+    /// A callback failed; the state of the node shows how far it got.
     pub fn autostart(&self) -> Result<State, ChangeError> {
         self.change(Wanted::Label("configure"))?;
         self.change(Wanted::Label("activate"))
@@ -209,7 +209,7 @@ impl LifecycleServer {
             qos,
         )?;
         let (machine, events) = (Mutex::default(), Mutex::new(events));
-        let lifecycle = Lifecycle(Arc::new(Shared { machine, managed, clock, events }));
+        let lifecycle = Lifecycle(Arc::new(LifecycleState { machine, managed, clock, events }));
         let services: [(_, _, OnRequest); 5] = [
             ("~/change_state", &msgs::CHANGE_STATE, {
                 let lifecycle = lifecycle.clone();
@@ -217,7 +217,7 @@ impl LifecycleServer {
             }),
             ("~/get_state", &msgs::GET_STATE, {
                 let lifecycle = lifecycle.clone();
-                // These requests are empty: whatever bytes they have, they say nothing.
+                // These requests are empty: their bytes carry no information.
                 Box::new(move |_| {
                     let current_state = described_state(lifecycle.state());
                     answer(&msgs::GetStateResponse { current_state })

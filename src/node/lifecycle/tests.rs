@@ -20,7 +20,7 @@ use crate::{
     ros::{loopback::Loopback, names::NodeNames, transport::Subscription},
 };
 
-/// A node that notes what it is told to do, and fails once where it is told to.
+/// A node that records its callbacks, and fails once where requested.
 #[derive(Default)]
 struct Noted {
     calls: Mutex<Vec<&'static str>>,
@@ -168,7 +168,7 @@ fn a_manager_takes_the_node_through_its_life() {
 }
 
 #[test]
-fn what_cannot_begin_changes_nothing_and_is_told_with_what_can() {
+fn an_impossible_transition_changes_nothing_and_the_error_lists_possible_ones() {
     let rig = Rig::new();
     for (id, label) in [(0, ""), (3, ""), (6, ""), (10, ""), (200, ""), (0, "activate"), (1, "x")] {
         assert!(!rig.change(id, label), "{id} {label}");
@@ -212,7 +212,7 @@ fn something_broken_is_recovered_from_or_ends() {
         ]
     );
 
-    // What cannot be recovered from is final; a shutdown that loses something is a shutdown.
+    // A failed recovery is final; a shutdown that loses something still is a shutdown.
     let mut machine = Machine::default();
     machine.begin(Wanted::Id(1)).unwrap();
     machine.end(Ending::Error).unwrap();
@@ -224,7 +224,7 @@ fn something_broken_is_recovered_from_or_ends() {
 }
 
 #[test]
-fn states_and_transitions_are_told() {
+fn states_and_transitions_are_published() {
     let rig = Rig::new();
     let bytes = rig.call("get_available_states", &GetStateRequest::default());
     let states = cdr::decode::<GetAvailableStatesResponse<'_>>(&bytes).unwrap().available_states;
@@ -251,7 +251,7 @@ fn a_malformed_request_gets_no_answer_and_an_empty_one_needs_no_bytes() {
     assert!(network.services().is_empty());
 }
 
-/// A node whose callback asks for another change, as one that is told to stop while it starts.
+/// A node whose callback requests another transition, as when it is stopped while it starts.
 struct Impatient(Mutex<Option<Lifecycle>>, Mutex<Vec<ChangeError>>);
 
 impl Managed for Impatient {

@@ -26,13 +26,13 @@ use crate::{
         statistics::Summary,
         worker::{
             Worker,
-            live::{Live, Survey},
+            online::{Online, Survey},
         },
     },
     ros::transport::{Subscription, TopicEndpoint, Transport, TransportError},
 };
 
-/// How long a service waits for a camera to do what it is asked for.
+/// Time that a service waits for a camera to carry out a command.
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Distortion models have a handful of coefficients.
@@ -40,7 +40,7 @@ const INFO_LIMIT_BYTES: usize = 64 << 10;
 /// Robots have some hundred joints and frames.
 const POSITION_LIMIT_BYTES: usize = 1 << 20;
 
-/// Where a camera's images come from.
+/// Sources of a camera's images.
 pub(super) struct Images {
     /// The middleware.
     pub(super) transport: Arc<dyn Transport>,
@@ -52,9 +52,9 @@ pub(super) struct Images {
     pub(super) info: TopicEndpoint,
     /// Looks at what comes on both.
     pub(super) observer: Observer,
-    /// The topics that tell where the images were taken.
+    /// The topics with the positions of images.
     pub(super) positions: Vec<TopicEndpoint>,
-    /// What came on them.
+    /// Messages received on them.
     pub(super) inbox: Arc<Inbox>,
     /// While the node is active.
     subscriptions: Mutex<Option<Subscriptions>>,
@@ -83,7 +83,7 @@ impl Images {
         self.lock().as_ref().map(|subscriptions| subscriptions.images.num_matched())
     }
 
-    /// Topics about the axis on which nobody publishes. Poses that stay need no publisher.
+    /// Topics about the axis without a publisher. Static poses need no publisher.
     pub(super) fn unheard_positions(&self) -> Vec<&TopicEndpoint> {
         let guard = self.lock();
         let Some(Subscriptions { positions, .. }) = &*guard else { return Vec::new() };
@@ -99,7 +99,7 @@ impl Images {
     }
 }
 
-/// Who a camera is, and what keeps its results.
+/// The identity of a camera, and its recorder.
 pub(super) struct Identity {
     /// Its name among several; empty: the only one.
     pub(super) name: String,
@@ -107,7 +107,7 @@ pub(super) struct Identity {
     pub(super) part_frame: String,
     /// Its recorder.
     pub(super) recording: RecordingControl,
-    /// What explains its recordings.
+    /// Description for its recordings.
     pub(super) description: Description,
 }
 
@@ -120,9 +120,9 @@ pub(super) struct Camera {
     pub(super) part_frame: String,
     /// Its recorder.
     pub(super) recording: RecordingControl,
-    /// What explains its recordings, as it was at the start.
+    /// Description for its recordings, as it was at the start.
     pub(super) description: Description,
-    /// Where its worker leaves reports.
+    /// Board with the reports of its worker.
     pub(super) board: Board,
     images: Arc<Images>,
     input: Arc<Queue<Input>>,
@@ -139,6 +139,15 @@ impl Ordered {
     }
 }
 
+/// The clock, the diagnostics and the sinks of a camera's worker.
+pub(super) struct Environment {
+    pub(super) clock: RosClock,
+    pub(super) survey: Survey,
+    pub(super) outlets: Vec<Outlet>,
+    /// Topics that the worker publishes on.
+    pub(super) num_topics: usize,
+}
+
 /// The thread of a camera's worker.
 pub(super) type Measuring = JoinHandle<Result<Summary, RunError>>;
 
@@ -148,17 +157,16 @@ impl Camera {
         Identity { name, part_frame, recording, description }: Identity,
         images: Arc<Images>,
         worker: Worker,
-        (clock, survey): (RosClock, Survey),
-        (outlets, num_topics): (Vec<Outlet>, usize),
+        Environment { clock, survey, outlets, num_topics }: Environment,
     ) -> io::Result<(Self, Measuring)> {
         let input = Arc::new(Queue::new(INPUT_BOUND, WhenFull::DropOldest));
         let settings = Arc::new(Mailbox::default());
         let observer = images.observer.clone();
         let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
         let board = Board::default();
-        let live = Live::new(Arc::clone(&settings), clock, survey, observe);
-        let live = live.with_board(board.clone());
-        let worker = worker.with_live(live).with_inbox(Arc::clone(&images.inbox));
+        let online = Online::new(Arc::clone(&settings), clock, survey, observe);
+        let online = online.with_board(board.clone());
+        let worker = worker.with_online(online).with_inbox(Arc::clone(&images.inbox));
         let taken = Arc::clone(&input);
         let thread = thread::Builder::new()
             .name(format!("camera {name}"))
@@ -168,13 +176,13 @@ impl Camera {
         Ok((camera, thread))
     }
 
-    /// Subscribes to the images, and before them to what tells where they were taken.
+    /// Subscribes to positions and `camera_info`, then to the images.
     pub(super) fn listen(&self) -> Result<(), TransportError> {
         let Images { transport, endpoint, limit_bytes, info, observer, .. } = &*self.images;
         let positions = self.images.positions.iter().map(|endpoint| {
             let topic = Topic::new(endpoint.name.as_str(), endpoint.kind, endpoint.qos);
-            let waits = (Arc::clone(&self.images.inbox), Arc::clone(&self.input));
-            let on_position = feed::on_position(waits, Arc::new(topic));
+            let (inbox, queue) = (Arc::clone(&self.images.inbox), Arc::clone(&self.input));
+            let on_position = feed::on_position(inbox, queue, Arc::new(topic));
             transport.subscribe(endpoint, POSITION_LIMIT_BYTES, on_position)
         });
         let positions = positions.collect::<Result<_, _>>()?;
@@ -191,21 +199,21 @@ impl Camera {
         drop(self.images.lock().take());
     }
 
-    /// Measures by these from the next frame on.
+    /// Measures with these settings from the next frame on.
     pub(super) fn set(&self, settings: Settings) {
         self.images.observer.set_direction(settings.params.stripe_direction);
         self.settings.put(settings);
     }
 
-    /// Has the worker carry out a command.
+    /// Sends a command to the worker.
     pub(super) fn order(&self, command: impl FnOnce(Reply) -> Command) -> Ordered {
         let (reply, answer) = mpsc::sync_channel(1);
-        // Where the worker has ended, nobody keeps the reply, and the answer says so.
+        // Where the worker has ended, the reply is dropped, and the answer reports it.
         drop(self.input.push_urgent(Input::Command(command(reply))));
         Ordered(answer)
     }
 
-    /// Takes no more; what came is still measured.
+    /// Accepts no more frames; those that wait are still measured.
     pub(super) fn close(&self) {
         drop(self.images.lock().take());
         self.input.close();
@@ -219,7 +227,7 @@ fn measure(
     num_topics: usize,
 ) -> Result<Summary, RunError> {
     let started = Instant::now();
-    // The middleware gives a new buffer with every message: spare ones would lie about.
+    // The middleware allocates a buffer for every message: spare ones would be of no use.
     let spare = Queue::new(INPUT_BOUND, WhenFull::DropOldest);
     spare.close();
     let (counts, stages) = run::work(worker, input, &spare, outlets, num_topics)?;

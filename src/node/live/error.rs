@@ -1,4 +1,4 @@
-//! Why the live node cannot do what it is asked for.
+//! Errors of the node on a network.
 
 use std::io;
 
@@ -12,7 +12,7 @@ use crate::{
     ros::{names::NameError, parameters::ParameterError, transport::TransportError},
 };
 
-/// A live node that cannot start or go on.
+/// The reason that a node cannot start or continue.
 #[derive(Debug, Error)]
 pub enum LiveError {
     /// A name or remap rule.
@@ -36,19 +36,19 @@ pub enum LiveError {
     /// The log on `/rosout`.
     #[error(transparent)]
     Rosout(#[from] RosoutError),
-    /// The node cannot begin to work.
+    /// A lifecycle transition failed.
     #[error(transparent)]
     Lifecycle(#[from] ChangeError),
     /// The system gives no thread.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] io::Error),
-    /// A camera's worker ended before its time.
+    /// A camera's worker ended early.
     #[error(transparent)]
     Run(#[from] RunError),
 }
 
 impl LiveError {
-    /// Whether what was asked for is to blame, rather than a file, the network or the machine.
+    /// True if the request is wrong, rather than a file, the network or the machine.
     pub const fn is_usage(&self) -> bool {
         match self {
             Self::Name(_) | Self::Parameter(_) | Self::Axis(_) => true,

@@ -7,32 +7,32 @@ use crate::{
     node::{
         positions::inbox::Inbox,
         queue::Queue,
-        source::{Input, Writer},
+        source::{Input, PublisherId},
     },
     ros::transport::{Arrival, OnArrival},
 };
 
 /// Hands every arrival to the queue, which drops the oldest when the worker is too slow.
 pub(super) fn on_image(queue: Arc<Queue<Input>>, topic: Arc<Topic>) -> OnArrival {
-    let mut writers = Writers::default();
+    let mut ids = PublisherIds::default();
     Box::new(move |arrival| {
         let (item, num_bytes) = match arrival {
             Ok(arrival) => {
                 let num_bytes = arrival.data.len();
-                let writer = writers.of(arrival.publisher);
+                let writer = ids.of(arrival.publisher);
                 (Input::Message(message(arrival, &topic), writer), num_bytes)
             }
             Err(fault) => (Input::Fault(fault.to_string()), 0),
         };
-        // A closed queue: the camera has ended, and nobody waits for its images.
+        // A closed queue: the camera has ended.
         drop(queue.push(item, num_bytes));
     })
 }
 
-/// Hands every arrival to the inbox, from which the worker takes it. What could not be handed on is missed as any lost
-/// message is: by the gap that it leaves.
+/// Puts every arrival into the inbox of the worker. An arrival that failed counts as any lost message: it leaves a gap.
 pub(super) fn on_position(
-    (inbox, queue): (Arc<Inbox>, Arc<Queue<Input>>),
+    inbox: Arc<Inbox>,
+    queue: Arc<Queue<Input>>,
     topic: Arc<Topic>,
 ) -> OnArrival {
     Box::new(move |arrival| match arrival {
@@ -47,26 +47,26 @@ fn message(arrival: Arrival, topic: &Arc<Topic>) -> RawMessage {
         topic: Arc::clone(topic),
         log_time_ns: receive_time_ns,
         publish_time_ns: if source_time_ns == 0 { receive_time_ns } else { source_time_ns },
-        // As recordings store it: the counter's low half is enough to see gaps.
+        // Recordings store the low half of the counter, which is enough to detect gaps.
         sequence: sequence.map_or(0, |sequence| sequence as u32),
         data,
     }
 }
 
-/// Numbers publishers by their changes: of two that take turns, neither's gaps can be told.
+/// Numbers publishers by their changes: while two take turns, gaps of neither can be detected.
 #[derive(Default)]
-struct Writers {
+struct PublisherIds {
     last: Option<[u8; 16]>,
-    writer: Writer,
+    current: PublisherId,
 }
 
-impl Writers {
-    fn of(&mut self, publisher: [u8; 16]) -> Writer {
+impl PublisherIds {
+    fn of(&mut self, publisher: [u8; 16]) -> PublisherId {
         if self.last.is_some_and(|last| last != publisher) {
-            self.writer = Writer(self.writer.0.wrapping_add(1));
+            self.current = PublisherId(self.current.0.wrapping_add(1));
         }
         self.last = Some(publisher);
-        self.writer
+        self.current
     }
 }
 
@@ -80,7 +80,7 @@ mod tests {
     };
 
     #[test]
-    fn another_publisher_is_another_writer() {
+    fn messages_of_another_publisher_have_another_id() {
         let queue = Arc::new(Queue::new(Bound { items: 8, bytes: 100 }, WhenFull::DropOldest));
         let topic = Topic::new("/image_raw", Image::TYPE, QosProfile::best_effort(5));
         let mut feed = on_image(Arc::clone(&queue), Arc::new(topic));
@@ -99,8 +99,8 @@ mod tests {
         let mut seen = Vec::new();
         while let Some(input) = queue.pop() {
             seen.push(match input {
-                Input::Message(message, writer) => {
-                    (message.sequence, message.publish_time_ns, writer.0)
+                Input::Message(message, publisher) => {
+                    (message.sequence, message.publish_time_ns, publisher.0)
                 }
                 Input::Fault(what) => (what.len() as u32, 0, 0),
                 other => unreachable!("{other:?}"),

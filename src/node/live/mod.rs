@@ -45,20 +45,20 @@ use crate::{
     },
 };
 use error::LiveError;
-use node::Shared;
+use node::NodeState;
 use report::Watcher;
 use session::CameraSummary;
 use setup::Context;
 
-/// How often the node looks whether it was shut down, or a camera has ended.
+/// Period at which the node checks for a shutdown or the end of a camera.
 const WATCH_PERIOD: Duration = Duration::from_millis(100);
 
-/// What to run.
+/// The node to run.
 #[derive(Clone, Debug)]
 pub struct LiveRequest {
     /// On what.
     pub middleware: Middleware,
-    /// Whether the node is its own Zenoh router.
+    /// True if the node is its own Zenoh router.
     pub is_router: bool,
     /// Names, remaps and parameters.
     pub ros: RosArguments,
@@ -66,7 +66,7 @@ pub struct LiveRequest {
 
 /// A node that is on the network.
 pub struct LiveNode {
-    shared: Arc<Shared>,
+    shared: Arc<NodeState>,
     lifecycle: Lifecycle,
     // Before the transport, so that nothing is asked of a node that is half gone.
     servers: Servers,
@@ -127,7 +127,7 @@ impl LiveNode {
         let cameras = values.cameras().to_vec();
         let context = Context::new(Arc::clone(transport), names.clone(), clock.clone());
         context.choose_time(&params)?;
-        let shared = Arc::new(Shared::new(context, values.clone())?);
+        let shared = Arc::new(NodeState::new(context, values.clone())?);
         let node = Arc::downgrade(&shared);
 
         let store = Arc::new(ParameterStore::new(values, on_change(node.clone()))?);
@@ -185,7 +185,7 @@ impl LiveNode {
     }
 }
 
-fn on_change(node: Weak<Shared>) -> OnChange {
+fn on_change(node: Weak<NodeState>) -> OnChange {
     Box::new(move |_, values| match node.upgrade() {
         Some(node) => node.set(values),
         None => Err("the node is shutting down".to_owned()),

@@ -1,4 +1,4 @@
-//! The state that services, parameters and the lifecycle share, and what they do with it.
+//! The state shared by services, parameters and the lifecycle, and its operations.
 
 use std::{
     sync::{Mutex, MutexGuard, PoisonError, Weak},
@@ -26,23 +26,23 @@ use crate::{
 };
 
 /// A node on the middleware.
-pub(super) struct Shared {
+pub(super) struct NodeState {
     pub(super) context: Context,
     state: Mutex<State>,
 }
 
 struct State {
-    /// What is in force, or will be when the node is configured.
+    /// Effective values; before configuration, those that will apply.
     values: Parameters,
     params: NodeParams,
     /// Between configure and cleanup.
     session: Option<Session>,
     is_active: bool,
-    /// Of each camera, what ended.
+    /// Summaries of ended sessions, one a camera.
     summaries: Vec<CameraSummary>,
 }
 
-impl Shared {
+impl NodeState {
     /// # Errors
     /// Values that contradict one another.
     pub(super) fn new(context: Context, values: Parameters) -> Result<Self, ParameterError> {
@@ -63,7 +63,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Begins to record, where that is wanted, before the first frame.
+    /// Activates the cameras. Recording starts before the first frame where it is enabled.
     pub(super) fn activate(&self) -> Result<(), LiveError> {
         if self.lock().params.recording.enabled {
             self.start_recordings();
@@ -75,7 +75,7 @@ impl Shared {
         active
     }
 
-    /// A disk that refuses keeps nothing else from working: it is told here, and by the diagnostics.
+    /// A disk that fails stops nothing else: the error is logged and appears in the diagnostics.
     fn start_recordings(&self) {
         for recorder in self.recorders("") {
             if let Err(error) = recorder.start() {
@@ -105,7 +105,7 @@ impl Shared {
         self.lock().session.iter().flat_map(Session::cameras).cloned().collect()
     }
 
-    /// Ends the scans, and then the recordings, which have all of them.
+    /// Ends the scans, then the recordings, so that every result is recorded.
     pub(super) fn deactivate(&self) {
         {
             let state = &mut *self.lock();
@@ -123,7 +123,7 @@ impl Shared {
             state.is_active = false;
             state.session.take()
         };
-        // Not under the lock: what waits for its turn is still measured and written.
+        // Not under the lock: queued frames are still measured and written.
         let summaries = session.map(Session::end).unwrap_or_default();
         let state = &mut *self.lock();
         for (sum, ended) in state.summaries.iter_mut().zip(summaries) {
@@ -131,7 +131,7 @@ impl Shared {
         }
     }
 
-    /// Takes new parameters: from the next frame on, where they can change at run time.
+    /// Applies new parameters from the next frame on, where they can change at run time.
     pub(super) fn set(&self, values: &Parameters) -> Result<(), String> {
         let (values, params) =
             self.context.effective(values.clone()).map_err(|error| error.to_string())?;
@@ -158,7 +158,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Has cameras carry out a command: the named one, or all of them.
+    /// Sends a command to the named camera, or to all of them.
     pub(super) fn order(&self, camera: &str, command: impl Fn(Reply) -> Command) -> Answer {
         let cameras: Vec<Camera> = {
             let state = self.lock();
@@ -180,12 +180,12 @@ impl Shared {
         failed.or(answers.first()).cloned().unwrap_or_else(|| refusal("there is no camera"))
     }
 
-    /// Whether a camera ended by itself.
+    /// True if a camera ended by itself.
     pub(super) fn has_failed(&self) -> bool {
         self.lock().session.as_ref().is_some_and(Session::has_failed)
     }
 
-    /// What the cameras came to, one for each, all sessions together.
+    /// The summaries of all sessions, one a camera.
     pub(super) fn take_summaries(&self) -> Vec<CameraSummary> {
         std::mem::take(&mut self.lock().summaries)
     }
@@ -215,17 +215,17 @@ fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), Stri
     Ok(())
 }
 
-/// Whether positions come, or came, in messages of their own.
+/// True if the source of positions changes and either is measured.
 fn is_other_source(old: &CameraParams, new: &CameraParams) -> bool {
     let [old, new] = [old, new].map(|camera| camera.scanner.motion.source);
     old != new && (old.is_measured() || new.is_measured())
 }
 
 /// The node as its lifecycle sees it.
-pub(super) struct Handle(pub(super) Weak<Shared>);
+pub(super) struct Handle(pub(super) Weak<NodeState>);
 
 impl Handle {
-    fn with<T>(&self, act: impl FnOnce(&Shared) -> Result<T, LiveError>) -> Result<T, Failure> {
+    fn with<T>(&self, act: impl FnOnce(&NodeState) -> Result<T, LiveError>) -> Result<T, Failure> {
         let node = self.0.upgrade().ok_or_else(|| "the node is gone".to_owned())?;
         act(&node).map_err(|error| Failure::Refused(error.to_string()))
     }
@@ -233,11 +233,11 @@ impl Handle {
 
 impl Managed for Handle {
     fn configure(&self) -> Result<(), Failure> {
-        self.with(Shared::configure)
+        self.with(NodeState::configure)
     }
 
     fn activate(&self) -> Result<(), Failure> {
-        self.with(Shared::activate)
+        self.with(NodeState::activate)
     }
 
     fn deactivate(&self) -> Result<(), Failure> {

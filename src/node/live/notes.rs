@@ -1,4 +1,4 @@
-//! What a camera's diagnostics say besides its counters: who publishes its images, and whether they can be understood.
+//! Diagnostics of a camera besides its counters: the publishers of its images and positions, and their types.
 
 use crate::{
     msg::diagnostic_msgs::DiagnosticStatus,
@@ -6,7 +6,7 @@ use crate::{
     ros::transport::{TopicEndpoint, Transport},
 };
 
-/// What is odd about the publishers of the image topic.
+/// Warnings about the publishers of the image topic.
 pub(super) fn on_publishers(
     transport: &dyn Transport,
     images: &TopicEndpoint,
@@ -36,7 +36,7 @@ pub(super) fn on_publishers(
     notes
 }
 
-/// Topics about the axis on which nobody publishes.
+/// Warnings about topics of the axis without a publisher.
 pub(super) fn on_positions(transport: &dyn Transport, unheard: &[&TopicEndpoint]) -> Vec<Note> {
     let note = |topic: &&TopicEndpoint| Note {
         level: DiagnosticStatus::WARN,
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn what_keeps_images_away_is_named() {
+    fn causes_of_missing_images_are_reported() {
         let network = Loopback::default();
         let images = endpoint(Image::TYPE);
         let text = |num| on_publishers(&network, &images, num).pop().map(|note| note.text);
@@ -76,7 +76,7 @@ mod tests {
         assert_eq!(text(1), None);
         assert!(text(2).is_some_and(|text| text.starts_with("2 publishers on /image_raw")));
         let _wrong = network.advertise(&endpoint(CompressedImage::TYPE)).unwrap();
-        let told = text(0).unwrap();
-        assert!(told.contains("published as sensor_msgs/msg/CompressedImage"), "{told}");
+        let note = text(0).unwrap();
+        assert!(note.contains("published as sensor_msgs/msg/CompressedImage"), "{note}");
     }
 }

@@ -1,11 +1,11 @@
-//! What an image says besides its stripe: its frame, where the laser plane is placed in it, and its `camera_info`.
+//! The metadata of images: their frame, the pose of the laser plane in it, and their `camera_info`.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::{
     msg::{cdr, diagnostic_msgs::DiagnosticStatus, sensor_msgs::CameraInfo},
     node::{
-        camera_info::{CameraInfos, ImageHeader, Pairing},
+        camera_info::{CameraInfos, CameraMatch, ImageHeader},
         clock::RosClock,
         static_tf::StaticTf,
         status::Note,
@@ -14,7 +14,7 @@ use crate::{
     scanner::{calibration::Calibration, params::StripeDirection},
 };
 
-/// Looks at every image of a camera; clones share what they have seen.
+/// Observes every image of a camera; clones share one state.
 #[derive(Clone)]
 pub(super) struct Observer {
     camera: usize,
@@ -26,11 +26,11 @@ pub(super) struct Observer {
 
 struct Seen {
     infos: CameraInfos,
-    /// The last image: its description may come behind it.
+    /// The last image: its `camera_info` may arrive later.
     image: OwnedHeader,
     conflict: Option<String>,
     num_malformed: u64,
-    /// Which way the stripe runs decides where the laser plane is.
+    /// Direction of the stripe, which determines the pose of the laser plane.
     direction: StripeDirection,
 }
 
@@ -44,7 +44,8 @@ struct OwnedHeader {
 impl Observer {
     pub(super) fn new(
         camera: usize,
-        (calibration, direction): (Option<Calibration>, StripeDirection),
+        calibration: Option<Calibration>,
+        direction: StripeDirection,
         tf: Arc<Mutex<StaticTf>>,
         clock: RosClock,
     ) -> Self {
@@ -58,12 +59,12 @@ impl Observer {
         Self { camera, calibration, tf, seen: Arc::new(Mutex::new(seen)), clock }
     }
 
-    /// Places the laser plane as it is for stripes of that direction from now on.
+    /// Publishes the pose of the laser plane for stripes of `direction` from now on.
     pub(super) fn set_direction(&self, direction: StripeDirection) {
         lock(&self.seen).direction = direction;
     }
 
-    /// Takes the camera's descriptions.
+    /// Returns a callback for `camera_info` messages.
     pub(super) fn on_info(&self) -> OnArrival {
         let seen = Arc::clone(&self.seen);
         Box::new(move |arrival| {
@@ -84,8 +85,8 @@ impl Observer {
         })
     }
 
-    /// Looks at an image; what is known of its camera.
-    pub(super) fn on_image(&self, image: &ImageHeader<'_>) -> Pairing {
+    /// Observes an image and returns its camera's description.
+    pub(super) fn on_image(&self, image: &ImageHeader<'_>) -> CameraMatch {
         let seen = &mut *lock(&self.seen);
         seen.image.stamp_ns = image.stamp_ns;
         image.frame_id.clone_into(&mut seen.image.frame_id);
@@ -99,7 +100,7 @@ impl Observer {
 
     fn place(&self, calibration: &Calibration, direction: StripeDirection, camera_frame: &str) {
         let frames = (camera_frame, calibration.frame_id());
-        // A map from known heights does not say where the camera is.
+        // A map from known heights has no camera pose.
         let Some(camera_from_laser) = calibration.camera_from_laser(direction) else { return };
         let now_ns = self.clock.now_ns();
         let placed = lock(&self.tf).place(self.camera, frames, &camera_from_laser, now_ns);
@@ -108,7 +109,7 @@ impl Observer {
         }
     }
 
-    /// What is odd about the descriptions.
+    /// Warnings about the descriptions.
     pub(super) fn notes(&self) -> Vec<Note> {
         let seen = lock(&self.seen);
         let warning = |text| Note { level: DiagnosticStatus::WARN, key: "camera_info", text };
@@ -119,19 +120,19 @@ impl Observer {
 }
 
 impl Seen {
-    /// Compares the last image with its description, if that is there.
+    /// Compares the last image with its description, once that has arrived.
     fn pair(&mut self) {
         let OwnedHeader { stamp_ns, frame_id, size_px: (width, height) } = &self.image;
         let (stamp_ns, width, height) = (*stamp_ns, *width, *height);
         match self.infos.pair(&ImageHeader { stamp_ns, frame_id, width, height }) {
-            Pairing::Matched { calibration_id, is_new, .. } => {
+            CameraMatch::Matched { calibration_id, is_new, .. } => {
                 self.conflict = None;
                 if is_new {
                     tracing::info!("camera_info describes calibration {calibration_id:016x}");
                 }
             }
-            Pairing::NoneYet => {}
-            Pairing::Conflict(conflict) => self.conflict = Some(conflict.to_string()),
+            CameraMatch::NoneYet => {}
+            CameraMatch::Conflict(conflict) => self.conflict = Some(conflict.to_string()),
         }
     }
 }

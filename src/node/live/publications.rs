@@ -8,8 +8,8 @@ use crate::{
     ros::transport::{Publication, TopicEndpoint, Transport, TransportError},
 };
 
-/// A failure is told when it is the first one, and then each time that its number has doubled.
-const fn is_told(num_failed: u64) -> bool {
+/// Failures are logged when their number is a power of two.
+const fn is_logged(num_failed: u64) -> bool {
     num_failed.is_power_of_two()
 }
 
@@ -37,7 +37,7 @@ impl Sink for Publications {
         // The machine's time, even in a simulation: as every middleware of ROS stamps what it sends.
         if let Err(error) = publication.publish(&message.data, system_ns()) {
             self.num_failed += 1;
-            if is_told(self.num_failed) {
+            if is_logged(self.num_failed) {
                 tracing::warn!("a result was not published ({} so far): {error}", self.num_failed);
             }
         }

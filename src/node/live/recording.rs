@@ -15,7 +15,7 @@ use crate::{
     ros::node_params::{self, Compression},
 };
 
-/// A recorder of a camera's results and, behind them, its images and what tells where they were taken.
+/// A recorder of a camera's results, and of its images and positions.
 pub(super) fn recorder(
     camera: &str,
     params: &node_params::RecordingParams,
@@ -71,7 +71,7 @@ pub(super) const fn num_bytes(status: &RecordingStatus) -> u64 {
     status.results.bytes + status.images.bytes
 }
 
-/// What is being recorded, and what keeps it from being so.
+/// Notes on the state of recordings and on what prevents them.
 pub(super) fn notes(status: &RecordingStatus) -> Vec<Note> {
     let bags = [
         ("recording", &status.results),

@@ -2,25 +2,25 @@
 
 use std::sync::Weak;
 
-use super::{camera::Camera, node::Shared};
+use super::{camera::Camera, node::NodeState};
 use crate::node::{board::Reported, live_recording};
 
-/// What a camera last reported, with the recorder as it is now.
+/// The last report of a camera, with the current state of its recorder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraReport {
     /// Its name among several; empty: the only one.
     pub camera: String,
     /// Its frames.
     pub reported: Reported,
-    /// Whether a bag takes messages.
+    /// True if a bag is being recorded.
     pub is_recording: bool,
-    /// Space left where it is written, bytes; `None` where nothing is recorded or the disk does not say.
+    /// Free space of the recording's disk, bytes; `None` where nothing is recorded or the space is unknown.
     pub free_bytes: Option<u64>,
 }
 
 /// Looks at a node from another thread. It does not keep the node.
 #[derive(Clone)]
-pub struct Watcher(pub(super) Weak<Shared>);
+pub struct Watcher(pub(super) Weak<NodeState>);
 
 impl Watcher {
     /// One report a camera; none while the node is unconfigured, or gone. A disk that hangs may make it wait.

@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, path::PathBuf, sync::Weak};
 
-use super::node::Shared;
+use super::node::NodeState;
 use crate::{
     msg::{
         cdr,
@@ -26,18 +26,18 @@ use crate::{
 
 use super::error::LiveError;
 
-/// Offers the services; they end when the last of the returned servers is dropped.
+/// Offers the services until the returned servers are dropped.
 pub(super) fn offer(
     transport: &dyn Transport,
     names: &NodeNames,
-    node: &Weak<Shared>,
+    node: &Weak<NodeState>,
     cameras: &[String],
 ) -> Result<Vec<Box<dyn Server>>, LiveError> {
     let mut servers = Vec::new();
-    // All cameras at once, then each by its name; an only camera has none.
+    // All cameras at once, then each by its name; a single camera has no name.
     let named = cameras.iter().map(String::as_str).filter(|name| !name.is_empty());
     for camera in std::iter::once("").chain(named) {
-        let of = |node: &Weak<Shared>| Target { node: node.clone(), camera: camera.to_owned() };
+        let of = |node: &Weak<NodeState>| Target { node: node.clone(), camera: camera.to_owned() };
         let offered: [(&str, &'static ServiceType, OnRequest); 6] = [
             ("~/start_scan", &TRIGGER, trigger(of(node), start)),
             ("~/stop_scan", &TRIGGER, trigger(of(node), Command::StopScan)),
@@ -54,9 +54,9 @@ pub(super) fn offer(
     Ok(servers)
 }
 
-/// Whom a service speaks to.
+/// The cameras that a service addresses.
 struct Target {
-    node: Weak<Shared>,
+    node: Weak<NodeState>,
     /// Empty: every camera.
     camera: String,
 }
@@ -71,7 +71,7 @@ impl Target {
 }
 
 impl Target {
-    /// Success and what was done, in one line for all cameras meant.
+    /// Calls `act` on the recorders of the addressed cameras. Returns success and one line about all of them.
     fn of_recorders(
         &self,
         act: impl Fn(&RecordingControl) -> Result<Vec<String>, RecordingError>,
@@ -86,7 +86,7 @@ impl Target {
         let (mut success, mut lines) = (true, Vec::new());
         for recorder in &recorders {
             match act(recorder) {
-                Ok(told) => lines.extend(told),
+                Ok(done) => lines.extend(done),
                 Err(error) => {
                     success = false;
                     lines.push(error.to_string());
@@ -118,7 +118,11 @@ fn record(target: Target) -> OnRequest {
     Box::new(move |request| {
         let SetBoolRequest { data } = cdr::decode(request).ok()?;
         let (success, message) = target.of_recorders(|recorder| {
-            if data { recorder.start().map(|bags| told(&bags)) } else { recorder.stop().map(ended) }
+            if data {
+                recorder.start().map(|bags| paths(&bags))
+            } else {
+                recorder.stop().map(ended)
+            }
         });
         encoded(&SetBoolResponse { success, message: Cow::Owned(message) })
     })
@@ -128,18 +132,18 @@ fn snapshot(target: Target) -> OnRequest {
     Box::new(move |request| {
         cdr::decode::<TriggerRequest>(request).ok()?;
         let (success, message) =
-            target.of_recorders(|recorder| recorder.snapshot().map(|bags| told(&bags)));
+            target.of_recorders(|recorder| recorder.snapshot().map(|bags| paths(&bags)));
         encoded(&TriggerResponse { success, message: Cow::Owned(message) })
     })
 }
 
-fn told(directories: &[PathBuf]) -> Vec<String> {
+fn paths(directories: &[PathBuf]) -> Vec<String> {
     directories.iter().map(|directory| directory.display().to_string()).collect()
 }
 
 fn ended(bags: Vec<BagStatus>) -> Vec<String> {
     let directories: Vec<_> = bags.into_iter().filter_map(|bag| bag.directory).collect();
-    told(&directories)
+    paths(&directories)
 }
 
 fn scan(target: Target) -> OnRequest {
@@ -148,6 +152,7 @@ fn scan(target: Target) -> OnRequest {
         let length_m = request.length;
         let answer = if length_m.is_finite() && length_m >= 0.0 {
             let part_id = request.part_id.into_owned();
+            let length_m = (length_m > 0.0).then_some(length_m);
             let request = ScanRequest { part_id, length_m };
             target.order(|reply| Command::StartScan(request.clone(), reply))
         } else {

@@ -24,7 +24,7 @@ pub(super) struct Session {
     threads: Vec<Measuring>,
 }
 
-/// What a camera came to.
+/// Summary of a camera.
 pub struct CameraSummary {
     /// Its name among several; empty: the only one.
     pub name: String,
@@ -57,8 +57,8 @@ impl Session {
     ) -> Result<Self, LiveError> {
         let mut session = Self { cameras: Vec::new(), threads: Vec::new() };
         let tf = context.static_tf(params.cameras.len())?;
-        for camera in params.cameras.iter().enumerate() {
-            match context.camera(params, values, camera, &tf) {
+        for number in 0..params.cameras.len() {
+            match context.camera(params, values, number, &tf) {
                 Ok((camera, thread)) => {
                     session.cameras.push(camera);
                     session.threads.push(thread);
@@ -86,10 +86,10 @@ impl Session {
     /// Ends the subscriptions, and behind the images that came before, every open scan.
     pub(super) fn deactivate(&self) {
         self.cameras.iter().for_each(Camera::stop_listening);
-        let resting: Vec<_> =
-            self.cameras.iter().map(|camera| camera.order(Command::Rest)).collect();
+        let drain_reply: Vec<_> =
+            self.cameras.iter().map(|camera| camera.order(Command::Drain)).collect();
         let deadline = Instant::now() + PATIENCE;
-        for (camera, ordered) in self.cameras.iter().zip(resting) {
+        for (camera, ordered) in self.cameras.iter().zip(drain_reply) {
             if ordered.answer(deadline).is_none() {
                 tracing::warn!("camera {:?} is still measuring what came before", camera.name);
             }
@@ -118,7 +118,7 @@ impl Session {
         &self.cameras
     }
 
-    /// Whether a camera has ended by itself, which it does only when something is wrong.
+    /// True if a camera has ended by itself, which happens only on a fault.
     pub(super) fn has_failed(&self) -> bool {
         self.threads.iter().any(Measuring::is_finished)
     }

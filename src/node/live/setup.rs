@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use super::{
-    camera::{Camera, Identity, Images, Measuring},
+    camera::{Camera, Environment, Identity, Images, Measuring},
     error::LiveError,
     notes,
     observer::Observer,
@@ -32,7 +32,7 @@ use crate::{
         topics,
         worker::{
             Worker, WorkerOptions,
-            live::{Surroundings, Survey},
+            online::{Surroundings, Survey},
         },
     },
     ros::{
@@ -44,15 +44,15 @@ use crate::{
         transport::{TopicEndpoint, Transport, TransportError},
         value::Value,
     },
-    scanner::{calibration::Calibration, image::OwnedImage, pipeline::Pipeline},
+    scanner::{calibration::Calibration, pipeline::Pipeline},
 };
 
-/// What an image message has besides its pixels, bytes, generously.
+/// Upper bound of an image message without its pixels, bytes.
 const MESSAGE_MARGIN_BYTES: usize = 64 << 10;
-/// Images that the middleware may hold back for a slow worker.
+/// Images that the middleware may queue for a slow worker.
 const IMAGE_DEPTH: u64 = 5;
 
-/// What the cameras of a node share.
+/// Transport, names and clock, shared by the cameras of a node.
 pub(super) struct Context {
     transport: Arc<dyn Transport>,
     names: NodeNames,
@@ -75,9 +75,10 @@ impl Context {
         &self,
         params: &NodeParams,
         values: &Parameters,
-        (number, camera): (usize, &CameraParams),
+        number: usize,
         tf: &Arc<Mutex<StaticTf>>,
     ) -> Result<(Camera, Measuring), LiveError> {
+        let camera = &params.cameras[number];
         let calibration =
             camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
         let (calibration, text) = calibration.unzip();
@@ -95,13 +96,13 @@ impl Context {
         };
         let part_frame = camera.part_frame(calibration.as_ref());
         let positions = self.positions(params, camera)?;
-        let plane = (calibration.clone(), camera.scanner.stripe_direction);
-        let observer = Observer::new(number, plane, Arc::clone(tf), self.clock.clone());
-        let ambient = ambient_file::load(camera)?;
+        let direction = camera.scanner.stripe_direction;
+        let (tf, clock) = (Arc::clone(tf), self.clock.clone());
+        let observer = Observer::new(number, calibration.clone(), direction, tf, clock);
         let position_topics = topics::recorded(&positions);
         let names = position_topics.iter().map(|topic| topic.name.clone()).collect();
         let worker = self
-            .worker(params, camera, (calibration.as_ref(), ambient), &description)
+            .worker(params, camera, calibration.as_ref(), &description)?
             .with_positions(positions::of_camera(camera, calibration.as_ref())?, names);
         let limit_bytes = camera.max_frame_bytes as usize + MESSAGE_MARGIN_BYTES;
         let transport = Arc::clone(&self.transport);
@@ -116,17 +117,17 @@ impl Context {
             topics::recorded(&outputs),
             inputs,
         );
-        // What has been published has been recorded.
+        // The recorder comes first: every published message has been recorded.
         let outlets = vec![recorder, self.publications(&outputs)?];
         let survey = survey(Arc::clone(&images), recording.clone());
-        let clocks = (self.clock.clone(), survey);
+        let surroundings =
+            Environment { clock: self.clock.clone(), survey, outlets, num_topics: outputs.len() };
         let name = camera.name.clone();
         let identity = Identity { name, part_frame, recording, description };
-        Ok(Camera::start(identity, images, worker, clocks, (outlets, outputs.len()))?)
+        Ok(Camera::start(identity, images, worker, surroundings)?)
     }
 
-    /// The values as they take effect, and their types: where nobody has chosen the largest message of a point cloud, it
-    /// is what the middleware carries.
+    /// The effective values, raw and typed. Where `points.max_bytes` is 0, the limit of the middleware takes its place.
     pub(super) fn effective(
         &self,
         mut values: Parameters,
@@ -153,7 +154,7 @@ impl Context {
         let base = input::image_topic_of(&camera.name, &self.names)?;
         let info = match self.names.remapped(&topics::of_camera(&camera.name, "camera_info"))? {
             Some(info) => info,
-            // As image_transport has it: beside the images.
+            // The convention of image_transport: beside the images.
             None => {
                 format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent))
             }
@@ -170,7 +171,7 @@ impl Context {
         Ok([endpoint(images, kind), endpoint(info, CameraInfo::TYPE)])
     }
 
-    /// The topics that tell where frames were taken.
+    /// The topics with the positions of frames.
     fn positions(
         &self,
         params: &NodeParams,
@@ -185,7 +186,7 @@ impl Context {
         Ok(endpoints)
     }
 
-    /// The publisher of where the laser planes are.
+    /// The publisher of the poses of the laser planes.
     pub(super) fn static_tf(&self, num_cameras: usize) -> Result<Arc<Mutex<StaticTf>>, LiveError> {
         let tf = StaticTf::start(&*self.transport, &self.names, num_cameras)?;
         Ok(Arc::new(Mutex::new(tf)))
@@ -195,14 +196,14 @@ impl Context {
         &self,
         params: &NodeParams,
         camera: &CameraParams,
-        (calibration, ambient): (Option<&Calibration>, Option<OwnedImage>),
+        calibration: Option<&Calibration>,
         description: &Description,
-    ) -> Worker {
+    ) -> Result<Worker, LiveError> {
         let part_frame = camera.part_frame(calibration);
         let scanner = camera.scanner_for(&part_frame);
         let sha256 = &description.parameters_sha256;
         let results = Results::new(&scanner, calibration, sha256).with_part_frame(part_frame);
-        // A live session is told from every other by when it began.
+        // The start time distinguishes a live session from every other one.
         let begun = format!("{sha256}{}", system_ns());
         let reporter = Reporter {
             node: self.names.fully_qualified(),
@@ -216,12 +217,13 @@ impl Context {
             max_frame_bytes: camera.max_frame_bytes,
             sends_images: sends_images(params),
         };
-        let mut pipeline = Pipeline::new(scanner, calibration.cloned()).with_ambient(ambient);
+        let mut pipeline =
+            Pipeline::new(scanner, calibration.cloned()).with_ambient(ambient_file::load(camera)?);
         if camera.tracks_laser(calibration) {
             pipeline = pipeline.with_laser_tracked();
         }
-        Worker::new(options, pipeline, results, reporter)
-            .with_camera_info(calibration.cloned(), None)
+        Ok(Worker::new(options, pipeline, results, reporter)
+            .with_camera_info(calibration.cloned(), None))
     }
 
     fn publications(&self, outputs: &[TopicEndpoint]) -> Result<Outlet, LiveError> {
@@ -236,7 +238,7 @@ impl Context {
     }
 }
 
-/// What a camera's surroundings say of it, for diagnostics.
+/// Collects a camera's notes and recorder counters, for diagnostics.
 fn survey(images: Arc<Images>, recording: RecordingControl) -> Survey {
     Arc::new(move || {
         let status = recording.status();
@@ -255,7 +257,7 @@ fn survey(images: Arc<Images>, recording: RecordingControl) -> Survey {
     })
 }
 
-/// Images are sent on where something may keep them.
+/// True if input images are forwarded to the recorder.
 pub(super) const fn sends_images(params: &NodeParams) -> bool {
     params.recording.images
 }

@@ -2,7 +2,7 @@
 
 mod cameras;
 mod driver;
-mod ear;
+mod listener;
 mod lifecycle;
 mod network;
 mod parameters;
@@ -17,4 +17,4 @@ mod viewed;
 #[cfg(feature = "foxglove")]
 mod viewer;
 
-use ear::Heard;
+use listener::Received;

@@ -61,7 +61,7 @@ pub(super) fn value(message: &ParameterValue<'_>) -> Result<Value, String> {
     }
 }
 
-/// What a parameter is and which values it may have.
+/// The descriptor of a parameter, with its allowed values.
 pub(super) fn descriptor(declared: &Declared) -> ParameterDescriptor<'_> {
     let row = declared.row();
     let (mut floating_point_range, mut integer_range) = (Vec::new(), Vec::new());

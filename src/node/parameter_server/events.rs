@@ -40,7 +40,8 @@ impl Events {
     pub(super) fn new(
         transport: &dyn Transport,
         topic: String,
-        (node, now_ns): (String, Now),
+        node: String,
+        now_ns: Now,
         values: &Parameters,
     ) -> Result<Self, TransportError> {
         let qos = QosOverrides::of(values).apply(&topic, Side::Publisher, QOS);
@@ -49,14 +50,14 @@ impl Events {
         Ok(Self { publication, node, now_ns, has_failed: false })
     }
 
-    /// Tells what the node has.
+    /// Publishes all parameters of the node.
     pub(super) fn tell_all(&mut self, values: &Parameters) {
         let all = values.iter().map(|declared| (declared.name(), declared.value()));
         let new_parameters = messages(all);
         self.tell(ParameterEvent { new_parameters, ..ParameterEvent::default() });
     }
 
-    /// Tells what was set.
+    /// Publishes changed parameters.
     pub(super) fn tell_changed(&mut self, changed: &[(&str, Value)]) {
         let changed_parameters = messages(changed.iter().map(|(name, value)| (*name, value)));
         self.tell(ParameterEvent { changed_parameters, ..ParameterEvent::default() });
@@ -78,7 +79,9 @@ impl Events {
             Ok(()) => self.has_failed = false,
             Err(error) if !self.has_failed => {
                 self.has_failed = true;
-                tracing::warn!("an event is lost: {error}; further ones are not told");
+                tracing::warn!(
+                    "a parameter event was lost: {error}; further losses are not reported"
+                );
             }
             Err(_) => {}
         }

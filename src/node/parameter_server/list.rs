@@ -1,8 +1,8 @@
-//! Which names begin as somebody asks, as rclcpp finds them.
+//! Lists parameter names by prefix, as rclcpp does.
 
 use crate::msg::rcl_interfaces::{ListParametersResult, Text};
 
-/// What stands between the levels of a name.
+/// Separator between the levels of a name.
 const SEPARATOR: char = '.';
 
 /// The names below one of the prefixes, and all where there is none; `depth` levels deep, 0 is any. In their order, with

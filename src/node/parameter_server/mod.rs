@@ -37,18 +37,18 @@ pub use store::{OnChange, ParameterStore};
 const MAX_ITEMS: usize = 2048;
 
 /// Answers a request with a response, both as CDR bytes.
-type Answer = fn(&Shared, &[u8]) -> Result<Vec<u8>, BadRequest>;
+type Answer = fn(&ServerState, &[u8]) -> Result<Vec<u8>, BadRequest>;
 
 const SERVICES: [(&str, &ServiceType, Answer); 6] = [
-    ("~/describe_parameters", &rcl::DESCRIBE_PARAMETERS, Shared::describe),
-    ("~/get_parameters", &rcl::GET_PARAMETERS, Shared::get),
-    ("~/get_parameter_types", &rcl::GET_PARAMETER_TYPES, Shared::get_types),
-    ("~/list_parameters", &rcl::LIST_PARAMETERS, Shared::list),
-    ("~/set_parameters", &rcl::SET_PARAMETERS, Shared::set),
-    ("~/set_parameters_atomically", &rcl::SET_PARAMETERS_ATOMICALLY, Shared::set_atomically),
+    ("~/describe_parameters", &rcl::DESCRIBE_PARAMETERS, ServerState::describe),
+    ("~/get_parameters", &rcl::GET_PARAMETERS, ServerState::get),
+    ("~/get_parameter_types", &rcl::GET_PARAMETER_TYPES, ServerState::get_types),
+    ("~/list_parameters", &rcl::LIST_PARAMETERS, ServerState::list),
+    ("~/set_parameters", &rcl::SET_PARAMETERS, ServerState::set),
+    ("~/set_parameters_atomically", &rcl::SET_PARAMETERS_ATOMICALLY, ServerState::set_atomically),
 ];
 
-/// Why a request gets no answer.
+/// The reason that a request gets no answer.
 #[derive(Debug, Error)]
 enum BadRequest {
     #[error(transparent)]
@@ -60,7 +60,7 @@ enum BadRequest {
 /// Serves the parameters of a node until it is dropped.
 pub struct ParameterServer {
     _servers: Vec<Box<dyn Server>>,
-    shared: Arc<Shared>,
+    shared: Arc<ServerState>,
 }
 
 impl ParameterServer {
@@ -76,11 +76,12 @@ impl ParameterServer {
         now_ns: impl Fn() -> i64 + Send + Sync + 'static,
     ) -> Result<Self, TransportError> {
         let topic = resolve(names, events::TOPIC)?;
-        let teller = (names.fully_qualified(), Box::new(now_ns) as events::Now);
-        let mut events = store.read(|values| Events::new(transport, topic, teller, values))?;
+        let (node, now_ns): (_, events::Now) = (names.fully_qualified(), Box::new(now_ns));
+        let mut events =
+            store.read(|values| Events::new(transport, topic, node, now_ns, values))?;
         store.read(|values| events.tell_all(values));
         let (events, num_malformed) = (Mutex::new(events), AtomicU64::new(0));
-        let shared = Arc::new(Shared { store, events, num_malformed });
+        let shared = Arc::new(ServerState { store, events, num_malformed });
         let mut servers = Vec::new();
         for (name, kind, answer) in SERVICES {
             let service = ServiceEndpoint { name: resolve(names, name)?, kind };
@@ -91,7 +92,7 @@ impl ParameterServer {
         Ok(Self { _servers: servers, shared })
     }
 
-    /// What others in this process do with the parameters.
+    /// A handle to the parameters for others in this process.
     pub fn handle(&self) -> ParameterHandle {
         ParameterHandle(Arc::clone(&self.shared))
     }
@@ -104,18 +105,18 @@ impl ParameterServer {
 
 /// The parameters of a node that is served, for others in this process.
 #[derive(Clone)]
-pub struct ParameterHandle(Arc<Shared>);
+pub struct ParameterHandle(Arc<ServerState>);
 
 impl ParameterHandle {
-    /// What `look` finds in the values in force.
+    /// Calls `look` with the effective values.
     pub fn read<T>(&self, look: impl FnOnce(&Parameters) -> T) -> T {
         self.0.store.read(look)
     }
 
-    /// Sets one, as a service would, and tells what was set.
+    /// Sets one parameter, as a service would, and publishes the change.
     ///
     /// # Errors
-    /// Why not, in words.
+    /// The reason for refusal, as text.
     pub fn set(&self, name: &str, value: Value) -> Result<(), String> {
         self.0.set_all(&[(name, value)])
     }
@@ -129,14 +130,14 @@ fn resolve(names: &NodeNames, name: &str) -> Result<String, TransportError> {
     names.resolve(name).map_err(refuse)
 }
 
-struct Shared {
+struct ServerState {
     store: Arc<ParameterStore>,
     /// Held from a change to its event: events follow one another as the changes do.
     events: Mutex<Events>,
     num_malformed: AtomicU64,
 }
 
-impl Shared {
+impl ServerState {
     fn answer(&self, answer: Answer, request: &[u8]) -> Option<Vec<u8>> {
         match answer(self, request) {
             Ok(response) => Some(response),
@@ -213,7 +214,7 @@ impl Shared {
         encode(&rcl::SetParametersAtomicallyResponse { result })
     }
 
-    /// Sets all or none, and tells what was set.
+    /// Sets all or none, and publishes the changes.
     fn change(&self, parameters: &[rcl::Parameter<'_>]) -> rcl::SetParametersResult<'static> {
         let wish = |parameter: &'_ rcl::Parameter<'_>| convert::value(&parameter.value);
         let values: Result<Vec<Value>, String> = parameters.iter().map(wish).collect();

@@ -6,7 +6,7 @@ use crate::ros::{
     node_params::NodeParams, parameters::ParameterError, parameters::Parameters, value::Value,
 };
 
-/// Says in messages who set a value.
+/// Names the source of a value in messages.
 const ORIGIN: &str = "refused";
 
 /// Longest name that is looked at, bytes: longer ones would only fill messages.
@@ -28,7 +28,7 @@ struct Current {
 }
 
 impl ParameterStore {
-    /// A store that begins with these values; `on_change` hears of later ones only.
+    /// Creates a store with these values; `on_change` is called for later changes only.
     ///
     /// # Errors
     /// Values that contradict one another.
@@ -37,7 +37,7 @@ impl ParameterStore {
         Ok(Self { current: Mutex::new(Current { values, params }), on_change })
     }
 
-    /// What `look` finds in the values in force.
+    /// Calls `look` with the effective values.
     pub fn read<T>(&self, look: impl FnOnce(&Parameters) -> T) -> T {
         look(&self.lock().values)
     }

@@ -25,7 +25,7 @@ use crate::{
 const NOW_NS: i64 = 1_577_836_800_000_000_001;
 const NODE: &str = "/laser_profiler";
 
-/// A node with its services, and all events that it has told.
+/// A node with its services, and all events that it has published.
 struct Node {
     network: Loopback,
     server: ParameterServer,
@@ -109,7 +109,7 @@ fn wish<'a>(name: &'a str, value: &'a Value) -> Parameter<'a> {
 }
 
 #[test]
-fn what_a_node_has_is_listed_described_and_told() {
+fn parameters_are_listed_described_and_published() {
     let node = default_node();
     let request = ListParametersRequest { prefixes: vec!["roi".into()], depth: 0 };
     let response = node.call("list_parameters", &request);
@@ -147,7 +147,7 @@ fn what_a_node_has_is_listed_described_and_told() {
 }
 
 #[test]
-fn a_change_counts_when_it_is_accepted_and_is_told() {
+fn a_change_applies_when_accepted_and_is_published() {
     let heard = Arc::new(Mutex::new(Vec::new()));
     let hears = Arc::clone(&heard);
     let on_change = move |params: &NodeParams, values: &Parameters| {
@@ -291,7 +291,7 @@ fn ten_thousand_sets_half_of_them_wrong_lose_nothing() {
     assert!(num_read > 0);
 }
 
-/// What may be set, said once more: names, and whether a value is allowed.
+/// The expected rules for a change: names and allowed values.
 fn is_allowed(name: &str, value: &Value) -> bool {
     match (name, value) {
         ("slice.profiles", Value::Integer(value)) => (1..=10_000).contains(value),

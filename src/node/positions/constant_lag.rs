@@ -3,10 +3,10 @@
 
 use crate::scanner::motion::track::{Measured, Track};
 
-/// So many frames in a row make a rule.
+/// Number of consecutive frames that prove a constant lag.
 const NUM_ALIKE: u32 = 10;
 
-/// What the last frames had in common.
+/// The common lag of the last frames.
 #[derive(Debug, Default)]
 pub(super) struct ConstantLag {
     /// Time of the last frame and of the sample before it.

@@ -16,7 +16,7 @@ use crate::{
     },
 };
 
-/// Where poses that stay are published.
+/// Topic of static poses.
 pub(super) const STATIC_TF: &str = "/tf_static";
 
 impl Positions {

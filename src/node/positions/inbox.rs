@@ -1,4 +1,4 @@
-//! What arrives about an axis waits here for the worker: fast encoders must not push images out of their queue.
+//! A queue of messages about the axis, separate from the images, so that a fast encoder does not displace them.
 
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -13,41 +13,44 @@ use crate::{
     },
 };
 
-/// Seconds of a fast encoder.
+/// Holds seconds of a fast encoder.
 const BOUND: Bound = Bound { items: 4096, bytes: 16 << 20 };
 
 /// Messages about an axis, the oldest dropped when there are too many.
 pub struct Inbox {
     messages: Queue<RawMessage>,
-    /// Whether the worker knows that something is here.
-    is_told: AtomicBool,
+    /// True if the worker has been notified of waiting messages.
+    is_announced: AtomicBool,
 }
 
 impl Default for Inbox {
     fn default() -> Self {
-        Self { messages: Queue::new(BOUND, WhenFull::DropOldest), is_told: AtomicBool::new(false) }
+        Self {
+            messages: Queue::new(BOUND, WhenFull::DropOldest),
+            is_announced: AtomicBool::new(false),
+        }
     }
 }
 
 impl Inbox {
-    /// Keeps a message, and wakes the worker behind `input` where nobody has.
+    /// Queues a message, and notifies the worker through `input` unless that was done already.
     pub fn put(&self, message: RawMessage, input: &Queue<Input>) {
         let num_bytes = message.data.len();
-        // Nobody closes it.
+        // The queue is never closed.
         drop(self.messages.push(message, num_bytes));
-        let is_new = !self.is_told.swap(true, Ordering::AcqRel);
-        // Too many orders wait already: the next message tries again.
+        let is_new = !self.is_announced.swap(true, Ordering::AcqRel);
+        // Too many commands wait already: the next message tries again.
         if is_new && input.push_urgent(Input::Positions).is_err() {
-            self.is_told.store(false, Ordering::Release);
+            self.is_announced.store(false, Ordering::Release);
         }
     }
 
-    /// The worker comes for what is here.
-    pub fn open(&self) {
-        self.is_told.store(false, Ordering::Release);
+    /// Acknowledges the notification: the next message notifies again. Call before the messages are taken.
+    pub fn acknowledge(&self) {
+        self.is_announced.store(false, Ordering::Release);
     }
 
-    /// The next message, and how many were dropped before it.
+    /// The next message, and the number of messages dropped before it.
     pub fn next(&self) -> Option<(RawMessage, u32)> {
         match self.messages.pop_counted(Some(Instant::now())) {
             Popped::Item(message, num_dropped) => Some((message, num_dropped)),
@@ -85,7 +88,7 @@ mod tests {
         }
         assert!(matches!(input.pop(), Some(Input::Positions)));
         assert!(matches!(input.pop(), Some(Input::Fault(_))), "the image is still there");
-        inbox.open();
+        inbox.acknowledge();
         let first = inbox.next().map(|(message, num_dropped)| (message.sequence, num_dropped));
         assert_eq!(first, Some((3, 3)));
         assert_eq!(std::iter::from_fn(|| inbox.next()).count(), BOUND.items - 1);

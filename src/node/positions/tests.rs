@@ -79,7 +79,7 @@ fn positions(params: &MotionParams, joint: &str) -> Positions {
 /// Value and doubts of a frame of that time.
 fn found(positions: &mut Positions, at_ms: i64) -> Option<(f64, u8)> {
     let stamp_ns = START_NS + at_ms * MS;
-    positions.at(stamp_ns, stamp_ns).map(|position| (position.value, position.doubts))
+    positions.at(stamp_ns, stamp_ns).map(|position| (position.value.0, position.doubts))
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn the_only_joint_needs_no_name() {
 }
 
 #[test]
-fn what_says_nothing_of_the_joint_is_refused_and_counted() {
+fn a_message_without_the_joint_is_refused_and_counted() {
     let bad: [(&str, RawMessage, &str); 7] = [
         ("short", joint(0, &["arm", "table"], &[7.0]), "1 positions for 2 names"),
         ("nan", joint(0, &["table"], &[f64::NAN]), "the position is NaN"),
@@ -147,9 +147,9 @@ fn what_says_nothing_of_the_joint_is_refused_and_counted() {
 }
 
 #[test]
-fn a_joint_that_does_not_exist_is_told_with_those_that_do() {
+fn a_missing_joint_is_reported_with_those_received() {
     let mut positions = positions(&params(MotionSource::JointState), "table");
-    assert!(positions.why_nothing_came().contains("no sample has come"));
+    assert!(positions.why_nothing_came().contains("no usable sample"));
     positions.take(&joint(0, &["arm", "lift"], &[1.0, 2.0]));
     assert_eq!(found(&mut positions, 0), None);
     let why = positions.why_nothing_came();
@@ -187,7 +187,7 @@ fn an_encoder_counts_over_its_wrap() {
     }
     let position = positions.at(START_NS + 15 * MS, START_NS + 15 * MS).unwrap();
     assert_eq!((position.counts, position.doubts, position.is_exact), (65_750, 0, false));
-    assert!((position.value - 0.065_750).abs() < 1e-12);
+    assert!((position.value.0 - 0.065_750).abs() < 1e-12);
     assert!(positions.at(START_NS + 20 * MS, START_NS + 20 * MS).unwrap().is_exact);
 }
 
@@ -213,7 +213,7 @@ fn an_encoder_that_says_something_is_wrong_is_believed() {
 #[test]
 fn poses_are_looked_up_at_the_stamp() {
     let mut positions = positions(&params(MotionSource::Tf), "");
-    positions.see_frame("optical");
+    positions.set_camera_frame("optical");
     assert_eq!((found(&mut positions, 0), positions.patience_ns()), (None, None));
     positions.take(&tf("/tf_static", 0, "carriage", "optical", 1.0));
     for number in 0..4 {
@@ -234,7 +234,7 @@ fn poses_are_looked_up_at_the_stamp() {
 }
 
 #[test]
-fn what_comes_after_a_frame_was_given_up_is_told_once() {
+fn a_sample_that_comes_too_late_is_reported_once() {
     let mut positions = positions(&params(MotionSource::JointState), "table");
     for at_ms in [0, 10, 20] {
         positions.take(&joint(at_ms, &["table"], &[1.0]));
@@ -242,9 +242,9 @@ fn what_comes_after_a_frame_was_given_up_is_told_once() {
     assert_eq!(found(&mut positions, 25), Some((1.0, doubt::EXTRAPOLATED)));
     assert_eq!(positions.given_up, Some((START_NS + 25 * MS, START_NS + 25 * MS)));
     positions.take(&joint(24, &["table"], &[1.0]));
-    assert!(!positions.has_told_late);
+    assert!(!positions.has_warned_late);
     positions.take(&joint(30, &["table"], &[1.0]));
-    assert!(positions.has_told_late && positions.given_up.is_none());
+    assert!(positions.has_warned_late && positions.given_up.is_none());
 }
 
 #[test]

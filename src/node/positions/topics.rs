@@ -1,4 +1,4 @@
-//! Which topics tell where the axis is.
+//! The topics that carry the position of the axis.
 
 use thiserror::Error;
 
@@ -24,7 +24,7 @@ const DEPTH: u64 = 100;
 /// Topics that a refusal names.
 const MAX_LISTED: usize = 20;
 
-/// Why no topic can be chosen in a recording.
+/// The reason that no topic can be chosen in a recording.
 #[derive(Debug, Error)]
 pub enum PositionTopicError {
     /// None is there.
@@ -34,17 +34,17 @@ pub enum PositionTopicError {
     Missing {
         /// The parameter.
         source_name: &'static str,
-        /// What was looked for.
+        /// The topic or type searched for.
         type_name: &'static str,
-        /// Where.
+        /// The recording.
         name: String,
-        /// What is there instead.
+        /// The topics present instead.
         topics: String,
     },
-    /// Nobody said which.
+    /// Several topics fit.
     #[error("the recording has several topics of {type_name}; choose one of{choices}")]
     Ambiguous {
-        /// What was looked for.
+        /// The type searched for.
         type_name: &'static str,
         /// The flags that would choose.
         choices: String,
@@ -90,7 +90,7 @@ pub fn endpoints(
 /// the only one of its type. Of `/tf` and `/tf_static` one is enough.
 ///
 /// # Errors
-/// None, or several that nobody has chosen from.
+/// No topic fits, or several do and none was chosen.
 pub fn choose(
     recorded: &[(String, String)],
     names: &NodeNames,

@@ -1,4 +1,4 @@
-//! Frames that wait for a sample behind them. Bounded; in the order in which they came.
+//! A bounded queue of frames that wait for the next sample of the axis, in order of arrival.
 
 use std::{
     collections::VecDeque,
@@ -9,45 +9,45 @@ use crate::node::unpack::Unpacked;
 
 use super::Positions;
 
-/// What waits takes no more memory than this, bytes.
+/// Upper bound of the memory of waiting messages, bytes.
 const MAX_BYTES: usize = 256 << 20;
-/// Messages of two topics may overtake one another on their way by so much: what came in time is not given up.
+/// Tolerance for messages of two topics that overtake one another in transport: samples in time are not missed.
 const OVERTAKING: Duration = Duration::from_millis(100);
 
-/// What waits.
-pub(in crate::node) enum Waiter {
+/// A frame or a fault in order of arrival.
+pub(in crate::node) enum Arrival {
     /// A frame.
     Frame(Unpacked),
-    /// What the middleware could not hand on.
+    /// A message that the middleware could not deliver.
     Fault(String),
 }
 
-/// Something that waits, and what is known of it.
+/// A waiting arrival.
 pub(in crate::node) struct Held {
-    /// The frame.
-    pub(in crate::node) waiter: Waiter,
+    /// The frame or fault.
+    pub(in crate::node) arrival: Arrival,
     /// Frames that a full queue dropped before it.
     pub(in crate::node) num_dropped: u32,
-    /// Its stamp, nanoseconds; `None`: it can have no position.
+    /// Stamp, nanoseconds; `None`: it cannot have a position.
     pub(in crate::node) stamp_ns: Option<i64>,
-    /// When it was received, nanoseconds.
+    /// Time of reception, nanoseconds.
     pub(in crate::node) received_ns: i64,
-    /// The same by a clock that never jumps.
+    /// Time of reception by a monotonic clock.
     pub(in crate::node) since: Instant,
 }
 
-/// What time it is for those that wait.
+/// The current time, by which waiting frames are released.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::node) enum Now {
     /// A message was received at that time, nanoseconds.
     Received(i64),
-    /// Nothing has come.
+    /// Time passed without a message.
     Tick(Instant),
-    /// Nothing more will come.
+    /// No more messages will arrive.
     End,
 }
 
-/// Those that wait.
+/// The queue of waiting arrivals.
 #[derive(Default)]
 pub(in crate::node) struct Waiting {
     held: VecDeque<Held>,
@@ -56,9 +56,9 @@ pub(in crate::node) struct Waiting {
 
 impl Held {
     fn num_bytes(&self) -> usize {
-        match &self.waiter {
-            Waiter::Frame(frame) => frame.message.data.len(),
-            Waiter::Fault(what) => what.len(),
+        match &self.arrival {
+            Arrival::Frame(frame) => frame.message.data.len(),
+            Arrival::Fault(what) => what.len(),
         }
     }
 
@@ -79,18 +79,18 @@ impl Held {
 }
 
 impl Waiting {
-    /// Lets something wait behind the others.
+    /// Appends an arrival.
     pub(in crate::node) fn push(&mut self, held: Held) {
         self.num_bytes += held.num_bytes();
         self.held.push_back(held);
     }
 
-    /// How many wait.
+    /// Number of waiting arrivals.
     pub(in crate::node) fn len(&self) -> usize {
         self.held.len()
     }
 
-    /// The first one, when it need not or must not wait any longer.
+    /// Removes and returns the first arrival if it need not or must not wait any longer.
     pub(in crate::node) fn next(&mut self, positions: &Positions, now: Now) -> Option<Held> {
         let first = self.held.front()?;
         let is_full = self.held.len() > positions.max_wait_frames() || self.num_bytes > MAX_BYTES;

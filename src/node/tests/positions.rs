@@ -18,7 +18,7 @@ use crate::{
     },
     node::{
         sink::Outgoing,
-        source::{Input, Writer},
+        source::{Input, PublisherId},
         statistics::Summary,
         topics::Output,
     },
@@ -41,7 +41,7 @@ fn about<M: Message>(topic: &str, at_ms: i64, late_ms: i64, content: &M) -> Inpu
     cdr::encode(content, &mut data).unwrap();
     let Input::Message(mut raw, _) = message(0, at_ms + late_ms, data) else { unreachable!() };
     raw.topic = Topic::new(topic, M::TYPE, QosProfile::reliable(10)).into();
-    Input::Message(raw, Writer::default())
+    Input::Message(raw, PublisherId::default())
 }
 
 fn header(at_ms: i64) -> Header<'static> {

@@ -44,7 +44,7 @@ fn lines(messages: &[Outgoing]) -> Vec<FrameTrace> {
 }
 
 #[test]
-fn what_a_full_queue_drops_is_counted_and_not_taken_for_lost() {
+fn frames_dropped_by_a_full_queue_are_counted_but_not_as_lost() {
     // Frame 4 never arrived; 1, 2, 3, 5 and 6 are dropped; 7 is malformed; 8 and 9 are measured.
     let mut inputs: Vec<_> = [1, 2, 3, 5, 6].map(|n| good(n, i64::from(n) * 10)).into();
     inputs.push(frame(7, 70, 70, |image| image.step = 1));

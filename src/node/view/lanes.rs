@@ -7,11 +7,11 @@ use crate::{
     foxglove::{Channel, Server, ViewError},
     node::{
         fan_out::FanOut,
-        publisher::{Halt, Publisher},
+        publisher::{PublishError, Publisher},
         queue::{Bound, Queue, WhenFull},
         replay::Stage,
         sink::{Outgoing, Outlet, Purpose, Sink, SinkError, Takes, Way},
-        source::{Input, Writer},
+        source::{Input, PublisherId},
         topics::Output,
         worker::Worker,
     },
@@ -172,7 +172,7 @@ impl<'a> Lanes<'a> {
         if lane.view.choose(&image, min_gap) {
             lane.view.show(&image);
         }
-        let input = Input::Message(message, Writer::default());
+        let input = Input::Message(message, PublisherId::default());
         tell(lane.worker.step(input, &self.spare, &mut lane.out));
     }
 
@@ -185,7 +185,7 @@ impl<'a> Lanes<'a> {
 }
 
 /// A result without bytes is missing from the picture; what comes after it is shown.
-fn tell(taken: Result<(), Halt>) {
+fn tell(taken: Result<(), PublishError>) {
     if let Err(error) = taken {
         tracing::warn!("a result is not shown: {error}");
     }

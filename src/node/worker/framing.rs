@@ -1,36 +1,33 @@
-//! The worker's part in honouring `camera_info`: images of another camera are refused, those of a part of the sensor
-//! measured as such, and where the description changes a new scan begins.
+//! `camera_info` in the worker: images of another camera are rejected, those of a part of the sensor are measured as such,
+//! and a changed description starts a new scan.
 
-use super::{Publisher, Worker};
+use super::{Publisher, Worker, frame::NotMeasured, ledger::Rejection};
 use crate::{
     bag::RawMessage,
     msg::{cdr, sensor_msgs::CameraInfo},
-    node::{
-        camera_info::{CameraInfos, Conflict, ImageHeader, Pairing},
-        publisher::Halt,
-    },
+    node::camera_info::{CameraInfos, CameraMatch, ImageHeader},
     scanner::{calibration::Calibration, camera::View},
 };
 
-/// Below, two calibrations of a camera are as good as equal, pixels.
-const WORTH_TELLING_PX: f64 = 0.1;
+/// Difference of two calibrations that is worth a warning, pixels.
+const WARN_ABOVE_PX: f64 = 0.1;
 
-/// What is known of the camera of a stream.
+/// The calibration and the descriptions of a camera.
 #[derive(Debug, Default)]
 pub(super) struct Framing {
-    /// Of the whole sensor; `None`: nothing becomes metric, and any description will do.
+    /// Calibration of the whole sensor; `None`: results are not metric, and any description is accepted.
     calibration: Option<Calibration>,
-    /// In a replay, the descriptions that were recorded; live, others keep them.
+    /// Recorded descriptions, in a replay. On a network, an observer keeps them.
     infos: CameraInfos,
     /// Their topic.
     pub(super) topic: Option<String>,
-    /// What the last image was measured with.
+    /// Calibration and view of the last image.
     current: Option<(u64, View)>,
 }
 
 impl Framing {
     pub(super) fn new(calibration: Option<Calibration>, topic: Option<String>) -> Self {
-        // Formula 6 does not say of which images it is.
+        // Calibrations by formula 6 have no image size to compare.
         let calibration = calibration.filter(|calibration| calibration.image_size_px().is_some());
         let infos = CameraInfos::of(calibration.clone());
         Self { calibration, infos, topic, current: None }
@@ -44,33 +41,38 @@ impl Framing {
         }
     }
 
-    /// What is known of a recorded image.
-    pub(super) fn pair(&mut self, image: &ImageHeader<'_>) -> Pairing {
+    /// Finds the description of a recorded image.
+    pub(super) fn pair(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         self.infos.pair_or_last(image)
     }
 }
 
 impl Worker {
-    /// Goes by what is known of an image's camera, before it is measured. Inner result: whether it can be measured.
-    pub(super) fn frame_by(
+    /// Calibrates the pipeline for the view that `camera_info` describes, before the image is measured.
+    ///
+    /// # Errors
+    /// The image is of another camera, or nothing more can be published.
+    pub(super) fn apply_camera_info(
         &mut self,
-        pairing: Pairing,
+        camera: CameraMatch,
         out: &mut Publisher<'_>,
-    ) -> Result<Result<(), Conflict>, Halt> {
-        let Some(calibration) = &self.framing.calibration else { return Ok(Ok(())) };
-        let (calibration_id, view, difference_px) = match pairing {
-            Pairing::Matched { calibration_id, view, difference_px, .. } => {
+    ) -> Result<(), NotMeasured> {
+        let Some(calibration) = &self.framing.calibration else { return Ok(()) };
+        let (calibration_id, view, difference_px) = match camera {
+            CameraMatch::Matched { calibration_id, view, difference_px, .. } => {
                 (calibration_id, view, difference_px)
             }
-            Pairing::Conflict(conflict) if conflict.is_of_geometry() => return Ok(Err(conflict)),
-            Pairing::Conflict(_) | Pairing::NoneYet => return Ok(Ok(())),
+            CameraMatch::Conflict(conflict) if conflict.is_of_geometry() => {
+                return Err(Rejection::from(conflict).into());
+            }
+            CameraMatch::Conflict(_) | CameraMatch::NoneYet => return Ok(()),
         };
         let before = self.framing.current.replace((calibration_id, view));
         if before == Some((calibration_id, view)) {
-            return Ok(Ok(()));
+            return Ok(());
         }
         let calibration = calibration.seen_through(&view);
-        if difference_px > WORTH_TELLING_PX {
+        if difference_px > WARN_ABOVE_PX {
             tracing::warn!(
                 "K and D of camera_info see points up to {difference_px:.1} px from where the calibration does: the \
                  calibration is used; the driver has another one of this camera"
@@ -78,7 +80,7 @@ impl Worker {
         }
         if before.is_some() {
             tracing::warn!(
-                "camera_info changes within the stream: now {} x {} pixels from ({}, {}), binned {} x {}; a new scan begins",
+                "camera_info changes within the stream: now {} x {} pixels from ({}, {}), binned {} x {}; starting a new scan",
                 view.size_px[0],
                 view.size_px[1],
                 view.offset_px[0],
@@ -88,7 +90,7 @@ impl Worker {
             );
             self.end_scan(out)?;
         }
-        self.pipeline.recalibrate(calibration);
-        Ok(Ok(()))
+        self.measurer.pipeline.recalibrate(calibration);
+        Ok(())
     }
 }

@@ -1,9 +1,13 @@
-//! The one thread of a camera: it owns the pipeline, judges every frame and publishes what the pipeline says.
+//! The worker of a camera: the one thread that checks and measures every frame and publishes its results.
+//!
+//! The [`Ledger`] counts and orders frames, the [`Measurer`] measures and publishes them; the worker joins the two.
 
 mod axis;
 mod frame;
 mod framing;
-pub mod live;
+mod ledger;
+mod measurer;
+pub mod online;
 
 use std::sync::Arc;
 
@@ -16,82 +20,60 @@ use super::{
     board::Reported,
     clock::system_ns,
     fan_out::CloseOnDrop,
-    order::{Sequence, StampOrder},
     positions::{
         Positions,
         inbox::Inbox,
-        waiting::{Held, Now, Waiter, Waiting},
+        waiting::{Arrival, Held, Now, Waiting},
     },
-    publisher::{Halt, Publisher},
+    publisher::{PublishError, Publisher},
     queue::{Popped, Queue},
     results::Results,
     sink::Purpose,
-    source::{Input, Writer},
+    source::Input,
     statistics::{Counts, StageTimes},
     status::{Interval, Load, Reporter, Schedule, State},
     topics::Output,
     unpack::{Picture, Unpacked},
 };
 use framing::Framing;
-use live::Live;
+use ledger::Ledger;
+use measurer::Measurer;
+use online::Online;
 
-/// How the worker treats its input.
+/// Options for the input of a worker.
 #[derive(Clone, Debug)]
 pub struct WorkerOptions {
-    /// How images are packed.
+    /// Transport of the images.
     pub transport: ImageTransport,
     /// Largest decoded image, bytes.
     pub max_frame_bytes: u64,
-    /// Whether input images are sent on with the results.
+    /// True if input images are forwarded with the results.
     pub sends_images: bool,
-}
-
-/// What happened before the next good frame.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pending {
-    missing: u32,
-    /// Whether more may be missing than is known.
-    is_unknown: bool,
-    /// Refused, or dropped by the full queue.
-    rejected: u32,
 }
 
 /// A camera's worker.
 pub struct Worker {
     options: WorkerOptions,
-    pipeline: Pipeline,
-    results: Results,
+    ledger: Ledger,
+    measurer: Measurer,
     reporter: Reporter,
     schedule: Schedule,
-    sequence: Sequence,
-    stamps: StampOrder,
-    pending: Pending,
-    counts: Counts,
-    stages: StageTimes,
-    /// Pixels of a decoded compressed image.
-    pixels: Vec<u8>,
+    /// Log time of the last frame, nanoseconds since the epoch.
     last_time_ns: i64,
-    /// How far the last measured frame came since the first of its scan, metres (radians).
-    travelled: f64,
-    /// Where frames were taken, when that is measured.
-    positions: Option<Positions>,
-    /// Where messages about that wait, live.
+    /// Queue of messages about the axis, on a network.
     inbox: Option<Arc<Inbox>>,
-    /// Topics that they come on.
+    /// Topics of messages about the axis.
     position_topics: Vec<String>,
     /// Frames that wait for their positions.
     waiting: Waiting,
-    last_writer: Writer,
-    /// Why the last frame was refused, until it is reported.
-    last_rejection: Option<String>,
-    /// What is known of the camera.
+    /// Descriptions of the camera.
     framing: Framing,
-    /// What only a live camera has.
-    live: Option<Live>,
+    /// State that only a camera on a network has.
+    online: Option<Online>,
 }
 
 impl Worker {
-    /// A worker that has seen nothing yet.
+    /// Creates a worker without measured positions, for a replay.
     pub fn new(
         options: WorkerOptions,
         pipeline: Pipeline,
@@ -100,42 +82,33 @@ impl Worker {
     ) -> Self {
         Self {
             options,
-            pipeline,
-            results,
+            ledger: Ledger::default(),
+            measurer: Measurer::new(pipeline, results),
             reporter,
             schedule: Schedule::default(),
-            sequence: Sequence::default(),
-            stamps: StampOrder::default(),
-            pending: Pending::default(),
-            counts: Counts::default(),
-            stages: StageTimes::default(),
-            pixels: Vec::new(),
             last_time_ns: 0,
-            travelled: 0.0,
-            positions: None,
             inbox: None,
             position_topics: Vec::new(),
             waiting: Waiting::default(),
-            last_writer: Writer::default(),
-            last_rejection: None,
             framing: Framing::default(),
-            live: None,
+            online: None,
         }
     }
 
-    /// Makes it the worker of a live camera.
+    /// Adds the state of a camera on a network.
     #[must_use]
-    pub fn with_live(self, live: Live) -> Self {
-        Self { live: Some(live), ..self }
+    pub fn with_online(self, online: Online) -> Self {
+        Self { online: Some(online), ..self }
     }
 
-    /// Makes it ask where frames were taken; messages about that come on `topics`.
+    /// Adds measured positions; their messages arrive on `topics`.
     #[must_use]
-    pub fn with_positions(self, positions: Option<Positions>, topics: Vec<String>) -> Self {
-        Self { positions, position_topics: topics, ..self }
+    pub fn with_positions(mut self, positions: Option<Positions>, topics: Vec<String>) -> Self {
+        self.measurer.positions = positions;
+        Self { position_topics: topics, ..self }
     }
 
-    /// Makes it look there for messages about the axis.
+    /// Adds a queue of messages about the axis.
     #[must_use]
     pub fn with_inbox(self, inbox: Arc<Inbox>) -> Self {
         Self { inbox: Some(inbox), ..self }
@@ -146,20 +119,20 @@ impl Worker {
         &self.position_topics
     }
 
-    /// Makes it refuse images of another camera than the calibrated one, and measure those of a part of its sensor as such;
-    /// recorded descriptions of the camera come on `topic`, one of those of the positions.
+    /// Checks images against `camera_info`: those of another camera are rejected, those of a part of the sensor measured as
+    /// such. Recorded `camera_info` arrives on `topic`, which is among the topics of the positions.
     #[must_use]
     pub fn with_camera_info(self, calibration: Option<Calibration>, topic: Option<String>) -> Self {
         Self { framing: Framing::new(calibration, topic), ..self }
     }
 
-    /// The largest picture that it takes, bytes, where its images are compressed.
+    /// Largest decoded image, bytes, where images are compressed.
     pub fn unpacks_bytes(&self) -> Option<u64> {
         let WorkerOptions { transport, max_frame_bytes, .. } = self.options;
         (transport == ImageTransport::Compressed).then_some(max_frame_bytes)
     }
 
-    /// Takes all input, ends the scan and reports a last time. Buffers of used messages go to `spare`.
+    /// Processes all input, ends the scan and reports a last time. Buffers of processed messages go to `spare`.
     ///
     /// # Errors
     /// Nothing more can be published.
@@ -168,25 +141,25 @@ impl Worker {
         input: &Queue<Input>,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
-    ) -> Result<(Counts, StageTimes), Halt> {
+    ) -> Result<(Counts, StageTimes), PublishError> {
         let _closed_at_the_end = CloseOnDrop(input);
         loop {
-            match input.pop_counted(self.live.as_ref().map(Live::next_tick)) {
+            match input.pop_counted(self.online.as_ref().map(Online::next_tick)) {
                 Popped::Item(item, num_dropped) => {
-                    self.look_up(spare, out)?;
+                    self.apply_changes(spare, out)?;
                     self.take_input(item, num_dropped, spare, out)?;
                 }
-                Popped::TimedOut => self.look_up(spare, out)?,
+                Popped::TimedOut => self.apply_changes(spare, out)?,
                 Popped::Closed => break,
             }
-            self.let_go(spare, out)?;
+            self.release_overdue(spare, out)?;
             self.tick(input.len() + self.waiting.len(), out)?;
         }
         self.finish(spare, out)?;
-        Ok((self.counts, self.stages))
+        Ok((*self.ledger.counts(), self.measurer.into_stages()))
     }
 
-    /// Takes one input at once, for who has no queue: a viewer that jumps about in a recording.
+    /// Processes one input without a queue, for a viewer that seeks in a recording.
     ///
     /// # Errors
     /// Nothing more can be published.
@@ -195,20 +168,24 @@ impl Worker {
         item: Input,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         self.take_input(item, 0, spare, out)?;
-        self.let_go(spare, out)
+        self.release_overdue(spare, out)
     }
 
-    /// Measures what still waits, ends the scan and reports a last time.
+    /// Measures the frames that still wait, ends the scan and reports a last time.
     ///
     /// # Errors
     /// Nothing more can be published.
-    pub fn finish(&mut self, spare: &Queue<Vec<u8>>, out: &mut Publisher<'_>) -> Result<(), Halt> {
+    pub fn finish(
+        &mut self,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), PublishError> {
         self.release(Now::End, spare, out)?;
         self.end_scan(out)?;
         let now_ns = self.report_time_ns();
-        let interval = self.schedule.close(now_ns, &self.counts);
+        let interval = self.schedule.close(now_ns, self.ledger.counts());
         self.report(now_ns, interval, out)
     }
 
@@ -218,118 +195,109 @@ impl Worker {
         num_dropped: u32,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
-        let waiter = match item {
-            Input::Message(message, writer) => {
-                Waiter::Frame(Unpacked { message, writer, picture: None })
+    ) -> Result<(), PublishError> {
+        let arrival = match item {
+            Input::Message(message, publisher) => {
+                Arrival::Frame(Unpacked { message, publisher, picture: None })
             }
             Input::Ahead(ahead) => match ahead.wait() {
-                Some(unpacked) => Waiter::Frame(unpacked),
-                None => Waiter::Fault("the thread that unpacks images is gone".to_owned()),
+                Some(unpacked) => Arrival::Frame(unpacked),
+                None => Arrival::Fault("the thread that unpacks images is gone".to_owned()),
             },
-            Input::Fault(what) => Waiter::Fault(what),
-            other => return self.take_other(other, spare, out),
+            Input::Fault(what) => Arrival::Fault(what),
+            other => return self.take_non_frame(other, spare, out),
         };
-        if self.positions.is_some() {
-            return self.hold(waiter, num_dropped, spare, out);
+        if self.measurer.positions.is_some() {
+            return self.hold(arrival, num_dropped, spare, out);
         }
-        self.take_dropped(num_dropped);
-        self.take_waiter(waiter, spare, out)
+        self.ledger.count_dropped(num_dropped);
+        self.take_arrival(arrival, spare, out)
     }
 
-    /// What is no frame.
-    fn take_other(
+    /// Processes an input that is not a frame.
+    fn take_non_frame(
         &mut self,
         item: Input,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         match item {
             Input::Position(message) => self.take_position(&message, spare, out),
-            Input::Positions => self.open_inbox(spare, out),
+            Input::Positions => self.drain_inbox(spare, out),
             Input::NewRecording => {
                 self.release(Now::End, spare, out)?;
-                self.begin_anew(out)
+                self.restart_stream(out)
             }
-            // Counted and told where it was read; and frames are not taken here.
+            // The reader counts and reports damage; frames never get here.
             Input::Damage(_) | Input::Message(..) | Input::Ahead(_) | Input::Fault(_) => Ok(()),
-            Input::Command(command) => self.obey(command, out),
+            Input::Command(command) => self.execute(command, out),
         }
     }
 
-    /// Takes what has come, or need not wait any longer.
-    fn take_waiter(
+    /// Processes a frame or a fault that need not wait any longer.
+    fn take_arrival(
         &mut self,
-        waiter: Waiter,
+        arrival: Arrival,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
-        let Unpacked { message, writer, picture } = match waiter {
-            Waiter::Frame(unpacked) => unpacked,
-            Waiter::Fault(what) => {
-                self.take_fault(&what);
+    ) -> Result<(), PublishError> {
+        let Unpacked { message, publisher, picture } = match arrival {
+            Arrival::Frame(unpacked) => unpacked,
+            Arrival::Fault(what) => {
+                self.ledger.count_fault(&what, self.last_time_ns);
                 return Ok(());
             }
         };
-        if writer != self.last_writer {
-            self.last_writer = writer;
-            self.sequence.restart();
-        }
+        self.ledger.note_publisher(publisher);
         self.take(&message, picture.as_ref(), out)?;
         picture.into_iter().for_each(Picture::give_back);
-        // A closed or full queue of spares: the buffer is simply freed.
+        // A closed or full queue of spares: the buffer is freed.
         _ = spare.push(message.data, 0);
         Ok(())
     }
 
-    /// What comes next does not go on from what came before.
-    fn begin_anew(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
+    /// Prepares for input that does not continue the earlier one.
+    fn restart_stream(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
         self.end_scan(out)?;
-        self.positions.iter_mut().for_each(Positions::restart);
-        self.stamps = StampOrder::default();
-        self.sequence.restart();
+        self.measurer.positions.iter_mut().for_each(Positions::restart);
+        self.ledger.restart();
         self.schedule.restart();
         Ok(())
     }
 
-    /// The time by the clock of the log times: of a recording that of its last message.
+    /// The time of a report by the clock of the log times, nanoseconds; in a replay, that of the last frame.
     fn report_time_ns(&self) -> i64 {
-        // A simulation's clock may stand still, and frames are received by the machine's.
-        self.live.as_ref().map_or(self.last_time_ns, |_| system_ns())
+        // Log times follow the system clock; a simulated clock may stand still.
+        self.online.as_ref().map_or(self.last_time_ns, |_| system_ns())
     }
 
-    fn end_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), Halt> {
-        let completed = self.pipeline.finish(self.pending.missing, self.pending.rejected);
-        self.pending = Pending::default();
-        self.counts.slices += u64::from(completed.slice.is_some());
-        self.results.publish_completed(
-            (completed.slice, completed.height_map),
-            self.last_time_ns,
-            out,
-        )
+    fn end_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
+        let gap = self.ledger.take_gap();
+        let has_slice = self.measurer.end_scan(gap, self.last_time_ns, out)?;
+        self.ledger.count_last_slice(has_slice);
+        Ok(())
     }
 
-    /// Says how the stream is doing; `now_ns` is when by the clock of the log times.
+    /// Publishes status and diagnostics; `now_ns` is by the clock of the log times.
     fn report(
         &mut self,
         now_ns: i64,
         interval: Interval,
         out: &mut Publisher<'_>,
-    ) -> Result<(), Halt> {
+    ) -> Result<(), PublishError> {
         let (mut stamp_ns, mut load, mut notes) = (now_ns, Load::default(), Vec::new());
-        if let Some(live) = &mut self.live {
-            let surroundings = live.surroundings();
-            self.counts.recorder_dropped =
-                out.num_dropped(Purpose::Record) + surroundings.recorder_dropped;
-            self.counts.recorder_bytes = surroundings.recorder_bytes;
-            (stamp_ns, load, notes) = (live.now_ns(), live.take_load(), surroundings.notes);
+        if let Some(online) = &mut self.online {
+            let surroundings = online.surroundings();
+            let num_dropped = out.num_dropped(Purpose::Record) + surroundings.recorder_dropped;
+            self.ledger.set_recorded(surroundings.recorder_bytes, num_dropped);
+            (stamp_ns, load, notes) = (online.now_ns(), online.take_load(), surroundings.notes);
         }
-        if let Some(live) = &self.live {
+        if let Some(online) = &self.online {
             let rate_hz = interval.rate_hz;
-            live.board.write(Reported { counts: self.counts, rate_hz, load });
+            online.board.write(Reported { counts: *self.ledger.counts(), rate_hz, load });
         }
-        let last_rejection = self.last_rejection.take();
-        let state = State { counts: self.counts, interval, load, notes, last_rejection };
+        let last_rejection = self.ledger.take_last_rejection();
+        let state = State { counts: *self.ledger.counts(), interval, load, notes, last_rejection };
         let status = self.reporter.stream_status(stamp_ns, &state);
         out.publish(Output::StreamStatus, now_ns, &status)?;
         let diagnostics = self.reporter.diagnostics(stamp_ns, &state);

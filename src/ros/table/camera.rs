@@ -5,8 +5,8 @@ use crate::{
     scanner::{
         image::MAX_SIDE_PX,
         params::{
-            AxisChoice, Background, Channel, Exposure, Method, MotionSource, NoiseSource,
-            PeakSelection, ScanDirection, StripeDirection, Threshold, Window,
+            AxisChoice, Background, Channel, Exposure, GravityWindow, Method, MotionSource,
+            NoiseSource, PeakSelection, ScanDirection, StripeDirection, Threshold,
         },
     },
 };
@@ -52,7 +52,7 @@ pub const CAMERA: &[Parameter] = &[
          background pulls aside. gaussian_ml: maximum likelihood, the most accurate of one cross-section alone, \
          saturated or not. log_gaussian: its fast approximation. fir_peak: zero of the derivative, for stripes of \
          uneven flanks. steger: ridge of the image, averages along the stripe."),
-    choice("extraction.window", "fractional", Window::NAMES,
+    choice("extraction.window", "fractional", GravityWindow::NAMES,
         "Window of improved_gravity. fractional: unbiased. rounded: as printed in the paper, locks to whole pixels; \
          only to compare with it."),
     integer("extraction.blur_radius", "px", (3, 0, 15),

@@ -76,7 +76,7 @@ fn laser() -> LaserPlane {
     LaserPlane { normal, distance_m: normal.dot(&middle.coords) }
 }
 
-/// A table that turns by `STEP_RAD` a picture, but for those that `lag` says.
+/// A table that turns by `STEP_RAD` per picture, except for the lags of `lag`.
 fn scene(lag_rad: impl Fn(usize) -> f64) -> TempDir {
     let directory = with_rig();
     let renderer = Renderer::new();
@@ -139,7 +139,7 @@ fn a_rendered_axis_is_found_again_and_pictures_that_lag_are_named() {
         assert_eq!(found["circles"]["markers"], serde_json::json!([0, 1, 2, 3]));
         let axis = vector(&found, "direction");
         assert!(axis.angle(&truth).to_degrees() < 0.1, "{axis} {truth}");
-        // Any point of the axis would do: how far it passes by the table's middle counts.
+        // Any point of the axis would do; its distance from the table's centre matters.
         let off = vector(&found, "point_m") - middle;
         let beside = (off - axis * axis.dot(&off)).norm();
         assert!(beside < tolerance_m, "{beside} m beside the axis with {markers}");

@@ -80,7 +80,7 @@ fn a_rendered_camera_is_found_again_beside_bad_pictures() {
     assert!((read.camera.fx_px - number(&found["intrinsics"], "fx")).abs() < 1e-9);
     assert_eq!((read.camera.width_px, read.camera.height_px), (480, 360));
 
-    // Nothing is overwritten unasked, and the same pictures give the same numbers.
+    // Nothing is overwritten without --force, and the same pictures give the same numbers.
     let again = run(&CAMERA, pictures.path(), &output);
     assert!(again.code == Some(1) && again.stderr.contains("--force"), "{again:?}");
     let forced = calibrate(&[&CAMERA[..], &["--force"]].concat(), pictures.path(), &output);
@@ -99,7 +99,8 @@ fn a_mirrored_camera_is_calibrated_as_seen() {
     assert!((number(&found["intrinsics"], "cx") - wanted).abs() < 1.0, "{found}");
 }
 
-/// The rendered lens is narrow: a model with more terms than it shows is told, the usual one is not.
+/// The rendered lens has a narrow view, which does not determine a model with many terms:
+/// that is reported; the usual model is not.
 #[test]
 fn undetermined_lens_terms_are_reported() {
     let pictures = rendered(&VIEWS);
@@ -107,7 +108,7 @@ fn undetermined_lens_terms_are_reported() {
     let model = ["--model", "rational_polynomial", "--force"];
     let wide = run(&[&CAMERA[..], &model].concat(), pictures.path(), &output);
     if wide.code == Some(1) {
-        // No covariance at all says the same.
+        // The same is reported without any covariance.
         assert!(wide.stderr.contains("do not determine"), "{wide:?}");
     } else {
         assert!(

@@ -148,7 +148,7 @@ fn a_file_without_camera_is_refused() {
     scene.refused(&["camera.yaml", "projective"]);
 }
 
-/// The rendered truth is what the renderer was told, not what the camera thinks of it.
+/// The ground truth is the renderer's input, not the camera's estimate.
 #[test]
 fn the_rendered_line_is_the_intersection_of_the_planes() {
     let renderer = Renderer::new();

@@ -64,7 +64,7 @@ fn the_rig_is_calibrated_from_its_recordings() {
     assert_eq!(late.iter().map(|(view, _)| view.clone()).collect::<Vec<_>>(), expected);
     assert!(late.iter().all(|(_, off)| (off.to_degrees() + 1.15).abs() < 0.15), "{late:?}");
 
-    // Recordings without what is looked for are told apart from bad ones.
+    // Recordings without targets are distinguished from damaged ones.
     let other = directory.path().join("other.yaml");
     let wrong = ["axis", "--markers", "aruco:5x5_50", "--calibration", rig.to_str().unwrap()];
     refused(&wrong, &turning, &other, &["0 pictures", "no marker"]);

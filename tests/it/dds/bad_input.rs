@@ -1,4 +1,4 @@
-//! What should not be on a topic: each is a fault with a name, and what is good beside it arrives.
+//! Messages that do not belong on a topic: each is a named fault, and good messages still arrive.
 
 use std::sync::Arc;
 

@@ -27,14 +27,14 @@ fn a_dropped_node_leaves_the_graph_at_once() {
     let publication = node.advertise(&topic).unwrap();
     let inbox = Inbox::open(&other, &topic, 1000);
     wait_for_subscribers(&*publication, 1);
-    // What a node made keeps it alive: the domain is left with the last of it.
+    // Endpoints keep their node alive: the domain is left when the last one is dropped.
     drop(other);
     assert_eq!(publication.num_matched(), 1);
     drop(inbox);
     wait_for_subscribers(&*publication, 0);
 }
 
-/// In a process of its own, where nobody else starts or ends threads.
+/// In its own process, where no other test starts or ends threads.
 #[test]
 fn no_thread_and_no_socket_stays_behind() {
     let ended = Command::new(std::env::current_exe().unwrap())
@@ -90,7 +90,7 @@ fn nodes_on_one_machine_discover_each_other_on_localhost() {
     wait_for_subscribers(&*publication, 1);
 }
 
-/// A Cyclone participant that hears no multicast, asks nobody, and lies above the ports that RustDDS tries itself.
+/// A Cyclone participant without multicast and peers, on ports above those that RustDDS tries.
 fn hidden_peer(domain: &Domain) -> Option<Peer> {
     let configuration = "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast></General><Discovery>\
                          <ParticipantIndex>25</ParticipantIndex></Discovery></Domain></CycloneDDS>";
@@ -112,7 +112,7 @@ fn a_static_peer_is_found_where_multicast_does_not_reach() {
     wait_for_subscribers(&*publication, 1);
     assert_eq!(not_told.num_matched(), 0, "who does not name the peer does not find it");
     drop((publication, node));
-    // The peer is told of the farewell too: a second node is found as if it were the first.
+    // The peer also receives the farewell, so it discovers a second node like the first.
     let again = open_with(&told, "again");
     let publication = again.advertise(&topic).unwrap();
     eventually("it is found again", || publication.num_matched() == 1);

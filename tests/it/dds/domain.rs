@@ -9,7 +9,7 @@ use std::{
     },
 };
 
-/// Ports of higher domains lie among those that the kernel gives away.
+/// Ports of higher domains overlap the ephemeral range.
 const NUM_DOMAINS: u32 = 100;
 /// Where claims are made: TCP, so that they are not in the way of DDS.
 const CLAIMS_FROM: u32 = 21_700;

@@ -1,4 +1,4 @@
-//! What others see of the node, and the node of others.
+//! The graph as others see the node, and as the node sees others.
 
 use laser_profiler::{
     msg::qos::QosProfile,
@@ -14,7 +14,7 @@ use super::{
 
 const IMAGE: &str = "sensor_msgs::msg::dds_::Image_";
 
-/// Endpoints are told by their identity: the peer looks up by itself which topics they are.
+/// Endpoints are identified by GUID; the peer looks up their topics itself.
 #[test]
 fn others_learn_which_endpoints_are_the_node_s() {
     let domain = Domain::claim();

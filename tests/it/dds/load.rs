@@ -1,4 +1,4 @@
-//! Load in a process of its own, so that its memory and time are its own: what a test asserts for seconds, and what is
+//! Load in its own process, to measure its memory and time alone: asserted by a test for seconds, and
 //! recorded for minutes.
 //!
 //! ```sh
@@ -139,7 +139,7 @@ fn send(vendor: Vendor, [bytes, rate, seconds]: [u32; 3]) -> Option<Json> {
     Some(figures)
 }
 
-/// Does what `DDS_LOAD` says, and nothing when it says nothing.
+/// Runs the load in `DDS_LOAD`; does nothing if it is not set.
 #[test]
 fn run() {
     let Ok(load) = env::var("DDS_LOAD") else { return };
@@ -181,7 +181,7 @@ fn images_take_a_bounded_part_of_memory() {
     let number = |name: &str| figures[name].as_f64().unwrap();
     let num_lost = number("sent") - number("received");
     assert!(num_lost < 55.0, "half of them, even on a busy machine: {figures}");
-    // Six are kept, two are on their way, and what a busy machine lost lies about in parts.
+    // Six images are queued, two are in transit, and a busy machine keeps fragments of lost ones.
     peak_is_below(&figures, 60.0 + 5.3 * (8.0 + num_lost));
 }
 

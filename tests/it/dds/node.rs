@@ -25,12 +25,12 @@ use laser_profiler::{
 
 use super::{domain::Domain, peer::Peer};
 
-/// How long anything may take that happens by itself.
+/// Deadline for events that happen on their own.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
-/// Room for what arrives while a test looks away.
+/// Capacity for messages that arrive while a test is busy.
 const MAX_WAITING: usize = 4096;
 
-/// What an image has besides its pixels, header of CDR included.
+/// Bytes of an image message besides its pixels, CDR header included.
 pub(crate) const AROUND_PIXELS: u32 = 52;
 
 pub(crate) static TRIGGER: ServiceType =
@@ -61,7 +61,7 @@ pub(crate) fn trigger(name: &str) -> ServiceEndpoint {
     ServiceEndpoint { name: name.to_owned(), kind: &TRIGGER }
 }
 
-/// A subscription and what came by it.
+/// A subscription and its received messages.
 pub(crate) struct Inbox {
     pub(crate) subscription: Box<dyn Subscription>,
     arrivals: mpsc::Receiver<Result<Arrival, Fault>>,
@@ -90,7 +90,7 @@ impl Inbox {
     }
 }
 
-/// Waits for what happens by itself.
+/// Waits for an event that happens on its own.
 pub(crate) fn eventually(what: &str, mut is_so: impl FnMut() -> bool) {
     let end = Instant::now() + PATIENCE;
     while !is_so() {

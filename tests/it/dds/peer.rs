@@ -15,7 +15,7 @@ use serde_json::Value as Json;
 use super::domain::Domain;
 use crate::{interop, program::skip};
 
-/// How long a peer may take to say what is expected: discovery takes a second, a loaded machine more.
+/// Deadline for an expected line of a peer: discovery takes a second, more on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(40);
 /// Lines that may wait for the test.
 const MAX_LINES: usize = 1024;
@@ -81,7 +81,7 @@ impl Peer {
         self.child.stdin.as_mut().unwrap().write_all(b"\n").unwrap();
     }
 
-    /// The next line that tells of `event`.
+    /// The next line with `event`.
     pub(crate) fn wait_for(&self, event: &str) -> Json {
         self.wait_until(|line| line["event"] == event)
     }

@@ -44,7 +44,7 @@ fn every_image_becomes_a_centreline() {
         let received = reader.wait_for("received");
         let (code, words, _) = node.end();
         let [arrived, processed, rejected, dropped, lost] = frames(&words);
-        // Best effort: what the camera sends before the node knows it is nobody's. From then on all is measured.
+        // With best effort, images sent before discovery are lost. After that all are measured.
         assert!((80..=100).contains(&arrived), "{vendor:?}: {words}");
         assert_eq!((rejected, dropped, lost, code), (0, 0, 0, 0), "{vendor:?}: {words}");
         assert_eq!(received["count"], processed, "{vendor:?}: {received} {words}");

@@ -45,7 +45,7 @@ fn is_answered(vendor: Vendor, service_mapping: ServiceMapping) {
     let _server = node.serve(&trigger("/cell/node/reset"), on_request).unwrap();
     let Some(peer) = call(vendor, &domain) else { return };
     let reply = peer.wait_for("reply");
-    // The peer itself checks who the reply is for. Cyclone's leaves out the header.
+    // The peer checks the addressee of the reply itself. Cyclone's peer omits the header.
     let body = if vendor == Vendor::Cyclone { &REPLY[4..] } else { &REPLY[..] };
     let replied = bytes(reply["hex"].as_str().unwrap());
     assert!(replied.starts_with(body), "{vendor:?}: {reply}");

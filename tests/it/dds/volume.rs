@@ -13,7 +13,7 @@ use super::{
 const LIMIT_BYTES: usize = 64 << 20;
 const NUM_IMAGES: i64 = 66;
 
-/// Takes three seconds of a camera's images, each of which must be what was sent; how many are lost.
+/// Receives a camera's images for three seconds, compares each with the one sent, and returns the number of losses.
 fn num_lost(
     vendor: Vendor,
     qos: QosProfile,

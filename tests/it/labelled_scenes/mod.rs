@@ -45,7 +45,7 @@ fn pictures_and_labels_match_the_rendered_scenes() {
     assert!(bytes < 2_000_000, "{bytes} bytes are too many");
 }
 
-/// What each scene's own parameters reach today: shares of the labelled lines found within 1 px and within 3 px, and of
+/// Current results with each scene's own parameters: shares of the labelled lines found within 1 px and within 3 px, and of
 /// the points that lie on no label.
 const LIMITS: [(&str, [f64; 3]); 9] = [
     ("bright_ambient", [0.98, 0.98, 0.02]),
@@ -75,7 +75,7 @@ fn labelled_lines_are_found_with_the_parameters_beside_them() {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
-/// What is stripe does not depend on how its centre is estimated: every method finds about the same lines.
+/// Segmentation does not depend on the estimator: every method finds about the same lines.
 #[test]
 fn every_method_finds_the_lines_of_every_scene() {
     let mut complaints = Vec::new();
@@ -116,7 +116,7 @@ fn no_other_selection_finds_more() {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
-/// A room above the threshold is told from a line above it.
+/// A room above the threshold is distinguished from a line above it.
 #[test]
 fn too_low_a_threshold_shows_in_the_share_of_pixels_above_it() {
     let bright =

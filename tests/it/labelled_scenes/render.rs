@@ -18,14 +18,14 @@ use laser_profiler::{
 pub(crate) const WIDTH: u32 = 320;
 pub(crate) const HEIGHT: u32 = 240;
 
-/// The stripe on a line (column, or row of a vertical stripe): where it lies and what it lies on.
+/// The stripe on a line (column, or row of a vertical stripe): its position and its surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lit {
     pub(crate) section: CrossSection,
     pub(crate) surface: &'static str,
 }
 
-/// Light of one colour: what each pixel shows without laser, and which share of the laser it sees.
+/// Light of one colour: the ambient level of each pixel, and its share of the laser light.
 pub(crate) struct Colour {
     pub(crate) background: Box<dyn Fn([u32; 2]) -> f64>,
     pub(crate) laser: f64,
@@ -37,7 +37,7 @@ pub(crate) struct Scene {
     pub(crate) direction: StripeDirection,
     /// One for grey, three for red, green and blue.
     pub(crate) colours: Vec<Colour>,
-    /// What the laser lights and a person would draw, nearest surface first.
+    /// Lit surfaces that a person would label, nearest first.
     pub(crate) stripe: Vec<Box<dyn Fn(u32) -> Option<Lit>>>,
     /// Light of the laser that is no line: halos and reflections.
     pub(crate) stray: Vec<Box<dyn Fn(u32) -> Option<CrossSection>>>,
@@ -105,7 +105,7 @@ impl Scene {
         }
     }
 
-    /// What a JPEG of the camera would have left of the picture.
+    /// The picture after JPEG compression in the camera.
     fn compressed(&self, planes: &[Vec<u8>]) -> DynamicImage {
         let rgb = RgbImage::from_fn(WIDTH, HEIGHT, |column, row| {
             let at = (row * WIDTH + column) as usize;

@@ -182,7 +182,7 @@ fn halo_and_wall() -> Scene {
     }
 }
 
-/// A board of black and white squares, a little turned, under a faint line. On black squares nobody sees it.
+/// A slightly rotated checkerboard under a faint line, which is invisible on black squares.
 fn checkerboard() -> Scene {
     let square = |[x, y]: [f64; 2]| {
         let (u, v) = (x * cos(0.07) + y * sin(0.07), y * cos(0.07) - x * sin(0.07));

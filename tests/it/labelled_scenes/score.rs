@@ -1,4 +1,4 @@
-//! A labelled scene, and how much of it an extraction finds.
+//! A labelled scene, and the share of it that an extraction finds.
 
 use std::{fmt, fs};
 
@@ -8,9 +8,10 @@ use laser_profiler::{
         node_params::NodeParams, parameters::Parameters,
     },
     scanner::{
+        frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         params::{ExtractionParams, Params, StripeDirection},
-        pipeline::{FrameIndex, Output, Pipeline},
+        pipeline::{Output, Pipeline},
     },
 };
 
@@ -54,7 +55,7 @@ impl Labelled {
         }
     }
 
-    /// What the scene's parameters find after `change`.
+    /// Score with the scene's parameters after `change`.
     pub(crate) fn score(&self, change: impl Fn(ExtractionParams) -> ExtractionParams) -> Score {
         let params = Params { extraction: change(self.params.extraction), ..self.params };
         self.measure(params, |output| {

@@ -1,4 +1,4 @@
-//! Where frames were taken, said by an axis on the network: a peer in Python publishes images and, beside them, counts of an
+//! Frame positions from an axis on the network: a peer in Python publishes images and the counts of an
 //! encoder or poses.
 
 use std::path::Path;
@@ -32,7 +32,7 @@ fn traces(place: &Path) -> Vec<(i64, FrameTrace)> {
     traced.collect()
 }
 
-/// What the node recorded of images between samples of an axis, and when the peer began.
+/// The node's recording of images between samples of an axis, and the start time of the peer.
 fn moved(
     command: &str,
     kind: &MessageType,
@@ -58,7 +58,7 @@ fn moved(
     Some((start_ns, traces(place.path())))
 }
 
-/// Most frames lie between two samples, beyond doubt; those have the position that `value` gives to a number of samples.
+/// Most frames lie clearly between two samples; their position is `value` of the number of samples.
 fn holds(traced: &[(i64, FrameTrace)], value: impl Fn(i64) -> f64) {
     let sound: Vec<_> = traced.iter().filter(|(_, trace)| trace.encoder_status == 0).collect();
     assert!(sound.len() >= COUNT - 10, "{} of {COUNT} frames: {traced:?}", sound.len());
@@ -80,7 +80,7 @@ fn counts_of_an_encoder_become_positions() {
 fn poses_become_the_way_from_the_first_frame() {
     let source = ["-p", "motion.source:=tf", "-p", "motion.part_frame:=base"];
     let Some((_, traced)) = moved("tf", TFMessage::TYPE, "/tf", &source) else { return };
-    // Of those before, nobody knows where they were taken.
+    // Earlier frames have no known position.
     let is_known = |trace: &FrameTrace| trace.encoder_source != FrameTrace::SOURCE_NONE;
     let first = traced.iter().find(|(_, trace)| is_known(trace)).unwrap().0;
     holds(&traced, |stamp_ns| 1e-3 * (stamp_ns - first) as f64 / PERIOD_NS);

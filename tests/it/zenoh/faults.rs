@@ -6,7 +6,7 @@ use super::network::{Inbox, Network, headers};
 
 const LIMIT_BYTES: usize = 1000;
 
-/// What becomes of a sample of four bytes, and of a good one behind it.
+/// The outcome of a sample of four bytes, and of a good one after it.
 fn fault_of(arguments: &[&str]) -> Option<Fault> {
     let (network, _router) = Network::start()?;
     let node = network.node();

@@ -1,4 +1,4 @@
-//! What each side sees of the other.
+//! The graph as each side sees it.
 
 use laser_profiler::{
     msg::{qos::QosProfile, schema::Message, sensor_msgs::Image, std_msgs::Header},

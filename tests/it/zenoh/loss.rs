@@ -1,4 +1,4 @@
-//! A relay loses messages. What was lost is seen in the numbers of those that arrive, exactly.
+//! A relay drops messages. The sequence numbers of the received ones reveal the exact number of losses.
 
 use std::collections::BTreeMap;
 

@@ -69,7 +69,7 @@ fn our_late_subscribers_receive_latched_messages() {
         publication.publish(&header(text), 1).unwrap();
     }
     let listener = network.header_peer("listen", &["--latched", "2"]);
-    // The subscriber asks for the past before it says that it is there.
+    // The subscriber requests history before it announces itself.
     let events = [(); 3].map(|()| listener.any_event());
     let sequences: Vec<_> = events.iter().filter_map(|event| event["sequence"].as_i64()).collect();
     assert_eq!(sequences, [2, 3], "{events:?}");

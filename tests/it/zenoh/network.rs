@@ -1,4 +1,4 @@
-//! A router of Python's zenoh, nodes of ours, and what goes between them.
+//! A router from Python's zenoh, our nodes, and the traffic between them.
 
 use std::{
     net::TcpListener,
@@ -62,7 +62,7 @@ impl Network {
         router
     }
 
-    /// As the environment would say, with more values for `ZENOH_CONFIG_OVERRIDE`.
+    /// Settings as from the environment, with more values for `ZENOH_CONFIG_OVERRIDE`.
     pub(super) fn settings(&self, role: Role, overrides: &str) -> ZenohSettings {
         let key = if role == Role::Router { "listen" } else { "connect" };
         let variable = |name: &str| match name {
@@ -104,7 +104,7 @@ impl Network {
     }
 }
 
-/// Below the ports that systems give to outgoing connections: one of those could take it before the router does.
+/// Below the range of ephemeral ports: an outgoing connection could take one before the router does.
 fn free_port() -> u16 {
     static NUM_TRIED: AtomicU32 = AtomicU32::new(0);
     loop {
@@ -136,7 +136,7 @@ pub(super) fn images() -> TopicEndpoint {
     topic(Image::TYPE, QosProfile::best_effort(5))
 }
 
-/// A subscription and what arrives on it.
+/// A subscription and its received messages.
 pub(super) struct Inbox {
     pub(super) subscription: Box<dyn Subscription>,
     pub(super) arrivals: Receiver<Result<Arrival, Fault>>,

@@ -1,4 +1,4 @@
-//! A process in Python that says what happens to it, a line of JSON for each event.
+//! A Python process that prints each event as a line of JSON.
 
 use std::{
     io::{BufRead, BufReader, Write},

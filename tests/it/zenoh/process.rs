@@ -49,7 +49,7 @@ fn every_image_becomes_a_centreline_there_and_in_the_bag() {
     let sender = network.peer("send", &[&SMALL[..], &["--count", "200"]].concat());
     sender.event("sent");
     let received = receiver.event("received");
-    // The first ones may come before the network knows who listens; from then on none is missing.
+    // The first messages may be sent before discovery finishes; after that none is missing.
     assert_eq!(received["lost"], 0, "{received}");
     assert!(received["received"].as_u64().unwrap() >= 150, "{received}");
     let (code, words, took) = node.end();
@@ -73,7 +73,7 @@ fn losses_in_a_relay_are_counted_exactly() {
     let relayed = relay.event("relayed");
     let (forwarded, injected) =
         (relayed["forwarded"].as_u64().unwrap(), relayed["injected"].as_u64().unwrap());
-    // The relay has handed the last one on; the node says what it has taken when it ends.
+    // The relay has forwarded the last message; the node prints its counters when it ends.
     let (code, words, _) = node.end();
     let [received, processed, rejected, dropped, lost] = frames(&words);
     assert_eq!((received, rejected, dropped), (forwarded, 0, 0), "{words} {relayed}");

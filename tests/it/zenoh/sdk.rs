@@ -57,7 +57,7 @@ fn our_images_arrive_there() {
     let mut bytes = Vec::new();
     cdr::encode(&image, &mut bytes).unwrap();
     let bytes: Arc<[u8]> = bytes.into();
-    // It says that it is there before it subscribes.
+    // It announces itself before it subscribes.
     let mut message = None;
     wait_until("a message", || {
         publication.publish(&bytes, 5).unwrap();

@@ -63,7 +63,7 @@ fn shared_memory_is_used_where_both_ends_have_it() {
             (&10.into(), &0.into()),
             "{received}"
         );
-        // What finds no room in the pool goes through the socket.
+        // Messages that do not fit into the pool go through the socket.
         assert_eq!(received["in_shared_memory"] != 0, is_shared, "{received}");
         assert_eq!(received["bytes"], 10 * bytes.len());
     }

@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Point3};
 
 use crate::scanner::{
+    axis::RawPosition,
     calibration::CameraAndPlane,
     motion::{Position, placement::Placement},
     params::StripeDirection,
@@ -29,7 +30,7 @@ impl Rig {
 
     /// The laser plane's frame in the part's at a position.
     fn part_from_laser(&self, position: f64) -> Isometry3<f64> {
-        self.placement.clone().place(&mut Position::at(position))
+        self.placement.clone().place(&mut Position::at(RawPosition(position)))
     }
 }
 

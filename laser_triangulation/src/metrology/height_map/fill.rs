@@ -1,4 +1,4 @@
-//! Small gaps of a height map, filled because somebody asked for it.
+//! Interpolation of small gaps in a height map, on request.
 
 use super::{CellState, RegularHeightMap};
 

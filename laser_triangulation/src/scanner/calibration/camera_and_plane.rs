@@ -3,7 +3,6 @@
 mod cuts;
 mod frame;
 mod part;
-mod uncertainty;
 
 pub use part::PartPose;
 
@@ -18,25 +17,25 @@ const LEAST_SLOPE: f64 = 0.05;
 pub struct CameraAndPlane {
     /// Name of the laser plane's frame: x along the stripe, z towards the camera, y normal to the plane.
     pub frame_id: String,
-    /// What the camera is called.
+    /// Name of the camera.
     pub camera_name: String,
     /// The camera.
     pub camera: Camera,
-    /// How well the camera is known.
+    /// Uncertainty of the camera.
     pub camera_quality: Option<CameraQuality>,
-    /// The plane of light.
+    /// The laser plane.
     pub plane: LaserPlane,
-    /// How well the plane is known.
+    /// Uncertainty of the plane.
     pub plane_quality: Option<PlaneQuality>,
-    /// Where the profiles' origin lies instead of where the optical axis meets the plane.
+    /// Origin of the profiles, if not where the optical axis meets the plane.
     pub alignment: Option<Alignment>,
-    /// Where the part's frame lies instead of where axis and laser plane put it: laid on a flat.
+    /// Frame of the part, if laid on a flat instead of placed by axis and laser plane.
     pub part: Option<PartPose>,
     /// The axis that moves the part.
     pub axis: Option<Axis>,
-    /// How well the axis is known.
+    /// Uncertainty of the axis.
     pub axis_quality: Option<AxisQuality>,
-    /// When it was measured, as the file says it.
+    /// Time of the calibration, as in the file.
     pub calibrated_at: Option<String>,
 }
 

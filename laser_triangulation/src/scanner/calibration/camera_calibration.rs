@@ -1,4 +1,4 @@
-//! A camera alone: what views of a board give.
+//! The calibration of a camera alone.
 
 use super::{CalibrationError, CameraQuality, file};
 use crate::scanner::camera::Camera;
@@ -6,13 +6,13 @@ use crate::scanner::camera::Camera;
 /// A calibrated camera, as `calibrate camera` writes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraCalibration {
-    /// What the camera is called.
+    /// Name of the camera.
     pub camera_name: String,
     /// The camera.
     pub camera: Camera,
-    /// How well it is known.
+    /// Its uncertainty.
     pub quality: Option<CameraQuality>,
-    /// When it was measured, as the file says it.
+    /// Time of the calibration, as in the file.
     pub calibrated_at: Option<String>,
 }
 

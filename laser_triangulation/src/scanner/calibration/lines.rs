@@ -2,7 +2,7 @@
 
 use super::PlacedPoint;
 use crate::scanner::{
-    channel::Window, params::StripeDirection, profile::Profile, stripe::Centerline,
+    channel::SearchedRegion, params::StripeDirection, profile::Profile, stripe::Centerline,
 };
 
 /// The searched cross-sections: columns of the image for a horizontal stripe, rows for a vertical one.
@@ -18,7 +18,7 @@ pub struct Lines {
 
 impl Lines {
     /// The lines of a searched part of the image.
-    pub const fn new(direction: StripeDirection, searched: &Window) -> Self {
+    pub const fn new(direction: StripeDirection, searched: &SearchedRegion) -> Self {
         let (first, count) = match direction {
             StripeDirection::Horizontal => (searched.x, searched.width),
             StripeDirection::Vertical => (searched.y, searched.height),

@@ -1,4 +1,4 @@
-//! How well a calibration is known.
+//! Quality and uncertainty of a calibration.
 
 use serde::{Deserialize, Serialize};
 

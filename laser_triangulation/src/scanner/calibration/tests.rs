@@ -28,7 +28,7 @@ pub(super) fn camera() -> Camera {
     }
 }
 
-pub(super) fn rig() -> CameraAndPlane {
+pub(in crate::scanner) fn rig() -> CameraAndPlane {
     CameraAndPlane {
         frame_id: "laser_plane".into(),
         camera_name: "left \"one\"".into(),

@@ -78,7 +78,7 @@ pub(super) fn join(
 
 /// Writes a centreline from the points of two.
 #[derive(Debug)]
-pub(super) struct Writer<'a> {
+pub(super) struct MergeWriter<'a> {
     merged: &'a mut Centerline,
     sources: [Points<'a>; 2],
     /// What the intensities of each are multiplied by.
@@ -88,7 +88,7 @@ pub(super) struct Writer<'a> {
     last: Option<(usize, usize, usize)>,
 }
 
-impl<'a> Writer<'a> {
+impl<'a> MergeWriter<'a> {
     /// Empties `merged`.
     pub(super) fn new(
         merged: &'a mut Centerline,

@@ -39,10 +39,10 @@ fn short() -> Centerline {
 }
 
 /// The line of the second frame, and what became of it.
-fn merge(frames: [&Centerline; 2], index: FrameIndex) -> (Centerline, Pairing) {
+fn merge(frames: [&Centerline; 2], index: FrameIndex) -> (Centerline, ExposurePairing) {
     let mut pairs = ExposurePairs::new(StripeDirection::Horizontal);
     let [mut first, mut second] = frames.map(Clone::clone);
-    assert_eq!(pairs.merge(&mut first, FrameIndex::default(), SIZE_PX), Pairing::Alone);
+    assert_eq!(pairs.merge(&mut first, FrameIndex::default(), SIZE_PX), ExposurePairing::Alone);
     assert_eq!(&first, frames[0], "nothing comes before the first");
     let pairing = pairs.merge(&mut second, index, SIZE_PX);
     (second, pairing)
@@ -51,9 +51,9 @@ fn merge(frames: [&Centerline; 2], index: FrameIndex) -> (Centerline, Pairing) {
 #[test]
 fn saturated_and_missing_points_are_the_short_ones() {
     let (after_long, pairing) = merge([&long(), &short()], FOLLOWS);
-    assert_eq!(pairing, Pairing::Merged { from_before: 20 });
+    assert_eq!(pairing, ExposurePairing::Merged { from_before: 20 });
     let (after_short, pairing) = merge([&short(), &long()], FOLLOWS);
-    assert_eq!(pairing, Pairing::Merged { from_before: 15 });
+    assert_eq!(pairing, ExposurePairing::Merged { from_before: 15 });
     assert_eq!(after_long, after_short, "whichever came first");
     assert_eq!(after_long.len(), 35);
     assert!(after_long.v_px[..20].iter().all(|v| (v - 10.0).abs() < 1e-6), "the long one's");
@@ -80,29 +80,37 @@ fn without_a_direct_neighbour_a_frame_stays_alone() {
     for index in
         [FrameIndex { frames_missing: 1, ..FOLLOWS }, FrameIndex { frames_rejected: 1, ..FOLLOWS }]
     {
-        assert_eq!(merge([&long(), &short()], index), (short(), Pairing::Alone));
+        assert_eq!(merge([&long(), &short()], index), (short(), ExposurePairing::Alone));
     }
     let mut pairs = ExposurePairs::new(StripeDirection::Horizontal);
     pairs.merge(&mut long(), FOLLOWS, SIZE_PX);
-    assert_eq!(pairs.merge(&mut short(), FOLLOWS, (41, 30)), Pairing::Alone, "another size");
+    assert_eq!(
+        pairs.merge(&mut short(), FOLLOWS, (41, 30)),
+        ExposurePairing::Alone,
+        "another size"
+    );
     pairs.restart();
-    assert_eq!(pairs.merge(&mut long(), FOLLOWS, (41, 30)), Pairing::Alone, "after a restart");
+    assert_eq!(
+        pairs.merge(&mut long(), FOLLOWS, (41, 30)),
+        ExposurePairing::Alone,
+        "after a restart"
+    );
 }
 
 #[test]
 fn exposures_that_do_not_differ_are_not_merged() {
     let mut other = long();
     other.intensity.iter_mut().for_each(|level| *level *= 1.1);
-    assert_eq!(merge([&long(), &other], FOLLOWS), (other, Pairing::Alike));
+    assert_eq!(merge([&long(), &other], FOLLOWS), (other, ExposurePairing::Alike));
     let empty = Centerline::default();
-    assert_eq!(merge([&long(), &empty], FOLLOWS), (empty.clone(), Pairing::Alike));
+    assert_eq!(merge([&long(), &empty], FOLLOWS), (empty.clone(), ExposurePairing::Alike));
 }
 
 #[test]
 fn lines_that_are_saturated_in_the_long_one_alone_tell_too() {
     let bright: Vec<_> = (20..30).map(|column| (column, 10.5, 255.0, flag::SATURATED)).collect();
     let (merged, pairing) = merge([&line(&bright), &short()], FOLLOWS);
-    assert_eq!(pairing, Pairing::Merged { from_before: 0 });
+    assert_eq!(pairing, ExposurePairing::Merged { from_before: 0 });
     // At least 255/100 as long.
     assert!((merged.intensity[20] - 255.0).abs() < 0.01 && merged.len() == 30);
     // Saturated in both: the one with fewer such points is the short one.

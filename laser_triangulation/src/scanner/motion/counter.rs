@@ -1,6 +1,6 @@
-//! Encoder counts without the wrap-around of the counter that made them.
+//! Unwraps encoder counts.
 
-/// Unwraps the counts of one counter.
+/// Unwraps the counts of one encoder.
 #[derive(Clone, Copy, Debug)]
 pub struct Counter {
     bits: u32,
@@ -8,13 +8,13 @@ pub struct Counter {
 }
 
 impl Counter {
-    /// A counter of `bits` bits, 1 to 63; 0 or more: one that does not wrap.
+    /// A counter of `bits` bits, 1 to 63. With any other number it does not wrap.
     pub const fn new(bits: u32) -> Self {
         Self { bits, last: None }
     }
 
-    /// Counts since the counter was 0, on the shortest way from the last ones: it must not move half its range between
-    /// two samples. Stops at the ends of 64 bits.
+    /// Unwrapped counts, on the shortest way from the last sample: the counter must move less than half its range between
+    /// two samples. Saturates at the limits of 64 bits.
     pub fn unwrap(&mut self, raw: i64) -> i64 {
         if !(1..64).contains(&self.bits) {
             return raw;
@@ -22,7 +22,7 @@ impl Counter {
         let unused = 64 - self.bits;
         let raw = ((raw as u64) << unused >> unused) as i64;
         let counts = self.last.map_or(raw, |(last_raw, last_counts)| {
-            // The difference as a signed number of so many bits.
+            // The difference as a signed number of `bits` bits.
             let step = raw.wrapping_sub(last_raw) << unused >> unused;
             last_counts.saturating_add(step)
         });
@@ -30,7 +30,7 @@ impl Counter {
         counts
     }
 
-    /// Begins anew with the next sample.
+    /// Starts again with the next sample.
     pub const fn restart(&mut self) {
         self.last = None;
     }
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wrap_is_no_leap() {
+    fn a_wrap_is_unwrapped() {
         let mut counter = Counter::new(16);
         let counts = [65_530, 65_535, 3, 9, 0, 65_529].map(|raw| counter.unwrap(raw));
         assert_eq!(counts, [65_530, 65_535, 65_539, 65_545, 65_536, 65_529]);
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_wrap_is_left_alone() {
+    fn counts_of_a_counter_that_does_not_wrap_are_unchanged() {
         for bits in [0, 64, u32::MAX] {
             let mut counter = Counter::new(bits);
             for raw in [0, i64::MAX, i64::MIN, -1] {
@@ -63,7 +63,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_way_that_is_sampled_often_enough_is_followed(
+        fn any_motion_sampled_often_enough_is_followed(
             bits in 8..=32_u32, start in any::<u32>(), steps in prop::collection::vec(-0.49..0.49_f64, 1..100),
         ) {
             let range = 1_i64 << bits;

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::Position;
-use crate::scanner::axis::{Axis, AxisKind};
+use crate::scanner::axis::{Axis, AxisKind, AxisTravel, RawPosition};
 
 /// Places profiles in the part's frame.
 ///
@@ -85,17 +85,27 @@ impl Placement {
                 part_from_sensor * self.camera_from_laser
             };
             let origin_m = part_from_laser * Point3::origin();
-            position.value = (origin_m - *self.start_m.get_or_insert(origin_m)).norm();
+            let distance_m = (origin_m - *self.start_m.get_or_insert(origin_m)).norm();
+            position.value = RawPosition(distance_m);
             return part_from_laser;
         }
         let unlaid_from_laser = match &self.axis {
-            None => Translation3::new(0.0, position.value, 0.0).into(),
+            None => Translation3::new(0.0, position.value.0, 0.0).into(),
             Some(axis) => {
                 let at_0_from_now = axis.pose(position.value).inverse();
                 self.part_from_camera * at_0_from_now * self.camera_from_laser
             }
         };
         self.part_from_unlaid * unlaid_from_laser
+    }
+
+    /// Travel from position 0 to a position that [`place`](Self::place) has seen. Without an axis, and for measured poses,
+    /// positions are metres.
+    pub fn travel(&self, position: &Position) -> AxisTravel {
+        match &self.axis {
+            Some(axis) if position.part_from_sensor.is_none() => axis.travel(position.value),
+            _ => AxisTravel::Metres(position.value.0),
+        }
     }
 }
 
@@ -148,8 +158,8 @@ mod tests {
     ) -> f64 {
         let mut placement = Placement::new(*camera_from_laser, Some(axis));
         let [a, b] = positions.map(|position| {
-            let seen_m = camera_from_laser.inverse() * (axis.pose(position) * at_0_m);
-            placement.place(&mut Position::at(position)) * seen_m
+            let seen_m = camera_from_laser.inverse() * (axis.pose(RawPosition(position)) * at_0_m);
+            placement.place(&mut Position::at(RawPosition(position))) * seen_m
         });
         (a - b).norm()
     }
@@ -183,7 +193,8 @@ mod tests {
     #[test]
     fn without_an_axis_the_position_is_y() {
         let mut placement = Placement::new(Isometry3::translation(1.0, 2.0, 3.0), None);
-        let placed = placement.place(&mut Position::at(0.25)) * Point3::new(0.1, 0.0, 0.3);
+        let placed =
+            placement.place(&mut Position::at(RawPosition(0.25))) * Point3::new(0.1, 0.0, 0.3);
         assert_eq!(placed, Point3::new(0.1, 0.25, 0.3), "to the last bit");
     }
 
@@ -198,7 +209,7 @@ mod tests {
         for angle in [0.0, 1.0, 2.5] {
             let point_m = Point3::new(0.01, 0.0, 0.02);
             let [was, is] = [&mut plain, &mut laid]
-                .map(|placement| placement.place(&mut Position::at(angle)) * point_m);
+                .map(|placement| placement.place(&mut Position::at(RawPosition(angle))) * point_m);
             assert!((pose * is - was).norm() < 1e-12, "{was} {is}");
         }
     }
@@ -214,9 +225,9 @@ mod tests {
             scale: 1.0,
         };
         let mut placement = Placement::new(Isometry3::translation(0.2, 0.0, 1.0), Some(axis));
-        let at_0 = placement.place(&mut Position::at(0.0)) * Point3::origin();
+        let at_0 = placement.place(&mut Position::at(RawPosition(0.0))) * Point3::origin();
         assert!((at_0 - Point3::new(0.2, 0.0, 0.0)).norm() < 1e-12, "{at_0}");
-        let later = placement.place(&mut Position::at(FRAC_PI_2)) * Point3::origin();
+        let later = placement.place(&mut Position::at(RawPosition(FRAC_PI_2))) * Point3::origin();
         assert!(
             (later - Point3::new(0.0, -0.2, 0.0)).norm() < 1e-12,
             "the part turned, the laser stayed: {later}"
@@ -228,7 +239,7 @@ mod tests {
         let mounted = Isometry3::translation(0.0, 0.0, 0.5);
         let tracked = |x_m: f64| Position {
             part_from_sensor: Some(Isometry3::translation(x_m, 0.0, 0.0)),
-            ..Position::at(0.0)
+            ..Position::at(RawPosition(0.0))
         };
         let mut camera = Placement::new(mounted, None);
         let mut laser = camera.clone().with_laser_tracked();
@@ -236,6 +247,6 @@ mod tests {
         assert_eq!(laser.place(&mut tracked(1.0)) * Point3::origin(), Point3::new(1.0, 0.0, 0.0));
         let mut later = tracked(1.25);
         camera.place(&mut later);
-        assert!((later.value - 0.25).abs() < 1e-15, "so far since the first frame");
+        assert!((later.value.0 - 0.25).abs() < 1e-15, "so far since the first frame");
     }
 }

@@ -1,4 +1,4 @@
-//! What an axis says of itself: a position, and the counts that it was made of.
+//! A sample of an axis: its position and encoder counts.
 
 use std::f64::consts::TAU;
 
@@ -7,16 +7,16 @@ use super::track::Measured;
 /// A measured position of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// Metres, or radians of a rotary axis.
+    /// Position before the scale of the calibrated axis: nominally metres, radians on a revolute axis.
     pub position: f64,
-    /// Encoder, counts; 0 where there is none.
+    /// Encoder counts; 0 without an encoder.
     pub counts: i64,
 }
 
 impl Measured for Reading {
     fn between(&self, later: &Self, share: f64) -> Self {
         let moved = (later.position - self.position) * share;
-        // As integers: counts of a long way lose their last digits in a float.
+        // In integers: large counts lose their last digits in a float.
         let counted = (i128::from(later.counts) - i128::from(self.counts)) as f64 * share;
         let counts = i128::from(self.counts).saturating_add(counted.round() as i128);
         let counts = i64::try_from(counts).unwrap_or(if counts < 0 { i64::MIN } else { i64::MAX });
@@ -28,8 +28,8 @@ impl Measured for Reading {
     }
 }
 
-/// The angle nearest to `last_rad` that is whole turns away from `angle_rad`: a table that turns on begins again at 0 in
-/// its own words, but not along its scan.
+/// The angle nearest to `last_rad` that differs from `angle_rad` by whole turns: a joint that wraps after each turn goes on
+/// along the scan.
 pub fn unrolled(angle_rad: f64, last_rad: Option<f64>) -> f64 {
     let turns = last_rad.map_or(0.0, |last_rad| ((last_rad - angle_rad) / TAU).round());
     if turns == 0.0 { angle_rad } else { angle_rad + turns * TAU }
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_table_turns_on() {
+    fn angles_go_on_after_each_turn() {
         let mut last_rad = None;
         let mut angles = Vec::new();
         for step in 0..12 {

@@ -1,12 +1,12 @@
-//! Whether an axis moves the way it should.
+//! Reversal detection and distance of one scan.
 
 use crate::scanner::params::ScanDirection;
 
-/// Watches positions of one scan.
+/// Tracks the travel of one scan: metres, or radians on a revolute axis, after the scale of the axis.
 #[derive(Clone, Copy, Debug)]
-pub struct Travel {
+pub(super) struct Travel {
     direction: ScanDirection,
-    /// What counts as standing still, metres or radians.
+    /// Largest backward movement that is not a reversal, metres (radians).
     backlash: f64,
     reached: Option<Reached>,
 }
@@ -14,43 +14,43 @@ pub struct Travel {
 #[derive(Clone, Copy, Debug)]
 struct Reached {
     first: f64,
-    /// 1 or -1 once it is known where the scan goes; else 0.
+    /// 1 or -1 once the direction of the scan is known, 0 before.
     sign: f64,
     furthest: f64,
 }
 
 impl Travel {
-    /// A scan that goes in that direction, on an axis that may move back by `backlash`, metres or radians.
-    pub const fn new(direction: ScanDirection, backlash: f64) -> Self {
+    /// A scan in that direction. Backward movement up to `backlash`, metres (radians), is ignored.
+    pub(super) const fn new(direction: ScanDirection, backlash: f64) -> Self {
         Self { direction, backlash, reached: None }
     }
 
-    /// Another scan begins.
-    pub const fn restart(&mut self) {
+    /// Starts a new scan.
+    pub(super) const fn restart(&mut self) {
         self.reached = None;
     }
 
-    /// How far `position` lies from the first one.
-    pub fn distance(&self, position: f64) -> f64 {
-        self.reached.map_or(0.0, |reached| (position - reached.first).abs())
+    /// Distance from the first position, never negative.
+    pub(super) fn distance(&self, along: f64) -> f64 {
+        self.reached.map_or(0.0, |reached| (along - reached.first).abs())
     }
 
-    /// Takes the next position. True: it lies behind one that was reached before.
-    pub fn is_reversed(&mut self, position: f64) -> bool {
+    /// Takes the next position. True if it lies behind the furthest one by more than the backlash.
+    pub(super) fn is_reversed(&mut self, along: f64) -> bool {
         let sign = match self.direction {
             ScanDirection::Forward => 1.0,
             ScanDirection::Backward => -1.0,
             ScanDirection::Auto | ScanDirection::Both => 0.0,
         };
-        let start = Reached { first: position, sign, furthest: position };
+        let start = Reached { first: along, sign, furthest: along };
         let reached = self.reached.get_or_insert(start);
-        let moved = position - reached.first;
+        let moved = along - reached.first;
         if reached.sign == 0.0 && moved.abs() > self.backlash {
             reached.sign = moved.signum();
         }
-        let ahead = (position - reached.furthest) * reached.sign;
+        let ahead = (along - reached.furthest) * reached.sign;
         if ahead > 0.0 {
-            reached.furthest = position;
+            reached.furthest = along;
         }
         self.direction != ScanDirection::Both && ahead < -self.backlash
     }
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_passed_is_behind_until_it_is_passed_again() {
+    fn a_position_is_reversed_until_the_furthest_one_is_reached_again() {
         let positions = [0.0, 0.05, -0.05, 1.0, 2.0, 1.95, 1.5, 1.8, 2.5];
         let expected = [false, false, false, false, false, false, true, true, false];
         assert_eq!(reversed(ScanDirection::Auto, &positions), expected);
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_that_runs_the_wrong_way_is_found_where_the_way_is_known() {
+    fn a_wrong_direction_is_detected_only_where_a_direction_is_set() {
         let positions = [0.0, -1.0, -2.0];
         assert_eq!(reversed(ScanDirection::Forward, &positions), [false, true, true]);
         assert_eq!(reversed(ScanDirection::Backward, &positions), [false; 3]);

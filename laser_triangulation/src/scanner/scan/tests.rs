@@ -1,6 +1,11 @@
 use super::*;
 use proptest::prelude::*;
 
+use crate::scanner::{
+    axis::{AxisTravel, RawPosition},
+    motion::Position,
+};
+
 fn profile(width: usize, z_m: f32) -> Profile {
     let mut profile = Profile::default();
     profile.reset(width);
@@ -17,16 +22,19 @@ fn scan(slice_profiles: u32, scan_profiles: u32) -> Scan {
     Scan::new(limits, String::new())
 }
 
-fn placed(profile: &Profile, frame_number: u64, frames_missing: u32) -> Placed<'_> {
+fn entry(profile: &Profile, frame_number: u64, frames_missing: u32) -> ScanEntry<'_> {
     let index = FrameIndex { frame_number, frames_missing, frames_rejected: 0 };
-    let position = frame_number as f64 * 0.001;
-    Placed {
+    let position_m = frame_number as f64 * 0.001;
+    let located = Located {
+        position: Position::at(RawPosition(position_m)),
+        part_from_laser: Isometry3::translation(0.0, position_m, 0.0),
+        travelled: AxisTravel::Metres(position_m),
+    };
+    ScanEntry {
         profile,
         image_px: (64, 32),
         stamp_ns: frame_number as i64,
-        position,
-        is_doubtful: false,
-        part_from_laser: Isometry3::translation(0.0, position, 0.0),
+        located: Some(located),
         index,
     }
 }
@@ -35,9 +43,9 @@ fn placed(profile: &Profile, frame_number: u64, frames_missing: u32) -> Placed<'
 fn a_full_slice_leaves_with_the_next_profile_and_the_last_one_says_so() {
     let mut scan = scan(2, 100);
     let one = profile(3, 0.25);
-    assert!(scan.push(&placed(&one, 0, 0)).slice.is_none());
-    assert!(scan.push(&placed(&one, 1, 0)).slice.is_none());
-    let done = scan.push(&placed(&one, 2, 0));
+    assert!(scan.push(&entry(&one, 0, 0)).slice.is_none());
+    assert!(scan.push(&entry(&one, 1, 0)).slice.is_none());
+    let done = scan.push(&entry(&one, 2, 0));
     let slice = done.slice.unwrap();
     assert_eq!((slice.width, slice.height, slice.stamp_ns, slice.points.len()), (3, 2, 0, 6));
     assert_eq!(slice.points[3], [0.5, 0.001, 0.25, 0.0]);
@@ -53,12 +61,12 @@ fn a_full_slice_leaves_with_the_next_profile_and_the_last_one_says_so() {
 fn another_length_or_the_limit_starts_another_scan() {
     let mut scan = scan(10, 2);
     let (narrow, wide) = (profile(3, 0.0), profile(4, 0.0));
-    assert!(scan.push(&placed(&narrow, 0, 0)).slice.is_none());
-    let done = scan.push(&placed(&wide, 1, 0));
+    assert!(scan.push(&entry(&narrow, 0, 0)).slice.is_none());
+    let done = scan.push(&entry(&wide, 1, 0));
     let first = done.slice.unwrap().account;
     assert_eq!((done.slice.unwrap().width, done.height_map.unwrap().width), (3, 3));
-    assert!(scan.push(&placed(&wide, 2, 0)).slice.is_none());
-    let done = scan.push(&placed(&wide, 3, 0));
+    assert!(scan.push(&entry(&wide, 2, 0)).slice.is_none());
+    let done = scan.push(&entry(&wide, 3, 0));
     let second = done.slice.unwrap().account;
     assert_eq!(done.height_map.unwrap().height, 2);
     assert!(first.last_slice && second.last_slice && first.scan_id != second.scan_id);
@@ -81,9 +89,9 @@ fn a_slice_is_no_longer_than_its_scan() {
     let mut scan = scan(100, 2);
     let one = profile(3, 0.25);
     for number in 0..2 {
-        assert!(scan.push(&placed(&one, number, 0)).slice.is_none());
+        assert!(scan.push(&entry(&one, number, 0)).slice.is_none());
     }
-    let done = scan.push(&placed(&one, 2, 0));
+    let done = scan.push(&entry(&one, 2, 0));
     assert_eq!((done.slice.unwrap().height, done.height_map.unwrap().height), (2, 2));
     assert!(done.slice.unwrap().account.last_slice);
 }
@@ -95,9 +103,7 @@ fn a_slice_has_no_more_points_than_allowed_but_one_profile() {
         scan.limits.slice_points = slice_points;
         let one = profile(3, 0.25);
         let heights: Vec<u32> = (0..7)
-            .filter_map(|number| {
-                scan.push(&placed(&one, number, 0)).slice.map(|slice| slice.height)
-            })
+            .filter_map(|number| scan.push(&entry(&one, number, 0)).slice.map(|slice| slice.height))
             .collect();
         assert!(!heights.is_empty() && heights.iter().all(|height| *height == expected));
         scan.finish(0, 0);
@@ -107,7 +113,7 @@ fn a_slice_has_no_more_points_than_allowed_but_one_profile() {
 #[test]
 fn missing_points_are_nan_in_every_field() {
     let mut scan = scan(10, 10);
-    scan.push(&placed(&profile(2, f32::NAN), 0, 0));
+    scan.push(&entry(&profile(2, f32::NAN), 0, 0));
     let slice = scan.finish(0, 0).slice.unwrap();
     assert!(slice.points.iter().flatten().all(|value| value.is_nan()));
     assert_eq!((slice.account.profiles_empty, slice.account.points), (1, 0));
@@ -119,9 +125,9 @@ fn a_slice_with_one_doubtful_position_is_degraded_and_the_next_is_not() {
     let one = profile(3, 0.25);
     let mut states = Vec::new();
     for number in 0..6 {
-        let is_doubtful = number == 1;
-        let placed = Placed { is_doubtful, ..placed(&one, number, u32::from(number == 3)) };
-        states.extend(scan.push(&placed).slice.map(|slice| slice.account.state));
+        let mut entry = entry(&one, number, u32::from(number == 3));
+        entry.located.as_mut().unwrap().position.doubts = u8::from(number == 1);
+        states.extend(scan.push(&entry).slice.map(|slice| slice.account.state));
     }
     states.extend(scan.finish(0, 0).slice.map(|slice| slice.account.state));
     assert_eq!(states, [SliceState::Degraded, SliceState::Gaps, SliceState::Complete]);
@@ -135,7 +141,9 @@ fn points_and_heights_are_the_parts() {
     let mut scan = scan(10, 10);
     let mut one = profile(2, 0.25);
     (one.x_m[1], one.z_m[1], one.valid_count) = (f32::NAN, f32::NAN, 1);
-    scan.push(&Placed { part_from_laser, ..placed(&one, 0, 0) });
+    let mut entry = entry(&one, 0, 0);
+    entry.located.as_mut().unwrap().part_from_laser = part_from_laser;
+    scan.push(&entry);
     let done = scan.finish(0, 0);
     let [x_m, y_m, z_m, _] = done.slice.unwrap().points[0];
     assert!((x_m - 1.5).abs() < 1e-6 && (y_m - 1.75).abs() < 1e-6 && (z_m - 3.0).abs() < 1e-6);
@@ -168,9 +176,9 @@ proptest! {
         let mut number = 0;
         for &(missing, rejected) in &losses {
             number += u64::from(1 + missing + rejected);
-            let mut placed = placed(&one, number, missing);
-            placed.index.frames_rejected = rejected;
-            accounts.extend(scan.push(&placed).slice.map(|slice| slice.account));
+            let mut entry = entry(&one, number, missing);
+            entry.index.frames_rejected = rejected;
+            accounts.extend(scan.push(&entry).slice.map(|slice| slice.account));
         }
         let end = scan.finish(missing_at_the_end, rejected_at_the_end);
         accounts.extend(end.slice.map(|slice| slice.account));

@@ -12,7 +12,7 @@ const BATCH: usize = 32;
 
 /// Takes the background off frame after frame. Buffers are kept.
 #[derive(Debug)]
-pub struct BackgroundFilter<T> {
+pub(super) struct BackgroundFilter<T> {
     kind: Background,
     /// Samples to either side of the middle of the opening's window.
     reach: usize,
@@ -24,7 +24,7 @@ pub struct BackgroundFilter<T> {
 
 impl<T: Number> BackgroundFilter<T> {
     /// A filter with these settings.
-    pub fn new(params: &ExtractionParams) -> Self {
+    pub(super) fn new(params: &ExtractionParams) -> Self {
         Self {
             kind: params.background,
             reach: params.background_window_px as usize / 2,
@@ -35,18 +35,18 @@ impl<T: Number> BackgroundFilter<T> {
     }
 
     /// Whether the image changes at all: [`Self::subtract`] needs every sample of it then.
-    pub const fn is_needed(&self) -> bool {
+    pub(super) const fn is_needed(&self) -> bool {
         !matches!(self.kind, Background::None)
     }
 
     /// Takes this blurred frame for the light without laser. It has the size of the frames that follow.
-    pub fn set_ambient(&mut self, blurred: &[T]) {
+    pub(super) fn set_ambient(&mut self, blurred: &[T]) {
         self.ambient.clear();
         self.ambient.extend_from_slice(blurred);
     }
 
     /// Replaces a blurred image of `width` columns by what it has above the background.
-    pub fn subtract(&mut self, samples: &mut [T], width: usize, direction: StripeDirection) {
+    pub(super) fn subtract(&mut self, samples: &mut [T], width: usize, direction: StripeDirection) {
         match (self.kind, direction) {
             (Background::None, _) => {}
             (Background::Reference, _) => {
@@ -152,19 +152,9 @@ impl<E: Copy> Opening<E> {
     }
 }
 
-/// The definition of `local`, for [`reference`](super::reference): the background of every sample of a line.
-pub fn opened(line: &[u32], window_px: u32) -> Vec<u32> {
-    let reach = window_px as usize / 2;
-    let windows = |line: &[u32], extreme: fn(u32, u32) -> u32| -> Vec<u32> {
-        let window = |at: usize| at.saturating_sub(reach)..(at + reach + 1).min(line.len());
-        (0..line.len()).filter_map(|at| line[window(at)].iter().copied().reduce(extreme)).collect()
-    };
-    windows(&windows(line, u32::min), u32::max)
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::reference::opened, *};
     use proptest::prelude::*;
 
     #[test]

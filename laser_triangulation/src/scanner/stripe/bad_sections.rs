@@ -7,7 +7,8 @@ use super::{
     lanes::{Centres, Sections},
     log_gaussian::log_gaussian,
     noise::PixelNoise,
-    section::{Candidate, Section},
+    reference::Section,
+    section::Candidate,
 };
 use proptest::prelude::*;
 

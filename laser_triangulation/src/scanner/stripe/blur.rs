@@ -16,10 +16,10 @@ use std::{
 };
 
 /// Blurred units a grey level.
-pub const UNITS: u32 = 256;
+pub(super) const UNITS: u32 = 256;
 
 /// An integer that holds weighted sums of samples.
-pub trait Number:
+pub(super) trait Number:
     Copy
     + Ord
     + Default
@@ -49,7 +49,7 @@ impl Number for u32 {
 }
 
 /// A sample of an image.
-pub trait Sample:
+pub(super) trait Sample:
     Copy + Ord + Default + Debug + Into<u32> + Into<Self::Sum> + Send + 'static
 {
     /// Holds `256 * Self::MAX + 255`: sums of one pass, and blurred samples.
@@ -180,7 +180,7 @@ impl Sample for u16 {
 
 /// Weights of one pass, `2r + 1` of them, in 1/256, symmetric, summing to 256.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Kernel {
+pub(super) struct Kernel {
     weights: Vec<u16>,
     variance_px2: f64,
     noise_gain: f64,
@@ -195,7 +195,7 @@ impl Kernel {
     /// A Gaussian of standard deviation 0.3 (r - 1) + 0.8 pixels, 1.4 for the paper's r = 3; radius 0 changes nothing.
     ///
     /// The paper prints a radius only; this is what `GaussianBlur` of `OpenCV` derives from the kernel's size.
-    pub fn gaussian(radius: u32) -> Self {
+    pub(super) fn gaussian(radius: u32) -> Self {
         if radius == 0 {
             return Self::of(vec![UNITS as u16]);
         }
@@ -223,29 +223,29 @@ impl Kernel {
     }
 
     /// The radius r, pixels.
-    pub fn radius(&self) -> usize {
+    pub(super) fn radius(&self) -> usize {
         self.weights.len() / 2
     }
 
     /// The weights, first to last.
-    pub fn weights(&self) -> &[u16] {
+    pub(super) fn weights(&self) -> &[u16] {
         &self.weights
     }
 
     /// Variance of the kernel, px².
-    pub fn variance_px2(&self) -> f64 {
+    pub(super) fn variance_px2(&self) -> f64 {
         self.variance_px2
     }
 
     /// What one pass leaves of the variance of white noise: the sum of the squared weights.
-    pub fn noise_gain(&self) -> f64 {
+    pub(super) fn noise_gain(&self) -> f64 {
         self.noise_gain
     }
 
     /// Variance of Σ (i - c) G over windows of `length` pixels about c, when G is white noise of variance 1 that went
     /// through this kernel across the window.
     #[inline(always)]
-    pub fn ramp_energies(&self, length: &Lane) -> Lane {
+    pub(super) fn ramp_energies(&self, length: &Lane) -> Lane {
         each(|lane| {
             let length = length[lane].max(0.0);
             if length > TABULATED as f32 {
@@ -271,7 +271,12 @@ fn blurred_ramp_energy(kernel: &[u16], length: usize) -> f64 {
 }
 
 /// One blurred sample by definition: the weighted sum over the kernel's square.
-pub fn blurred_at<S: Sample>(plane: &Plane<'_, S>, kernel: &Kernel, x: usize, y: usize) -> u32 {
+pub(super) fn blurred_at<S: Sample>(
+    plane: &Plane<'_, S>,
+    kernel: &Kernel,
+    x: usize,
+    y: usize,
+) -> u32 {
     let r = kernel.radius();
     let clamp = |at: usize, i: usize, end: usize| (at + i).saturating_sub(r).min(end - 1);
     let mut sum = 0;

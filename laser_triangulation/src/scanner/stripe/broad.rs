@@ -1,11 +1,11 @@
 //! Candidates that are too long for the cross-section of a stripe: a lamp, a white wall, a threshold below the background.
 
-use super::section::{Found, Section};
+use super::section::LineCandidate;
 use std::ops::Range;
 
 /// What is told of such a candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Broad {
+pub(super) struct Broad {
     /// Grey-level centre of gravity, pixels from the candidate's first sample.
     pub position_px: f64,
     /// Unblurred level there, sample units.
@@ -15,20 +15,8 @@ pub struct Broad {
 }
 
 impl Broad {
-    /// That of a section which holds the candidate and nothing else.
-    pub fn of(section: &Section<'_>) -> Self {
-        let (mut level, mut moment) = (0_u64, 0_u64);
-        for (place, &sample) in (0_u64..).zip(section.samples) {
-            level += u64::from(sample);
-            moment += place * u64::from(sample);
-        }
-        let brightest_raw = section.raw.iter().copied().max().unwrap_or(0);
-        let raw_at = |place: usize| section.raw[place.min(section.raw.len() - 1)];
-        Self::from_sums((level, moment), brightest_raw, raw_at)
-    }
-
     /// From Σ G and Σ i·G; `raw_at` gives the unblurred sample at a place, or the last one beyond it.
-    fn from_sums(
+    pub(super) fn from_sums(
         (level, moment): (u64, u64),
         brightest_raw: u32,
         raw_at: impl Fn(usize) -> u32,
@@ -43,7 +31,7 @@ impl Broad {
 
 /// The sums over several such candidates, kept side by side. Whole numbers: the order of adding does not matter.
 #[derive(Debug, Default)]
-pub struct BroadRuns {
+pub(super) struct BroadRuns {
     first: Vec<u32>,
     last: Vec<u32>,
     level: Vec<u64>,
@@ -53,7 +41,7 @@ pub struct BroadRuns {
 
 impl BroadRuns {
     /// Starts with these candidates.
-    pub fn clear(&mut self, batch: &[Found]) {
+    pub(super) fn clear(&mut self, batch: &[LineCandidate]) {
         self.first.clear();
         self.first.extend(batch.iter().map(|found| found.candidate.first));
         self.last.clear();
@@ -67,14 +55,14 @@ impl BroadRuns {
     }
 
     /// All positions that some candidate covers.
-    pub fn positions(&self) -> Range<u32> {
+    pub(super) fn positions(&self) -> Range<u32> {
         let first = self.first.iter().copied().min().unwrap_or(0);
         first..self.last.iter().copied().max().map_or(first, |last| last + 1)
     }
 
     /// Adds one sample to every candidate that covers `position`: raw and blurred ones, in the candidates' order.
     #[inline(always)]
-    pub fn add_across<R: Copy + Into<u32>, S: Copy + Into<u32>>(
+    pub(super) fn add_across<R: Copy + Into<u32>, S: Copy + Into<u32>>(
         &mut self,
         position: u32,
         raw: &[R],
@@ -94,7 +82,7 @@ impl BroadRuns {
 
     /// Adds all samples of candidate i, given its whole line.
     #[inline(always)]
-    pub fn add_along<R: Copy + Into<u32>, S: Copy + Into<u32>>(
+    pub(super) fn add_along<R: Copy + Into<u32>, S: Copy + Into<u32>>(
         &mut self,
         i: usize,
         raw: &[R],
@@ -112,7 +100,7 @@ impl BroadRuns {
     }
 
     /// What is told of candidate i; `raw_at` gives the unblurred sample at a place in it, or its last one beyond it.
-    pub fn broad(&self, i: usize, raw_at: impl Fn(usize) -> u32) -> Broad {
+    pub(super) fn broad(&self, i: usize, raw_at: impl Fn(usize) -> u32) -> Broad {
         Broad::from_sums((self.level[i], self.moment[i]), self.brightest[i], raw_at)
     }
 }

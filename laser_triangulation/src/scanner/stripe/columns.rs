@@ -1,24 +1,24 @@
 //! The candidates of a horizontal stripe: what runs, which arrive row by row, make in every column.
 
-use super::section::{Candidate, Found};
+use super::section::{Candidate, LineCandidate};
 
 /// No candidate: later than every row.
 const NONE: u32 = u32::MAX;
 
 /// Candidates that may still grow, one a column. Arrays side by side: a run is worked on in whole vectors.
 #[derive(Debug, Default)]
-pub struct Columns {
+pub(super) struct Columns {
     first: Vec<u32>,
     last: Vec<u32>,
     peak: Vec<u32>,
     /// Where each column's candidates begin while they are put in order.
     starts: Vec<u32>,
-    in_order: Vec<Found>,
+    in_order: Vec<LineCandidate>,
 }
 
 impl Columns {
     /// Forgets all candidates, keeps the memory.
-    pub fn clear(&mut self, columns: usize) {
+    pub(super) fn clear(&mut self, columns: usize) {
         for (array, value) in [(&mut self.first, NONE), (&mut self.last, 0), (&mut self.peak, 0)] {
             array.clear();
             array.resize(columns, value);
@@ -27,11 +27,11 @@ impl Columns {
 
     /// Adds a run of samples of row `row` that begins in column `start`. Candidates that end above it go to `found`.
     #[inline(always)]
-    pub fn add<T: Copy + Into<u32>>(
+    pub(super) fn add<T: Copy + Into<u32>>(
         &mut self,
         (row, start): (u32, u32),
         samples: &[T],
-        found: &mut Vec<Found>,
+        found: &mut Vec<LineCandidate>,
     ) {
         let columns = start as usize..start as usize + samples.len();
         let first = &mut self.first[columns.clone()];
@@ -60,7 +60,7 @@ impl Columns {
     }
 
     /// Ends all candidates and puts what was found in order of its lines and of its positions.
-    pub fn finish(&mut self, found: &mut Vec<Found>) {
+    pub(super) fn finish(&mut self, found: &mut Vec<LineCandidate>) {
         let ended_early = found.len();
         let columns = self.first.iter().zip(&self.last).zip(&self.peak);
         for (line, ((&first, &last), &peak)) in (0..).zip(columns) {
@@ -74,7 +74,7 @@ impl Columns {
     }
 
     /// Puts candidates in order of their lines; those of a line stand in order already. Counts instead of comparing.
-    fn sort(&mut self, found: &mut Vec<Found>) {
+    fn sort(&mut self, found: &mut Vec<LineCandidate>) {
         self.starts.clear();
         self.starts.resize(self.first.len() + 1, 0);
         for found in &*found {
@@ -84,7 +84,7 @@ impl Columns {
             self.starts[line] += self.starts[line - 1];
         }
         self.in_order.clear();
-        self.in_order.resize(found.len(), Found::default());
+        self.in_order.resize(found.len(), LineCandidate::default());
         for &found in &*found {
             let place = &mut self.starts[found.line as usize];
             self.in_order[*place as usize] = found;
@@ -94,6 +94,6 @@ impl Columns {
     }
 }
 
-const fn closed(line: u32, first: u32, last: u32, peak: u32) -> Found {
-    Found { line, candidate: Candidate { first, last, peak, count: 1 } }
+const fn closed(line: u32, first: u32, last: u32, peak: u32) -> LineCandidate {
+    LineCandidate { line, candidate: Candidate { first, last, peak, count: 1 } }
 }

@@ -7,7 +7,7 @@
 
 /// A candidate as this file sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Node {
+pub(super) struct Node {
     /// Its line; nodes come in order of their lines.
     pub line: u32,
     /// Position across the stripe, half pixels.
@@ -17,19 +17,19 @@ pub struct Node {
 }
 
 /// Lines that a line of light may miss without being broken.
-pub const REACH: u32 = 8;
+pub(super) const REACH: u32 = 8;
 /// What a candidate at the segment threshold is worth.
 const WORTH: i64 = 256;
 /// A candidate so many times the threshold or brighter is worth as many times that: beyond, brightness says nothing.
 const MAX_TIMES: u64 = 4;
 /// The price of a break: what stands alone is taken on the way when it is worth more. Six lines at the threshold.
-pub const BREAK: i64 = 6 * WORTH;
+pub(super) const BREAK: i64 = 6 * WORTH;
 /// The price of the largest step without a break; smaller ones cost in proportion.
 const LARGEST_STEP: i64 = WORTH;
 
 /// Finds one line after another. Buffers are kept.
 #[derive(Debug, Clone, Default)]
-pub struct LineFinder {
+pub(super) struct LineFinder {
     /// Of every node: the worth of the best line that ends there.
     totals: Vec<i64>,
     /// Of every node: the one before it on that line.
@@ -40,7 +40,7 @@ impl LineFinder {
     /// Replaces `line` by the indices of the nodes of the best line, ascending, and returns its worth; empty without nodes.
     /// `threshold` is the segment threshold in blurred units, `max_step_px` the farthest that a stripe moves from one line
     /// to the next.
-    pub fn find(
+    pub(super) fn find(
         &mut self,
         nodes: &[Node],
         threshold: u32,

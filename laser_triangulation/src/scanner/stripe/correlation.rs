@@ -14,14 +14,14 @@ const MIN_OWN_VARIANCE: f64 = 0.05;
 
 /// Correlation of the errors of two points by their distance along the stripe.
 #[derive(Clone, Debug)]
-pub struct Correlation {
+pub(super) struct Correlation {
     /// At distances 0, 1, …; 0 beyond. The first is 1.
     by_distance: Vec<f64>,
 }
 
 impl Correlation {
     /// That of points found with these parameters, if the noise of the image is white.
-    pub fn along_the_stripe(params: &ExtractionParams) -> Self {
+    pub(super) fn along_the_stripe(params: &ExtractionParams) -> Self {
         Self::of(&match params.method {
             Method::GrayGravity | Method::GaussianFit | Method::ImprovedGravity => {
                 let kernel = Kernel::gaussian(params.blur_radius);
@@ -51,13 +51,13 @@ impl Correlation {
     }
 
     /// Smallest distance at which errors count as independent, at least 1.
-    pub fn independent_distance(&self) -> usize {
+    pub(super) fn independent_distance(&self) -> usize {
         let distance = self.by_distance.iter().position(|&share| share < INDEPENDENT);
         distance.unwrap_or(self.by_distance.len())
     }
 
     /// Variance of Σ over consecutive places of errors whose own standard deviations are `sigmas`, signs included.
-    pub fn variance(&self, sigmas: &[f64]) -> f64 {
+    pub(super) fn variance(&self, sigmas: &[f64]) -> f64 {
         let product = |distance: usize| -> f64 {
             sigmas.iter().zip(&sigmas[distance..]).map(|(a, b)| a * b).sum()
         };
@@ -71,7 +71,7 @@ impl Correlation {
     /// For independent errors the quantile of χ² with num − 2 degrees of freedom by Wilson and Hilferty 1931 (doi
     /// 10.1073/pnas.17.12.684, eq. 3). Dependent ones spread less about their line: a χ² of as many degrees of freedom
     /// as give the same mean, and Σ ρ² the variance (Satterthwaite 1946, doi 10.2307/3002019).
-    pub fn chi_square_limit(&self, num: usize) -> f64 {
+    pub(super) fn chi_square_limit(&self, num: usize) -> f64 {
         if num < 3 {
             return 0.0;
         }

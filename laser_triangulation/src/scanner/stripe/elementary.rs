@@ -3,7 +3,7 @@
 /// x, but not below `low` and not above `high`; what is no number becomes `low`.
 #[inline(always)]
 #[allow(clippy::manual_clamp, reason = "clamp would keep what is no number")]
-pub fn bounded(x: f32, low: f32, high: f32) -> f32 {
+pub(super) fn bounded(x: f32, low: f32, high: f32) -> f32 {
     let x = if x > low { x } else { low };
     if x < high { x } else { high }
 }
@@ -12,7 +12,7 @@ pub fn bounded(x: f32, low: f32, high: f32) -> f32 {
 ///
 /// x = n ln 2 + r, |r| ≤ ln 2 / 2; the Taylor series to r⁶, n into the exponent's bits.
 #[inline(always)]
-pub fn exp(x: f32) -> f32 {
+pub(super) fn exp(x: f32) -> f32 {
     // Adding 1.5 · 2²³ rounds to an integer, which then stands in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     const LN_2_HIGH: f32 = 0.693_359_4;
@@ -34,7 +34,7 @@ pub fn exp(x: f32) -> f32 {
 /// For z ≥ 0, λ(z) - z is a ratio of polynomials that was fitted to it: off by 4·10⁻⁶ of its value. For z < 0,
 /// Φ(-z) = 1 - Φ(z) leads back to it. One division serves both. Beyond ±10⁶ it stays as it is there.
 #[inline(always)]
-pub fn hazard(z: f32) -> f32 {
+pub(super) fn hazard(z: f32) -> f32 {
     let a = bounded(z.abs(), 0.0, 1e6);
     let over = 40.540_234 + a * (24.854_07 + a * (7.247_615 + a));
     let under = 50.809_81 + a * (54.284_92 + a * (26.892_504 + a * (7.246_966_4 + a)));

@@ -11,7 +11,7 @@ use super::{
     measure::Assembler,
     noise_estimate::NoiseEstimator,
     picture::Picture,
-    section::{Candidate, Found, Levels},
+    section::{Candidate, Levels, LineCandidate},
     segment::Regions,
     select::Selector,
     steger::Ridge,
@@ -21,14 +21,14 @@ use super::{
     work::{AddUp, Blur, Find, Load, Measure},
 };
 use crate::scanner::{
-    channel::Plane,
+    channel::{Offset, Plane},
     params::{ExtractionParams, Method, NoiseSource, StripeDirection, Threshold},
 };
 use fearless_simd::Simd;
 
 /// Extracts frame after frame without allocating once the first of a size has been seen.
 #[derive(Debug)]
-pub struct FastExtractor<S: Sample> {
+pub(super) struct FastExtractor<S: Sample> {
     kernel: Kernel,
     params: ExtractionParams,
     direction: StripeDirection,
@@ -37,9 +37,9 @@ pub struct FastExtractor<S: Sample> {
     noise_threshold: NoiseThreshold,
     regions: Regions,
     columns: Columns,
-    found: Vec<Found>,
+    found: Vec<LineCandidate>,
     selector: Selector,
-    chosen: Vec<Found>,
+    chosen: Vec<LineCandidate>,
     sections: Sections,
     runs: BroadRuns,
     vectors: Vectors,
@@ -49,7 +49,7 @@ pub struct FastExtractor<S: Sample> {
 
 impl<S: Sample> FastExtractor<S> {
     /// An extractor with these settings.
-    pub fn new(params: ExtractionParams, direction: StripeDirection) -> Self {
+    pub(super) fn new(params: ExtractionParams, direction: StripeDirection) -> Self {
         Self {
             kernel: Kernel::gaussian(params.blur_radius),
             params,
@@ -71,22 +71,22 @@ impl<S: Sample> FastExtractor<S> {
     }
 
     /// Takes this frame for the light without laser, for `background: reference`. It has the size of those that follow.
-    pub fn set_ambient(&mut self, plane: &Plane<'_, S>) {
+    pub(super) fn set_ambient(&mut self, plane: &Plane<'_, S>) {
         let Self { kernel, tiles, background, vectors, .. } = self;
         vectors.run(Blur { tiles, kernel, plane, threshold: None });
         background.set_ambient(tiles.samples_mut());
     }
 
     /// Forgets the last frame: the next one is searched everywhere.
-    pub const fn reset(&mut self) {
+    pub(super) const fn reset(&mut self) {
         self.selector.reset();
     }
 
-    /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` (column, row) of the image.
-    pub fn extract(
+    /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` in the image.
+    pub(super) fn extract(
         &mut self,
         plane: &Plane<'_, S>,
-        offset: (usize, usize),
+        offset: Offset,
         full_scale: u32,
         centerline: &mut Centerline,
     ) {
@@ -208,7 +208,7 @@ impl<S: Sample> FastExtractor<S> {
             let peak = samples.iter().fold(S::Sum::default(), |peak, &sample| peak.max(sample));
             let candidate =
                 Candidate { first: run.start, last: run.end - 1, peak: peak.into(), count: 1 };
-            Found { line: run.row, candidate }
+            LineCandidate { line: run.row, candidate }
         }));
     }
 

@@ -27,7 +27,7 @@ const CLIPPED_SHARE: f32 = 0.341;
 /// The zero crossing in every lane. Where there is none within a pixel or two of the first guess, that stands in, and
 /// its uncertainty is that of any place in the candidate.
 #[inline(always)]
-pub fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
+pub(super) fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let start = Start::of(sections, noise, full_scale);
     let base: Lane = each(|lane| start.curve.centre_px[lane].floor());
     let responses = Responses::of(sections, &start, &base, (noise, full_scale));

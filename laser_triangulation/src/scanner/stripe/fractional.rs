@@ -20,7 +20,7 @@ const STANDSTILL_PX: f32 = 4e-3;
 /// Formula 7 as integrals, c = ∫ x·G dx / ∫ G dx over `[c - R, c + R]`: the centre of gravity of a window about itself,
 /// which reaches R = L to either side of it. A border of the image cuts the window short.
 #[inline(always)]
-pub fn fractional_window_gravity(
+pub(super) fn fractional_window_gravity(
     sections: &Sections,
     coarse_px: &Lane,
     half_length_px: &Lane,

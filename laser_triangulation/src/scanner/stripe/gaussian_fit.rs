@@ -15,7 +15,7 @@ use super::{
 /// lies at -p₁ / 2p₂; for a parabola that opens upwards, or a maximum outside the candidate, the brightest sample stands
 /// in.
 #[inline(always)]
-pub fn coarse_peak(sections: &Sections, brightest: &Lane) -> Lane {
+pub(super) fn coarse_peak(sections: &Sections, brightest: &Lane) -> Lane {
     let fit = Fit::of(sections, brightest);
     each(|lane| if fit.is_peak[lane] > 0.0 { fit.position_px[lane] } else { brightest[lane] })
 }
@@ -23,7 +23,7 @@ pub fn coarse_peak(sections: &Sections, brightest: &Lane) -> Lane {
 /// The same as an estimator of its own, with its uncertainty: the derivative of the maximum by each sample times that
 /// sample's noise. Where the brightest sample stands in, the uncertainty is half the candidate.
 #[inline(always)]
-pub fn gaussian_fit(sections: &Sections, brightest: &Lane, noise: &Noise<'_>) -> Centres {
+pub(super) fn gaussian_fit(sections: &Sections, brightest: &Lane, noise: &Noise<'_>) -> Centres {
     let fit = Fit::of(sections, brightest);
     let sigma = fit.sigma(sections, brightest, noise);
     let length = sections.length();

@@ -35,7 +35,7 @@ const STILL_SHAPE: f32 = 0.04;
 
 /// The most probable centre of every lane.
 #[inline(always)]
-pub fn gaussian_ml(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
+pub(super) fn gaussian_ml(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let start = Start::of(sections, noise, full_scale);
     let prior = Prior::of(sections, &start.curve, noise);
     let mut curve = start.curve;

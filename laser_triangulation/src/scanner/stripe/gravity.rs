@@ -8,7 +8,7 @@ use super::{
 
 /// Step 6: the width D, the number of the candidate's samples above the width threshold, a grey level in sample units.
 #[inline(always)]
-pub fn width_samples(sections: &Sections, width_threshold: f32) -> Lane {
+pub(super) fn width_samples(sections: &Sections, width_threshold: f32) -> Lane {
     let mut width = [0.0; LANES];
     let last = sections.last_place();
     for i in sections.candidate_rows() {
@@ -25,7 +25,7 @@ pub fn width_samples(sections: &Sections, width_threshold: f32) -> Lane {
 
 /// Step 7: how far the window reaches to either side of its centre, L = 2D/3, pixels.
 #[inline(always)]
-pub fn window_half_length_px(width_samples: &Lane) -> Lane {
+pub(super) fn window_half_length_px(width_samples: &Lane) -> Lane {
     each(|lane| 2.0 * width_samples[lane] / 3.0)
 }
 
@@ -35,7 +35,7 @@ pub fn window_half_length_px(width_samples: &Lane) -> Lane {
 /// "rounded to 4"; the nearest is 5, and that is taken here. Locks the result to pixels (`rounded_window_locks_to_pixels`
 /// shows by how much); `window: fractional` does not.
 #[inline(always)]
-pub fn rounded_window_gravity(
+pub(super) fn rounded_window_gravity(
     sections: &Sections,
     coarse_px: &Lane,
     half_length_px: &Lane,
@@ -53,7 +53,7 @@ pub fn rounded_window_gravity(
 
 /// Formula 7 over the whole candidate: the plain grey-level centre of gravity.
 #[inline(always)]
-pub fn gray_gravity(sections: &Sections, noise: &Noise<'_>) -> Centres {
+pub(super) fn gray_gravity(sections: &Sections, noise: &Noise<'_>) -> Centres {
     gravity(sections, &[0.0; LANES], &sections.last_place(), noise)
 }
 

@@ -5,20 +5,20 @@
 //! Estimators keep to two rules for that: rows outside a lane's window count nothing, and places are counted from the
 //! candidate's first sample.
 
-use super::section::{Candidate, Section, grey};
+use super::section::{Candidate, grey};
 use std::ops::Range;
 
 /// Cross-sections in a batch: one 512-bit register of `f32`.
-pub const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 /// Longest candidate that an estimator is given, samples. Longer ones are no cross-section of a stripe.
-pub const MAX_ROWS: usize = 192;
+pub(super) const MAX_ROWS: usize = 192;
 
 /// One number a lane.
-pub type Lane = [f32; LANES];
+pub(super) type Lane = [f32; LANES];
 
 /// Up to [`LANES`] cross-sections. Row i of a lane lies i positions across the stripe from its row 0.
 #[derive(Clone, Debug)]
-pub struct Sections {
+pub(super) struct Sections {
     /// Lanes in use, from lane 0; the others repeat the window of lane 0 over samples that mean nothing.
     pub count: usize,
     /// Unblurred samples, sample units, row by row; as many rows as the longest reach of a window.
@@ -39,7 +39,7 @@ pub struct Sections {
 
 /// What an estimator says of every lane.
 #[derive(Clone, Copy, Debug)]
-pub struct Centres {
+pub(super) struct Centres {
     /// Centre, pixels from the candidate's first sample.
     pub position_px: Lane,
     /// One standard deviation of it, pixels.
@@ -64,7 +64,7 @@ impl Default for Sections {
 
 /// What `f` gives for every lane.
 #[inline(always)]
-pub fn each(f: impl Fn(usize) -> f32) -> Lane {
+pub(super) fn each(f: impl Fn(usize) -> f32) -> Lane {
     let mut lanes = [0.0; LANES];
     for (lane, value) in lanes.iter_mut().enumerate() {
         *value = f(lane);
@@ -74,7 +74,7 @@ pub fn each(f: impl Fn(usize) -> f32) -> Lane {
 
 /// One lane of several numbers.
 #[inline(always)]
-pub fn lane_of<const N: usize>(numbers: &[Lane; N], lane: usize) -> [f32; N] {
+pub(super) fn lane_of<const N: usize>(numbers: &[Lane; N], lane: usize) -> [f32; N] {
     let mut of_lane = [0.0; N];
     for (of_lane, number) in of_lane.iter_mut().zip(numbers) {
         *of_lane = number[lane];
@@ -96,50 +96,43 @@ fn fold(lanes: &Lane, f: fn(f32, f32) -> f32) -> f32 {
 
 impl Sections {
     /// Rows held.
-    pub fn rows(&self) -> usize {
+    pub(super) fn rows(&self) -> usize {
         self.raw.len()
     }
 
     /// Place of row `i` in every lane, pixels from the candidate's first sample.
     #[inline(always)]
-    pub fn place(&self, i: usize) -> Lane {
+    pub(super) fn place(&self, i: usize) -> Lane {
         each(|lane| i as f32 - self.first[lane])
     }
 
     /// Place of the candidate's last sample in every lane, pixels from its first.
     #[inline(always)]
-    pub fn last_place(&self) -> Lane {
+    pub(super) fn last_place(&self) -> Lane {
         each(|lane| self.last[lane] - self.first[lane])
     }
 
     /// Samples of every lane's candidate.
     #[inline(always)]
-    pub fn length(&self) -> Lane {
+    pub(super) fn length(&self) -> Lane {
         each(|lane| self.last[lane] - self.first[lane] + 1.0)
     }
 
     /// Which lanes are in use: 1 or 0.
     #[inline(always)]
-    pub fn in_use(&self) -> Lane {
+    pub(super) fn in_use(&self) -> Lane {
         each(|lane| if lane < self.count { 1.0 } else { 0.0 })
-    }
-
-    /// Whether row `i` lies in the lane's window: 1 or 0.
-    #[inline(always)]
-    pub fn is_inside(&self, i: usize) -> Lane {
-        let i = i as f32;
-        each(|lane| if i >= self.start[lane] && i < self.end[lane] { 1.0 } else { 0.0 })
     }
 
     /// Rows in which some lane has a sample of its candidate.
     #[inline(always)]
-    pub fn candidate_rows(&self) -> Range<usize> {
+    pub(super) fn candidate_rows(&self) -> Range<usize> {
         self.reach(&self.first, &self.last)
     }
 
     /// Rows that hold every place between `low` and `high` (rows, as numbers) of the lanes.
     #[inline(always)]
-    pub fn reach(&self, low: &Lane, high: &Lane) -> Range<usize> {
+    pub(super) fn reach(&self, low: &Lane, high: &Lane) -> Range<usize> {
         let (from, to) = (fold(low, f32::min), fold(high, f32::max));
         let end = ((to.max(-1.0) + 1.0) as usize).min(self.rows());
         (from.max(0.0) as usize).min(end)..end
@@ -147,21 +140,21 @@ impl Sections {
 
     /// Rows that lie between `low` and `high` (rows, as numbers, both included) in every lane.
     #[inline(always)]
-    pub fn within(&self, low: &Lane, high: &Lane) -> Range<usize> {
+    pub(super) fn within(&self, low: &Lane, high: &Lane) -> Range<usize> {
         let (from, to) = (fold(low, f32::max), fold(high, f32::min));
         let end = ((to.max(-1.0) + 1.0) as usize).min(self.rows());
         (from.max(0.0).ceil() as usize).min(end)..end
     }
 
     /// Makes room for `rows` rows of `count` lanes. Samples of earlier batches stay where they are: they lie in no window.
-    pub fn clear(&mut self, count: usize, rows: usize) {
+    pub(super) fn clear(&mut self, count: usize, rows: usize) {
         self.count = count;
         self.raw.resize(rows, [0.0; LANES]);
         self.blurred.resize(rows, [0.0; LANES]);
     }
 
     /// Says, lane after lane from lane 0, where in a lane a candidate lies whose window `held` (positions) begins in row `start`.
-    pub fn place_lane(
+    pub(super) fn place_lane(
         &mut self,
         lane: usize,
         start: usize,
@@ -180,24 +173,6 @@ impl Sections {
             {
                 *array = [array[0]; LANES];
             }
-        }
-    }
-
-    /// Replaces all lanes by these sections, each with its whole samples as window.
-    ///
-    /// # Panics
-    /// More than [`LANES`] of them.
-    pub fn load<'a>(&mut self, sections: impl ExactSizeIterator<Item = Section<'a>> + Clone) {
-        assert!(sections.len() <= LANES, "{} sections", sections.len());
-        let rows = sections.clone().map(|section| section.samples.len()).max().unwrap_or(0);
-        self.clear(sections.len(), rows);
-        for (lane, section) in sections.enumerate() {
-            for (i, (&raw, &blurred)) in section.raw.iter().zip(section.samples).enumerate() {
-                self.raw[i][lane] = raw as f32;
-                self.blurred[i][lane] = grey(blurred) as f32;
-            }
-            let origin = section.origin as usize;
-            self.place_lane(lane, 0, &(origin..origin + section.samples.len()), &section.candidate);
         }
     }
 }

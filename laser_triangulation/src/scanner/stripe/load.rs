@@ -4,7 +4,7 @@ use super::{
     blur::{Kernel, Sample, UNITS},
     broad::{Broad, BroadRuns},
     lanes::{LANES, Sections, each},
-    section::{Found, Levels},
+    section::{Levels, LineCandidate},
     tiles::BlurredTiles,
 };
 use crate::scanner::{channel::Plane, params::StripeDirection};
@@ -13,7 +13,7 @@ use std::ops::Range;
 
 /// Takes cross-sections from one frame.
 #[derive(Debug)]
-pub struct Loader<'a, S: Sample> {
+pub(super) struct Loader<'a, S: Sample> {
     /// The frame.
     pub plane: &'a Plane<'a, S>,
     /// The blur.
@@ -27,10 +27,10 @@ pub struct Loader<'a, S: Sample> {
 impl<S: Sample> Loader<'_, S> {
     /// Replaces `sections` by those about the candidates, one a lane.
     #[inline(always)]
-    pub fn load<V: Simd>(
+    pub(super) fn load<V: Simd>(
         &mut self,
         vectors: V,
-        batch: &[Found],
+        batch: &[LineCandidate],
         levels: &Levels<'_>,
         sections: &mut Sections,
     ) {
@@ -39,7 +39,7 @@ impl<S: Sample> Loader<'_, S> {
             StripeDirection::Vertical => self.plane.width,
         };
         let mut ends: [Range<usize>; LANES] = std::array::from_fn(|_| 0..0);
-        let held = |found: &Found| {
+        let held = |found: &LineCandidate| {
             let candidate = &found.candidate;
             candidate.reach(levels.margin(candidate), length)
         };
@@ -109,7 +109,7 @@ impl<S: Sample> Loader<'_, S> {
     /// Adds up candidates that are too long for cross-sections and lie in consecutive lines, in row order: where a row
     /// of samples crosses a horizontal stripe's candidates it crosses many.
     #[inline(always)]
-    pub fn add_up(&self, batch: &[Found], runs: &mut BroadRuns) {
+    pub(super) fn add_up(&self, batch: &[LineCandidate], runs: &mut BroadRuns) {
         runs.clear(batch);
         let lines = batch[0].line as usize..batch[0].line as usize + batch.len();
         match self.direction {
@@ -129,7 +129,7 @@ impl<S: Sample> Loader<'_, S> {
     }
 
     /// What is told of candidate i of those.
-    pub fn broad(&self, found: &Found, (i, runs): (usize, &BroadRuns)) -> Broad {
+    pub(super) fn broad(&self, found: &LineCandidate, (i, runs): (usize, &BroadRuns)) -> Broad {
         let first = found.candidate.first as usize;
         let length = found.candidate.length() as usize;
         let raw_at = |place: usize| {

@@ -29,7 +29,7 @@ const BACKGROUND_SIGMAS: f32 = 3.2;
 /// The parabola's maximum in every lane. Where none is found, the first guess stands in, and its uncertainty is that of
 /// any place in the candidate.
 #[inline(always)]
-pub fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
+pub(super) fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let mut start = Start::of(sections, noise, full_scale);
     start.curve.background = background(sections, &start);
     let length: Lane = each(|lane| sections.last[lane] - sections.first[lane] + 1.0);

@@ -11,7 +11,7 @@ const ROOT_HALF: u32 = 0x3f35_04f3;
 /// x = 2ᵉ·m with m from √½ to √2, and ln m = 2·artanh(s), s = (m - 1) / (m + 1): the odd series in s converges fast, as
 /// |s| ≤ 0.172.
 #[inline(always)]
-pub fn ln(x: f32) -> f32 {
+pub(super) fn ln(x: f32) -> f32 {
     let above = x.to_bits().wrapping_sub(ROOT_HALF);
     let exponent = above as i32 >> 23;
     let mantissa = f32::from_bits((above & 0x007f_ffff).wrapping_add(ROOT_HALF));

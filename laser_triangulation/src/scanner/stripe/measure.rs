@@ -11,17 +11,20 @@ use super::{
     gravity::{gray_gravity, rounded_window_gravity, width_samples, window_half_length_px},
     lanes::{Centres, LANES, Lane, Sections},
     log_gaussian::log_gaussian,
-    section::{Candidate, Found, Levels},
+    section::{Candidate, Levels, LineCandidate},
     width::{brightest, brightest_raw, full_width_half_maximum, raw_at},
 };
-use crate::scanner::params::{Method, StripeDirection, Window};
+use crate::scanner::{
+    channel::Offset,
+    params::{GravityWindow, Method, StripeDirection},
+};
 
 /// Steps 5 to 8: the centres of cross-sections by the chosen method; `brightest` is the place of each one's peak.
 ///
 /// **A new estimator is one more arm here**: a function from [`Sections`] to [`Centres`] in a file of its own, and its
 /// name in [`Method`]. The parameter's choices and the property that fast equals reference follow from the name.
 #[inline(always)]
-pub fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Centres {
+pub(super) fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Centres {
     let noise = &levels.noise;
     let full_scale = levels.full_scale as f32;
     match levels.method {
@@ -36,10 +39,10 @@ pub fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Ce
             let width_samples = width_samples(sections, levels.width_threshold);
             let half_length_px = window_half_length_px(&width_samples);
             match levels.window {
-                Window::Rounded => {
+                GravityWindow::Rounded => {
                     rounded_window_gravity(sections, &coarse_px, &half_length_px, noise)
                 }
-                Window::Fractional => {
+                GravityWindow::Fractional => {
                     fractional_window_gravity(sections, &coarse_px, &half_length_px, noise)
                 }
             }
@@ -49,23 +52,23 @@ pub fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Ce
 
 /// Builds a centreline from cross-sections in order along the stripe.
 #[derive(Debug)]
-pub struct Assembler<'a> {
+pub(super) struct Assembler<'a> {
     centerline: &'a mut Centerline,
     direction: StripeDirection,
     /// Column and row of the searched region in the image.
-    offset: (usize, usize),
+    offset: Offset,
     /// Positions across the stripe: rows of the region for a horizontal stripe.
     length_across: u32,
     /// The cross-section pushed last.
-    previous: Option<Found>,
+    previous: Option<LineCandidate>,
 }
 
 impl<'a> Assembler<'a> {
     /// Starts an empty centreline.
-    pub fn new(
+    pub(super) fn new(
         centerline: &'a mut Centerline,
         direction: StripeDirection,
-        offset: (usize, usize),
+        offset: Offset,
         length_across: usize,
     ) -> Self {
         centerline.clear();
@@ -75,9 +78,9 @@ impl<'a> Assembler<'a> {
     /// Measures cross-sections, one a lane, in which these candidates were found, and adds their points.
     /// `refine` may move the centres by what more of the picture tells.
     #[inline(always)]
-    pub fn push(
+    pub(super) fn push(
         &mut self,
-        found: &[Found],
+        found: &[LineCandidate],
         sections: &Sections,
         levels: &Levels<'_>,
         refine: impl FnOnce(&mut Centres),
@@ -110,7 +113,7 @@ impl<'a> Assembler<'a> {
 
     /// Adds the point of a candidate that is too long for a cross-section of the stripe: its centre of gravity, which
     /// may be anywhere in it.
-    pub fn push_broad(&mut self, found: &Found, broad: &Broad, levels: &Levels<'_>) {
+    pub(super) fn push_broad(&mut self, found: &LineCandidate, broad: &Broad, levels: &Levels<'_>) {
         let is_saturated = broad.brightest_raw >= levels.full_scale;
         self.join(found, flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 });
         let across_px = self.across_px(found, broad.position_px);
@@ -124,8 +127,8 @@ impl<'a> Assembler<'a> {
 
     /// Adds the line and the flags of a point: those given, and what its candidate tells.
     #[inline(always)]
-    fn join(&mut self, found: &Found, mut flags: u8) {
-        let Found { line, candidate } = *found;
+    fn join(&mut self, found: &LineCandidate, mut flags: u8) {
+        let LineCandidate { line, candidate } = *found;
         if !self.previous.is_some_and(|previous| continues(&previous, found)) {
             self.centerline.stripe_start.push(self.centerline.flags.len() as u32);
         }
@@ -139,20 +142,20 @@ impl<'a> Assembler<'a> {
         self.centerline.flags.push(flags);
         match self.direction {
             StripeDirection::Horizontal => {
-                self.centerline.u_px.push((self.offset.0 as u32 + line) as f32);
+                self.centerline.u_px.push((self.offset.column as u32 + line) as f32);
             }
             StripeDirection::Vertical => {
-                self.centerline.v_px.push((self.offset.1 as u32 + line) as f32);
+                self.centerline.v_px.push((self.offset.row as u32 + line) as f32);
             }
         }
     }
 
     /// Position across the stripe in the image of a place in a candidate, pixels.
     #[inline(always)]
-    fn across_px(&self, found: &Found, position_px: f64) -> f32 {
+    fn across_px(&self, found: &LineCandidate, position_px: f64) -> f32 {
         let offset = match self.direction {
-            StripeDirection::Horizontal => self.offset.1,
-            StripeDirection::Vertical => self.offset.0,
+            StripeDirection::Horizontal => self.offset.row,
+            StripeDirection::Vertical => self.offset.column,
         };
         (f64::from(offset as u32 + found.candidate.first) + position_px) as f32
     }
@@ -168,7 +171,7 @@ impl<'a> Assembler<'a> {
 }
 
 /// Whether a candidate touches that of the line before, corners included.
-const fn continues(previous: &Found, next: &Found) -> bool {
+const fn continues(previous: &LineCandidate, next: &LineCandidate) -> bool {
     let (above, below): (&Candidate, &Candidate) = (&previous.candidate, &next.candidate);
     previous.line + 1 == next.line && below.first <= above.last + 1 && above.first <= below.last + 1
 }
@@ -180,7 +183,8 @@ mod tests {
         params::ExtractionParams,
         stripe::{
             blur::{Kernel, UNITS},
-            section::{Section, grey},
+            reference::Section,
+            section::grey,
         },
     };
     use proptest::prelude::*;
@@ -236,7 +240,7 @@ mod tests {
         ) {
             let kernel = Kernel::gaussian(blur_radius);
             for method in Method::NAMES.iter().filter_map(|name| Method::from_name(name)) {
-                for window in [Window::Fractional, Window::Rounded] {
+                for window in [GravityWindow::Fractional, GravityWindow::Rounded] {
                     let params = ExtractionParams {
                         method,
                         window,

@@ -1,66 +1,69 @@
 //! From a grey image to the stripe's sub-pixel centreline: the method of Yao et al. 2023 (doi 10.3390/app13179831), each
 //! step a function of its own.
 //!
-//! | step | function |
+//! | step | in the code |
 //! |---|---|
-//! | 1 crop | [`channel::window`](super::channel::window) |
-//! | 2 grey | [`channel::Decoder::decode`](super::channel::Decoder::decode) |
-//! | 3 blur | [`blur::blurred_at`]; fast: [`tile_blur::TileBlur`], where [`tiles`] says that it matters |
-//! | 3a background | [`background::BackgroundFilter`], when the scene is not black |
-//! | 4 segment | [`segment::Regions`], above [`threshold::NoiseThreshold`] when it is adaptive |
-//! | 4a choose | [`select::Selector`] takes one candidate a cross-section, or more: [`split`], [`continuity`], [`tracking`] |
-//! | 5 coarse peak | [`gaussian_fit::coarse_peak`] |
-//! | 6 width D | [`gravity::width_samples`] |
-//! | 7 window L | [`gravity::window_half_length_px`] |
-//! | 8 centre | [`fractional::fractional_window_gravity`], [`gravity::rounded_window_gravity`] as printed |
+//! | 1 crop | [`SearchedRegion::new`] |
+//! | 2 grey | [`Decoder::decode`] |
+//! | 3 blur | `blur::blurred_at`; fast: `tile_blur`, only on the tiles that `tiles` selects |
+//! | 3a background | `background`, if the scene is not black |
+//! | 4 segment | `segment`, above the level of `threshold` if that is adaptive |
+//! | 4a select | `select` takes one candidate of each cross-section, or several: `split`, `continuity`, `tracking` |
+//! | 5 coarse peak | `gaussian_fit::coarse_peak` |
+//! | 6 width D | `gravity::width_samples` |
+//! | 7 window L | `gravity::window_half_length_px` |
+//! | 8 centre | `fractional`; `gravity::rounded_window_gravity` as printed in the paper |
 //!
-//! [`reference`](mod@reference) runs steps 3 and 4 on every pixel, [`fast`] only where stripe can be; both hand each cross-section to
-//! [`measure`], where the estimator is chosen and where a new one is added. [`smooth`] comes after, when it is asked for.
+//! `fast` runs the costly steps only where the stripe can be. `reference`, which only the tests compile, runs them on every
+//! pixel and defines the result: both are equal bit for bit. Each cross-section goes to `measure`, which calls the
+//! estimator; a new estimator is added there. `smooth` follows if it is enabled.
 
-pub mod blur;
-pub mod segment;
-pub mod section;
-pub mod lanes;
-pub mod logarithm;
-pub mod width;
-pub mod broad;
-pub mod elementary;
-pub mod noise;
-pub mod parabola;
-pub mod gaussian_fit;
-pub mod gaussian_ml;
-pub mod log_gaussian;
-pub mod fir_peak;
-pub mod picture;
-pub mod steger;
-pub mod noise_estimate;
-pub mod gravity;
-pub mod fractional;
-pub mod background;
-pub mod threshold;
-pub mod split;
-pub mod continuity;
-pub mod tracking;
-pub mod select;
-pub mod measure;
-pub mod correlation;
-pub mod smooth;
-pub mod reference;
-pub mod vectors;
-pub mod tile_blur;
-pub mod tiles;
-pub mod columns;
-pub mod load;
-pub mod work;
-pub mod fast;
+mod blur;
+mod segment;
+mod section;
+mod lanes;
+mod logarithm;
+mod width;
+mod broad;
+mod elementary;
+mod noise;
+mod parabola;
+mod gaussian_fit;
+mod gaussian_ml;
+mod log_gaussian;
+mod fir_peak;
+mod picture;
+mod steger;
+mod noise_estimate;
+mod gravity;
+mod fractional;
+mod background;
+mod threshold;
+mod split;
+mod continuity;
+mod tracking;
+mod select;
+mod measure;
+mod correlation;
+mod smooth;
+mod vectors;
+mod tile_blur;
+mod tiles;
+mod columns;
+mod load;
+mod work;
+mod fast;
+#[cfg(test)]
+mod reference;
 #[cfg(test)]
 mod bad_sections;
 #[cfg(test)]
 mod pictures;
 
 use super::{
-    channel::AnyPlane,
-    params::{ExtractionParams, StripeDirection},
+    channel::{AnyPlane, Decoder, Offset, SearchedRegion},
+    image::Image,
+    params::{Channel, ExtractionParams, StripeDirection},
 };
 use fast::FastExtractor;
 use smooth::Smoother;
@@ -113,7 +116,7 @@ impl Centerline {
     }
 
     /// Becomes `other`, keeps the memory.
-    pub fn copy_from(&mut self, other: &Self) {
+    pub(super) fn copy_from(&mut self, other: &Self) {
         self.u_px.clone_from(&other.u_px);
         self.v_px.clone_from(&other.v_px);
         self.stripe_start.clone_from(&other.stripe_start);
@@ -124,7 +127,7 @@ impl Centerline {
     }
 
     /// Forgets all points, keeps the memory.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.u_px.clear();
         self.v_px.clear();
         self.stripe_start.clear();
@@ -135,13 +138,16 @@ impl Centerline {
     }
 }
 
-/// Extracts centrelines from 8-bit and 16-bit planes.
+/// Extracts centrelines, frame after frame. Keeps all buffers: after the first frame of a size nothing is allocated.
+///
+/// [`extract`](Self::extract) takes a whole image; [`extract_plane`](Self::extract_plane) takes samples that are decoded and
+/// cropped already.
 ///
 /// ```
-/// use laser_profiler::scanner::{
-///     channel::{AnyPlane, Plane},
+/// use laser_triangulation::scanner::{
+///     image::{Image, PixelFormat},
 ///     params::{ExtractionParams, Method, StripeDirection},
-///     stripe::{Centerline, Extractor},
+///     stripe::Extractor,
 /// };
 ///
 /// let picture = [
@@ -149,9 +155,9 @@ impl Centerline {
 ///     10,  0,  0,  0,
 ///     30, 20,  0,  0,
 ///     10, 20,  0, 40,
-///      0,  0,  0,  0_u8,
+///      0,  0,  0,  0,
 /// ];
-/// let plane = AnyPlane::Eight(Plane { width: 4, height: 5, stride: 4, samples: &picture });
+/// let image = Image::packed(4, 5, PixelFormat::Mono8, &picture)?;
 /// let params = ExtractionParams {
 ///     method: Method::GrayGravity,
 ///     blur_radius: 0,
@@ -159,17 +165,27 @@ impl Centerline {
 ///     min_segment_area: 0,
 ///     ..ExtractionParams::default()
 /// };
-/// let mut line = Centerline::default();
-/// Extractor::new(params, StripeDirection::Horizontal).extract(&plane, (0, 0), 255, &mut line);
+/// let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
+/// let line = extractor.extract(&image);
 /// assert_eq!(line.u_px, [0.0, 1.0, 3.0]);
 /// assert_eq!(line.v_px, [2.0, 2.5, 3.0]);
 /// assert_eq!(line.stripe_start, [0, 2]);
+/// # Ok::<(), laser_triangulation::scanner::image::ImageError>(())
 /// ```
 #[derive(Debug)]
 pub struct Extractor {
     eight: FastExtractor<u8>,
     sixteen: FastExtractor<u16>,
     smoother: Smoother,
+    decoder: Decoder,
+    centerline: Centerline,
+}
+
+impl Default for Extractor {
+    /// Default parameters, for a stripe that runs from left to right.
+    fn default() -> Self {
+        Self::new(ExtractionParams::default(), StripeDirection::Horizontal)
+    }
 }
 
 impl Extractor {
@@ -179,30 +195,34 @@ impl Extractor {
             eight: FastExtractor::new(params, direction),
             sixteen: FastExtractor::new(params, direction),
             smoother: Smoother::new(&params, direction),
+            decoder: Decoder::default(),
+            centerline: Centerline::default(),
         }
     }
 
-    /// Takes this plane for the light without laser, for `background: reference`: the searched part of the frames that
-    /// follow, with the same depth.
-    pub fn set_ambient(&mut self, plane: &AnyPlane<'_>) {
-        match plane {
-            AnyPlane::Eight(plane) => self.eight.set_ambient(plane),
-            AnyPlane::Sixteen(plane) => self.sixteen.set_ambient(plane),
+    /// Extracts the centreline of a whole image. Grey images are taken as they are, of colour and Bayer images the largest
+    /// channel ([`Channel::Auto`]). Full scale is the format's largest level.
+    ///
+    /// For another channel, a region of interest or a lower full scale, decode the image with [`Decoder`] and call
+    /// [`extract_plane`](Self::extract_plane).
+    pub fn extract(&mut self, image: &Image<'_>) -> &Centerline {
+        let Self { eight, sixteen, decoder, centerline, .. } = self;
+        let region = SearchedRegion::whole(image);
+        let (offset, full_scale) = (region.offset(), image.format().max_level());
+        match decoder.decode(image, Channel::Auto, &region) {
+            AnyPlane::Eight(plane) => eight.extract(&plane, offset, full_scale, centerline),
+            AnyPlane::Sixteen(plane) => sixteen.extract(&plane, offset, full_scale, centerline),
         }
+        self.smoother.smooth(centerline);
+        centerline
     }
 
-    /// Forgets the last frame's stripes: the next frame is searched everywhere.
-    pub const fn reset(&mut self) {
-        self.eight.reset();
-        self.sixteen.reset();
-    }
-
-    /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` (column, row) of the image.
-    /// `full_scale` is the level of a saturated sample, to which the parameters' grey levels are scaled.
-    pub fn extract(
+    /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` in the image. `full_scale` is the
+    /// level of a saturated sample; the grey levels in the parameters are scaled to it.
+    pub fn extract_plane(
         &mut self,
         plane: &AnyPlane<'_>,
-        offset: (usize, usize),
+        offset: Offset,
         full_scale: u32,
         centerline: &mut Centerline,
     ) {
@@ -211,5 +231,20 @@ impl Extractor {
             AnyPlane::Sixteen(plane) => self.sixteen.extract(plane, offset, full_scale, centerline),
         }
         self.smoother.smooth(centerline);
+    }
+
+    /// Sets the frame without laser light that [`Background::Reference`](super::params::Background::Reference) subtracts. It must cover the same region and have
+    /// the same depth as the frames that follow.
+    pub fn set_ambient(&mut self, plane: &AnyPlane<'_>) {
+        match plane {
+            AnyPlane::Eight(plane) => self.eight.set_ambient(plane),
+            AnyPlane::Sixteen(plane) => self.sixteen.set_ambient(plane),
+        }
+    }
+
+    /// Forgets the stripes of the last frame: tracking starts again.
+    pub const fn reset(&mut self) {
+        self.eight.reset();
+        self.sixteen.reset();
     }
 }

@@ -4,7 +4,7 @@ use super::section::Noise;
 
 /// Noise of a raw sample, sample units: variance `constant + per_level · level`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PixelNoise {
+pub(super) struct PixelNoise {
     /// Variance of read noise and rounding.
     pub constant: f32,
     /// Variance of the shot noise per level.
@@ -26,7 +26,7 @@ impl From<&Noise<'_>> for PixelNoise {
 impl PixelNoise {
     /// Variance of a sample of that expected level. Below 0 there is no light.
     #[inline(always)]
-    pub fn variance(&self, level: f32) -> f32 {
+    pub(super) fn variance(&self, level: f32) -> f32 {
         self.constant + self.per_level * level.max(0.0)
     }
 }

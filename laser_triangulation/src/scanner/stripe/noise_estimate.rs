@@ -12,7 +12,7 @@
 use super::{
     blur::Sample,
     picture::Picture,
-    section::{Found, Noise},
+    section::{LineCandidate, Noise},
 };
 use crate::statistics::NORMAL_MEDIAN_MAGNITUDE;
 
@@ -35,7 +35,7 @@ const ROUNDING: f64 = 1.0 / 12.0;
 
 /// Estimates noise frame after frame.
 #[derive(Clone, Debug)]
-pub struct NoiseEstimator {
+pub(super) struct NoiseEstimator {
     classes: Box<[Class; CLASSES]>,
 }
 
@@ -59,10 +59,10 @@ impl Default for NoiseEstimator {
 impl NoiseEstimator {
     /// Replaces the stated noise by that of the samples about these candidates. When too few of them tell anything (less than
     /// 64 triples in any class of levels: a short stripe, or all of it clipped), the stated noise stays.
-    pub fn estimate<S: Sample>(
+    pub(super) fn estimate<S: Sample>(
         &mut self,
         picture: &Picture<'_, S>,
-        found: &[Found],
+        found: &[LineCandidate],
         full_scale: u32,
         noise: &mut Noise<'_>,
     ) {
@@ -133,7 +133,7 @@ impl NoiseEstimator {
 }
 
 /// Positions of a candidate's line that are looked at.
-fn reach(found: &Found, length: usize) -> std::ops::Range<usize> {
+fn reach(found: &LineCandidate, length: usize) -> std::ops::Range<usize> {
     let candidate = &found.candidate;
     let from = candidate.first.saturating_sub(MARGIN) as usize;
     from..((candidate.last + MARGIN) as usize + 1).min(length).min(from + MOST_POSITIONS)

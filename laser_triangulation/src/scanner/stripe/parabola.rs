@@ -4,7 +4,7 @@ use super::lanes::{Lane, lane_of};
 
 /// The normal equations of y = p₀ + p₁t + p₂t², weights w.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct NormalSums {
+pub(super) struct NormalSums {
     /// Σ w tᵏ, k = 0 … 4.
     powers: [Lane; 5],
     /// Σ w tᵏ y, k = 0 … 2.
@@ -13,7 +13,7 @@ pub struct NormalSums {
 
 /// One lane's parabola by least squares. Too few samples make no number of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Parabola {
+pub(super) struct Parabola {
     /// p₀.
     pub constant: f32,
     /// p₁.
@@ -31,7 +31,7 @@ pub struct Parabola {
 impl NormalSums {
     /// Adds a sample `y` at the place `t`.
     #[inline(always)]
-    pub fn add(&mut self, lane: usize, weight: f32, (t, y): (f32, f32)) {
+    pub(super) fn add(&mut self, lane: usize, weight: f32, (t, y): (f32, f32)) {
         let (first, second) = (weight * t, weight * t * t);
         self.powers[0][lane] += weight;
         self.powers[1][lane] += first;
@@ -45,7 +45,7 @@ impl NormalSums {
 
     /// Solves the equations of one lane.
     #[inline(always)]
-    pub fn solve(&self, lane: usize) -> Parabola {
+    pub(super) fn solve(&self, lane: usize) -> Parabola {
         let [s0, s1, s2, s3, s4] = lane_of(&self.powers, lane);
         let [r0, r1, r2] = lane_of(&self.right, lane);
         // p₀ eliminated: two equations for p₁ and p₂.

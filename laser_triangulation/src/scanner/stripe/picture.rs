@@ -5,7 +5,7 @@ use crate::scanner::{channel::Plane, params::StripeDirection};
 
 /// An image as its stripe sees it: a line is a column for a horizontal stripe, a position a row.
 #[derive(Debug)]
-pub struct Picture<'a, S> {
+pub(super) struct Picture<'a, S> {
     /// The frame.
     pub plane: &'a Plane<'a, S>,
     /// Which way the stripe runs.
@@ -14,7 +14,7 @@ pub struct Picture<'a, S> {
 
 impl<S: Sample> Picture<'_, S> {
     /// Lines, and positions in each.
-    pub fn size(&self) -> (usize, usize) {
+    pub(super) fn size(&self) -> (usize, usize) {
         match self.direction {
             StripeDirection::Horizontal => (self.plane.width, self.plane.height),
             StripeDirection::Vertical => (self.plane.height, self.plane.width),
@@ -23,7 +23,7 @@ impl<S: Sample> Picture<'_, S> {
 
     /// The sample at a place; beyond the border the nearest one.
     #[inline(always)]
-    pub fn at(&self, line: isize, position: isize) -> f32 {
+    pub(super) fn at(&self, line: isize, position: isize) -> f32 {
         let (x, y) = match self.direction {
             StripeDirection::Horizontal => (line, position),
             StripeDirection::Vertical => (position, line),

@@ -2,8 +2,8 @@
 
 use super::{Centerline, fast::FastExtractor, flag, reference};
 use crate::scanner::{
-    channel::Plane,
-    params::{Background, ExtractionParams, Method, PeakSelection, StripeDirection, Window},
+    channel::{Offset, Plane},
+    params::{Background, ExtractionParams, GravityWindow, Method, PeakSelection, StripeDirection},
 };
 
 fn plain() -> ExtractionParams {
@@ -22,8 +22,14 @@ fn plain() -> ExtractionParams {
 fn extract(width: usize, picture: &[u8], params: ExtractionParams) -> Centerline {
     let plane = Plane { width, height: picture.len() / width, stride: width, samples: picture };
     let mut line = Centerline::default();
-    FastExtractor::new(params, StripeDirection::Horizontal).extract(&plane, (0, 0), 255, &mut line);
-    let expected = reference::extract(&plane, (0, 0), &params, StripeDirection::Horizontal, 255);
+    FastExtractor::new(params, StripeDirection::Horizontal).extract(
+        &plane,
+        Offset::default(),
+        255,
+        &mut line,
+    );
+    let expected =
+        reference::extract(&plane, Offset::default(), &params, StripeDirection::Horizontal, 255);
     assert_eq!(format!("{line:?}"), format!("{expected:?}"));
     line
 }
@@ -86,8 +92,11 @@ fn without_a_maximum_inside_the_brightest_sample_stands_in() {
 
 #[test]
 fn the_rounded_window_is_the_papers() {
-    let params =
-        ExtractionParams { method: Method::ImprovedGravity, window: Window::Rounded, ..plain() };
+    let params = ExtractionParams {
+        method: Method::ImprovedGravity,
+        window: GravityWindow::Rounded,
+        ..plain()
+    };
     let column = [0, 16, 128, 64, 2, 1, 0];
     // x_max = 2.25, taken as 2; D = 3 samples above 10, L = 2: (1·16 + 2·128 + 3·64 + 4·2) / 210
     assert_close(centre_px(&column, params), 472.0 / 210.0);

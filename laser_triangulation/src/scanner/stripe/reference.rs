@@ -2,27 +2,26 @@
 
 use super::{
     Centerline,
-    background::opened,
     blur::{Kernel, Sample, blurred_at},
     broad::Broad,
-    lanes::Sections,
+    lanes::{LANES, Sections},
     measure::Assembler,
     noise_estimate::NoiseEstimator,
     picture::Picture,
-    section::{Candidate, Found, Levels, Section},
+    section::{Candidate, Levels, LineCandidate, grey},
     select::Selector,
     steger::Ridge,
     threshold::{NoiseThreshold, rounding_noise},
 };
 use crate::scanner::{
-    channel::Plane,
+    channel::{Offset, Plane},
     params::{Background, ExtractionParams, Method, NoiseSource, StripeDirection, Threshold},
 };
 
-/// The centreline of a plane whose top-left sample lies at `offset` (column, row) of the image.
-pub fn extract<S: Sample>(
+/// The centreline of a plane whose top-left sample lies at `offset` in the image.
+pub(super) fn extract<S: Sample>(
     plane: &Plane<'_, S>,
-    offset: (usize, usize),
+    offset: Offset,
     params: &ExtractionParams,
     direction: StripeDirection,
     full_scale: u32,
@@ -34,7 +33,7 @@ pub fn extract<S: Sample>(
 
 /// A frame, and the same scene without laser.
 #[derive(Clone, Copy, Debug)]
-pub struct LitFrame<'a, S> {
+pub(super) struct LitFrame<'a, S> {
     /// With laser.
     pub plane: &'a Plane<'a, S>,
     /// Without, of the same size; none: black.
@@ -42,9 +41,9 @@ pub struct LitFrame<'a, S> {
 }
 
 /// The same for one frame of many: `selector`, made with these parameters, has seen those before.
-pub fn extract_next<S: Sample>(
+pub(super) fn extract_next<S: Sample>(
     &LitFrame { plane, ambient }: &LitFrame<'_, S>,
-    offset: (usize, usize),
+    offset: Offset,
     (params, selector): (&ExtractionParams, &mut Selector),
     direction: StripeDirection,
     full_scale: u32,
@@ -78,7 +77,7 @@ pub fn extract_next<S: Sample>(
             stripe[y * width + x].then(|| blurred[y * width + x])
         };
         let candidates = candidates(length, sample).into_iter();
-        found.extend(candidates.map(|candidate| Found { line: line as u32, candidate }));
+        found.extend(candidates.map(|candidate| LineCandidate { line: line as u32, candidate }));
     }
     let mut chosen = Vec::new();
     let sample = |line: u32, position: u32| {
@@ -97,7 +96,7 @@ pub fn extract_next<S: Sample>(
     let mut assembler = Assembler::new(&mut centerline, direction, offset, length);
     let mut alone = Sections::default();
     for found in chosen {
-        let Found { line, candidate } = found;
+        let LineCandidate { line, candidate } = found;
         let margin = if candidate.is_broad() { 0 } else { levels.margin(&candidate) };
         let held = candidate.reach(margin, length);
         let origin = held.start as u32;
@@ -212,4 +211,64 @@ fn candidates(length: usize, sample: impl Fn(usize) -> Option<u32>) -> Vec<Candi
         }
     }
     found
+}
+
+/// One cross-section alone: the candidate's samples and what lies around it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Section<'a> {
+    /// Blurred samples, blurred units, of consecutive positions.
+    pub samples: &'a [u32],
+    /// Unblurred samples at the same positions, sample units.
+    pub raw: &'a [u32],
+    /// Position of `samples[0]` and `raw[0]`.
+    pub origin: u32,
+    /// The run of stripe pixels; it lies within `samples`, whose margin only the border cuts short.
+    pub candidate: Candidate,
+}
+
+impl Sections {
+    /// Replaces all lanes by these sections, each with its whole samples as window.
+    ///
+    /// # Panics
+    /// More than [`LANES`] of them.
+    pub(super) fn load<'a>(
+        &mut self,
+        sections: impl ExactSizeIterator<Item = Section<'a>> + Clone,
+    ) {
+        assert!(sections.len() <= LANES, "{} sections", sections.len());
+        let rows = sections.clone().map(|section| section.samples.len()).max().unwrap_or(0);
+        self.clear(sections.len(), rows);
+        for (lane, section) in sections.enumerate() {
+            for (i, (&raw, &blurred)) in section.raw.iter().zip(section.samples).enumerate() {
+                self.raw[i][lane] = raw as f32;
+                self.blurred[i][lane] = grey(blurred) as f32;
+            }
+            let origin = section.origin as usize;
+            self.place_lane(lane, 0, &(origin..origin + section.samples.len()), &section.candidate);
+        }
+    }
+}
+
+impl Broad {
+    /// That of a section which holds the candidate and nothing else.
+    pub(super) fn of(section: &Section<'_>) -> Self {
+        let (mut level, mut moment) = (0_u64, 0_u64);
+        for (place, &sample) in (0_u64..).zip(section.samples) {
+            level += u64::from(sample);
+            moment += place * u64::from(sample);
+        }
+        let brightest_raw = section.raw.iter().copied().max().unwrap_or(0);
+        let raw_at = |place: usize| section.raw[place.min(section.raw.len() - 1)];
+        Self::from_sums((level, moment), brightest_raw, raw_at)
+    }
+}
+
+/// The local background of every sample of a line: the definition of the opening in `background`.
+pub(super) fn opened(line: &[u32], window_px: u32) -> Vec<u32> {
+    let reach = window_px as usize / 2;
+    let windows = |line: &[u32], extreme: fn(u32, u32) -> u32| -> Vec<u32> {
+        let window = |at: usize| at.saturating_sub(reach)..(at + reach + 1).min(line.len());
+        (0..line.len()).filter_map(|at| line[window(at)].iter().copied().reduce(extreme)).collect()
+    };
+    windows(&windows(line, u32::min), u32::max)
 }

@@ -7,12 +7,12 @@ use super::{
     blur::{Kernel, UNITS},
     lanes::{Lane, MAX_ROWS, each},
 };
-use crate::scanner::params::{ExtractionParams, Method, Window};
+use crate::scanner::params::{ExtractionParams, GravityWindow, Method};
 use std::ops::Range;
 
 /// The run of stripe pixels that was chosen in a cross-section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Candidate {
+pub(super) struct Candidate {
     /// First position above the segment threshold.
     pub first: u32,
     /// Last position above the segment threshold.
@@ -25,17 +25,17 @@ pub struct Candidate {
 
 impl Candidate {
     /// Samples above the segment threshold.
-    pub const fn length(&self) -> u32 {
+    pub(super) const fn length(&self) -> u32 {
         self.last - self.first + 1
     }
 
     /// Whether it is too long for the cross-section of a stripe: no estimator is given it.
-    pub const fn is_broad(&self) -> bool {
+    pub(super) const fn is_broad(&self) -> bool {
         self.length() as usize > MAX_ROWS
     }
 
     /// Its positions and up to `margin` more to either side, within a cross-section of `length` positions.
-    pub fn reach(&self, margin: u32, length: usize) -> Range<usize> {
+    pub(super) fn reach(&self, margin: u32, length: usize) -> Range<usize> {
         let from = self.first.saturating_sub(margin) as usize;
         from..((self.last + margin) as usize + 1).min(length)
     }
@@ -43,33 +43,20 @@ impl Candidate {
 
 /// A candidate and the cross-section in which it was found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Found {
+pub(super) struct LineCandidate {
     /// Column of the searched region for a horizontal stripe, row for a vertical one.
     pub line: u32,
     /// Where it lies in that line.
     pub candidate: Candidate,
 }
 
-/// One cross-section alone: the candidate's samples and what lies around it.
-#[derive(Clone, Copy, Debug)]
-pub struct Section<'a> {
-    /// Blurred samples, blurred units, of consecutive positions.
-    pub samples: &'a [u32],
-    /// Unblurred samples at the same positions, sample units.
-    pub raw: &'a [u32],
-    /// Position of `samples[0]` and `raw[0]`.
-    pub origin: u32,
-    /// The run of stripe pixels; it lies within `samples`, whose margin only the border cuts short.
-    pub candidate: Candidate,
-}
-
 /// The extraction's parameters in the units of the blurred samples of one image.
 #[derive(Clone, Copy, Debug)]
-pub struct Levels<'a> {
+pub(super) struct Levels<'a> {
     /// Estimator.
     pub method: Method,
     /// Window of the improved gravity.
-    pub window: Window,
+    pub window: GravityWindow,
     /// A pixel is stripe above this, blurred units.
     pub segment_threshold: u32,
     /// A sample counts towards the width above this, sample units.
@@ -84,7 +71,7 @@ pub struct Levels<'a> {
 
 impl<'a> Levels<'a> {
     /// Scales parameters given in grey levels of an 8-bit scale to samples of that full scale.
-    pub fn new(params: &ExtractionParams, kernel: &'a Kernel, full_scale: u32) -> Self {
+    pub(super) fn new(params: &ExtractionParams, kernel: &'a Kernel, full_scale: u32) -> Self {
         let scale = f64::from(full_scale) / 255.0;
         let units = |grey: f64| (grey * scale * f64::from(UNITS)).round() as u32;
         let read_variance = (params.read_noise * scale).powi(2);
@@ -108,7 +95,7 @@ impl<'a> Levels<'a> {
 impl Levels<'_> {
     /// The same with another segment threshold, blurred units; the width threshold keeps its proportion to it.
     #[must_use]
-    pub fn with_segment_threshold(self, threshold: u32) -> Self {
+    pub(super) fn with_segment_threshold(self, threshold: u32) -> Self {
         let width_threshold = match self.segment_threshold {
             0 => self.width_threshold,
             segment => {
@@ -119,27 +106,27 @@ impl Levels<'_> {
     }
 
     /// Whether a candidate's largest blurred sample is low against the noise of a raw pixel of level `intensity`.
-    pub fn is_low(&self, peak: u32, intensity: f32) -> bool {
+    pub(super) fn is_low(&self, peak: u32, intensity: f32) -> bool {
         let variance = self.noise.constant + self.noise.per_level * f64::from(intensity);
         grey(peak) < self.min_snr * variance.sqrt()
     }
 
     /// Positions to either side of a candidate that its section should hold: the window 2D/3 reaches at most so far, and
     /// half the peak of a faint stripe lies outside the candidate.
-    pub const fn margin(&self, candidate: &Candidate) -> u32 {
+    pub(super) const fn margin(&self, candidate: &Candidate) -> u32 {
         let faint = candidate.peak / 2 <= self.segment_threshold;
         (if faint { candidate.length() } else { 2 * candidate.length() / 3 }) + 3
     }
 }
 
 /// Grey level of a blurred sample.
-pub fn grey(sample: u32) -> f64 {
+pub(super) fn grey(sample: u32) -> f64 {
     f64::from(sample) / f64::from(UNITS)
 }
 
 /// Noise of the raw samples, in sample units: variance `constant + per_level * level`; and the blur that it went through.
 #[derive(Clone, Copy, Debug)]
-pub struct Noise<'a> {
+pub(super) struct Noise<'a> {
     /// Variance of read noise and rounding.
     pub constant: f64,
     /// Variance of the shot noise per level.
@@ -151,7 +138,7 @@ pub struct Noise<'a> {
 impl Noise<'_> {
     /// Standard deviation of Σ (i - c) G over windows of `length` pixels about c that hold `level` = Σ G each.
     #[inline(always)]
-    pub fn ramp_sigmas(&self, length: &Lane, level: &Lane) -> Lane {
+    pub(super) fn ramp_sigmas(&self, length: &Lane, level: &Lane) -> Lane {
         let energy = self.kernel.ramp_energies(length);
         let (constant, per_level) = (self.constant as f32, self.per_level as f32);
         let gain = self.kernel.noise_gain() as f32;

@@ -6,7 +6,7 @@
 
 /// Consecutive samples of one row above the threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Run {
+pub(super) struct Run {
     /// Row.
     pub row: u32,
     /// First column.
@@ -19,7 +19,7 @@ pub struct Run {
 
 /// Runs of an image in row order, joined into regions of 8-connected pixels.
 #[derive(Debug, Default)]
-pub struct Regions {
+pub(super) struct Regions {
     runs: Vec<Run>,
     /// Union-find forest over labels; a label's parent is never larger than itself.
     parent: Vec<u32>,
@@ -32,7 +32,7 @@ pub struct Regions {
 
 impl Regions {
     /// Forgets all runs, keeps the memory.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.runs.clear();
         self.parent.clear();
         self.area.clear();
@@ -41,13 +41,13 @@ impl Regions {
     }
 
     /// Starts the next row. Rows come in order; rows without runs may not be left out.
-    pub fn start_row(&mut self) {
+    pub(super) fn start_row(&mut self) {
         self.previous = self.current;
         self.current = self.runs.len();
     }
 
     /// Adds a run of the current row, to the right of the row's earlier ones.
-    pub fn push(&mut self, row: u32, start: u32, end: u32) {
+    pub(super) fn push(&mut self, row: u32, start: u32, end: u32) {
         // Runs above that end left of this one cannot touch this or any later run of the row.
         while self.previous < self.current && self.runs[self.previous].end < start {
             self.previous += 1;
@@ -71,7 +71,7 @@ impl Regions {
     }
 
     /// The runs of regions whose area is larger than `min_area` pixels, row by row, left to right.
-    pub fn larger_than(&mut self, min_area: u32) -> impl Iterator<Item = Run> + '_ {
+    pub(super) fn larger_than(&mut self, min_area: u32) -> impl Iterator<Item = Run> + '_ {
         for label in 0..self.parent.len() as u32 {
             let root = self.root(label);
             self.parent[label as usize] = root;

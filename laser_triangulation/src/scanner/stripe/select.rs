@@ -6,7 +6,7 @@
 use super::{
     blur::UNITS,
     continuity::{BREAK, LineFinder, Node},
-    section::{Candidate, Found, Levels},
+    section::{Candidate, Levels, LineCandidate},
     split::{Maximum, split},
     tracking::Tracker,
 };
@@ -17,7 +17,7 @@ const MAX_IN_LINE: usize = 8;
 
 /// Chooses candidates frame after frame. Remembers the last frame's stripes when it tracks them.
 #[derive(Clone, Debug)]
-pub struct Selector {
+pub(super) struct Selector {
     params: ExtractionParams,
     /// What may be stripe, and what of that is not chosen yet.
     possible: Vec<Possible>,
@@ -41,7 +41,7 @@ struct Possible {
 
 impl Selector {
     /// A selector with these settings.
-    pub fn new(params: ExtractionParams) -> Self {
+    pub(super) fn new(params: ExtractionParams) -> Self {
         Self {
             params,
             possible: Vec::new(),
@@ -56,19 +56,19 @@ impl Selector {
     }
 
     /// Forgets the last frame: the next one is searched everywhere.
-    pub const fn reset(&mut self) {
+    pub(super) const fn reset(&mut self) {
         self.tracker.clear();
     }
 
     /// Replaces `chosen` by the candidates that are stripe, stripe after stripe, each in order of its lines. `found` are
     /// all candidates, in order of their lines, those of a line in order of their position; `sample` gives a candidate's
     /// samples in a line and at a position.
-    pub fn select(
+    pub(super) fn select(
         &mut self,
-        found: &[Found],
+        found: &[LineCandidate],
         levels: &Levels<'_>,
         sample: impl Fn(u32, u32) -> u32,
-        chosen: &mut Vec<Found>,
+        chosen: &mut Vec<LineCandidate>,
     ) {
         chosen.clear();
         if self.is_plain() {
@@ -79,9 +79,9 @@ impl Selector {
             }
             chosen.extend(found.chunk_by(|a, b| a.line == b.line).filter_map(|line| {
                 let best = best_of(self.params.peak_selection, line, |found| &found.candidate)?;
-                let Found { line: at, candidate } = line[best];
+                let LineCandidate { line: at, candidate } = line[best];
                 let count = line.len() as u32;
-                Some(Found { line: at, candidate: Candidate { count, ..candidate } })
+                Some(LineCandidate { line: at, candidate: Candidate { count, ..candidate } })
             }));
             return;
         }
@@ -104,11 +104,10 @@ impl Selector {
         if margin > 0 {
             self.remember();
         }
-        chosen.extend(
-            self.taken
-                .iter()
-                .map(|&Possible { line, maximum }| Found { line, candidate: maximum.candidate }),
-        );
+        chosen.extend(self.taken.iter().map(|&Possible { line, maximum }| LineCandidate {
+            line,
+            candidate: maximum.candidate,
+        }));
     }
 
     /// Whether the brightest, first, last or widest of all that was found is wanted, and nothing else.
@@ -123,7 +122,12 @@ impl Selector {
     }
 
     /// Makes `possible` of what was found.
-    fn limit(&mut self, found: &[Found], levels: &Levels<'_>, sample: impl Fn(u32, u32) -> u32) {
+    fn limit(
+        &mut self,
+        found: &[LineCandidate],
+        levels: &Levels<'_>,
+        sample: impl Fn(u32, u32) -> u32,
+    ) {
         let Self { params, possible, .. } = self;
         let scale = f64::from(levels.full_scale) / 255.0 * f64::from(UNITS);
         let min_peak = (params.min_contrast * scale).round() as u32;
@@ -132,7 +136,7 @@ impl Selector {
         possible.clear();
         for in_line in found.chunk_by(|a, b| a.line == b.line) {
             let from = possible.len();
-            for &Found { line, candidate } in in_line {
+            for &LineCandidate { line, candidate } in in_line {
                 let mut put = |maximum: Maximum| {
                     let Candidate { peak, .. } = maximum.candidate;
                     if peak >= min_peak && widths.contains(&maximum.candidate.length()) {

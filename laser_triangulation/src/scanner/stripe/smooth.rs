@@ -20,7 +20,7 @@ const MIN_DIFFERENCES: usize = 16;
 
 /// Smooths centreline after centreline without allocating once the longest has been seen.
 #[derive(Debug)]
-pub struct Smoother {
+pub(super) struct Smoother {
     direction: StripeDirection,
     /// Points to either side.
     half: i32,
@@ -87,7 +87,7 @@ impl Sums {
 
 impl Smoother {
     /// A smoother over `smoothing_columns` points; 1 changes nothing.
-    pub fn new(params: &ExtractionParams, direction: StripeDirection) -> Self {
+    pub(super) fn new(params: &ExtractionParams, direction: StripeDirection) -> Self {
         let half = params.smoothing_columns.saturating_sub(1) / 2;
         let correlation = Correlation::along_the_stripe(params);
         let limits = (0..=2 * half as usize + 1).map(|num| correlation.chi_square_limit(num));
@@ -106,7 +106,7 @@ impl Smoother {
     ///
     /// Where the points scatter more than their σ says (speckle, a rough surface, noise that was stated too low), all
     /// σ are raised to the scatter first.
-    pub fn smooth(&mut self, centerline: &mut Centerline) {
+    pub(super) fn smooth(&mut self, centerline: &mut Centerline) {
         if self.half == 0 || centerline.is_empty() {
             return;
         }

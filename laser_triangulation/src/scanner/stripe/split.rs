@@ -11,7 +11,7 @@ const SKIRT: u32 = 4;
 
 /// A candidate and twice the position of the middle of its largest samples, which is a whole number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Maximum {
+pub(super) struct Maximum {
     /// The samples about the maximum.
     pub candidate: Candidate,
     /// Half pixels.
@@ -19,7 +19,7 @@ pub struct Maximum {
 }
 
 /// Calls `put` with every maximum of a run, in order; `sample` gives the samples at the run's positions.
-pub fn split(run: &Candidate, sample: impl Fn(u32) -> u32, mut put: impl FnMut(Maximum)) {
+pub(super) fn split(run: &Candidate, sample: impl Fn(u32) -> u32, mut put: impl FnMut(Maximum)) {
     let mut first = run.first;
     // The largest sample since `first`, and the smallest since that one; with their positions.
     let mut peak = (0, first);

@@ -15,7 +15,7 @@ use super::{
     blur::Sample,
     lanes::Centres,
     picture::Picture,
-    section::{Found, Noise},
+    section::{LineCandidate, Noise},
 };
 
 /// Masks end at so many standard deviations.
@@ -29,7 +29,7 @@ const CLIPPED_SHARE: f32 = 0.995;
 
 /// The masks of one standard deviation, index 0 at the centre, the other half follows from symmetry.
 #[derive(Clone, Debug)]
-pub struct Masks {
+pub(super) struct Masks {
     /// The Gaussian, its first and its second derivative.
     half: Vec<[f32; 3]>,
     /// Σ of the squares of the Gaussian and of its first derivative.
@@ -38,7 +38,7 @@ pub struct Masks {
 
 impl Masks {
     /// Masks of that standard deviation.
-    pub fn new(sigma_px: f64) -> Self {
+    pub(super) fn new(sigma_px: f64) -> Self {
         let reach = (REACH_SIGMAS * sigma_px).ceil() as usize;
         let density = |x: f64| {
             libm::exp(-0.5 * (x / sigma_px).powi(2)) / (sigma_px * std::f64::consts::TAU.sqrt())
@@ -68,7 +68,7 @@ impl Masks {
 
 /// Finds ridges; keeps its buffer from frame to frame.
 #[derive(Debug)]
-pub struct Ridge {
+pub(super) struct Ridge {
     masks: Masks,
     /// What the three masks along the stripe make of every position about the start.
     along: Vec<[f32; 3]>,
@@ -95,15 +95,15 @@ struct Crossing {
 
 impl Ridge {
     /// For a Gaussian of that standard deviation.
-    pub fn new(sigma_px: f64) -> Self {
+    pub(super) fn new(sigma_px: f64) -> Self {
         Self { masks: Masks::new(sigma_px), along: Vec::new() }
     }
 
     /// Moves every centre to the ridge near it. Where there is none, the centre stays what it was.
-    pub fn refine<S: Sample>(
+    pub(super) fn refine<S: Sample>(
         &mut self,
         picture: &Picture<'_, S>,
-        found: &[Found],
+        found: &[LineCandidate],
         (noise, full_scale): (&Noise<'_>, u32),
         centres: &mut Centres,
     ) {

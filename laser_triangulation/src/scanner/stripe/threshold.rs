@@ -12,14 +12,14 @@ const GRID: usize = 128;
 
 /// Finds thresholds frame after frame. The buffer is kept.
 #[derive(Debug, Default)]
-pub struct NoiseThreshold {
+pub(super) struct NoiseThreshold {
     samples: Vec<u32>,
 }
 
 impl NoiseThreshold {
     /// The threshold of an image of `width` x `height` samples, blurred units; `sample` gives the one in a column and row.
     /// It lies `sigmas` standard deviations above the median, which are at least `floor`, blurred units.
-    pub fn find(
+    pub(super) fn find(
         &mut self,
         (width, height): (usize, usize),
         sample: impl Fn(usize, usize) -> u32,
@@ -40,7 +40,7 @@ impl NoiseThreshold {
 }
 
 /// Standard deviation of rounding to whole grey levels, blurred units.
-pub fn rounding_noise() -> f64 {
+pub(super) fn rounding_noise() -> f64 {
     f64::from(UNITS) / 12.0_f64.sqrt()
 }
 

@@ -6,21 +6,21 @@ use crate::scanner::channel::Plane;
 use fearless_simd::Simd;
 
 /// Columns of a tile: one cache line of bytes.
-pub const COLUMNS: usize = 64;
+pub(super) const COLUMNS: usize = 64;
 /// Rows of a tile.
-pub const ROWS: usize = 8;
+pub(super) const ROWS: usize = 8;
 /// Largest radius of a blur.
-pub const MAX_RADIUS: usize = 15;
+pub(super) const MAX_RADIUS: usize = 15;
 /// Columns to either side of a tile that are held with it: whole strips make a row.
-pub const MARGIN: usize = 16;
+pub(super) const MARGIN: usize = 16;
 /// A row of a tile and its margins.
-pub const PADDED: usize = COLUMNS + 2 * MARGIN;
+pub(super) const PADDED: usize = COLUMNS + 2 * MARGIN;
 /// Samples that are worked on side by side.
 const STRIP: usize = 32;
 
 /// A tile and what the kernel reaches around it; scratch space that is kept between tiles.
 #[derive(Debug)]
-pub struct TileBlur<S: Sample> {
+pub(super) struct TileBlur<S: Sample> {
     copied: Box<[[S; PADDED]; ROWS + 2 * MAX_RADIUS]>,
     /// Sums of the first pass, divided by 256, and their remainders, row by row.
     high: [[S::Sum; PADDED]; ROWS],
@@ -44,7 +44,7 @@ impl<S: Sample> TileBlur<S> {
     /// The second pass weighs quotients and remainders of the first pass's sums by 256 apart: `Σ w·s / 256 =
     /// Σ w·⌊s/256⌋ + Σ w·(s mod 256) / 256`. Both stay in the narrow integers that vector units are fastest with.
     #[inline(always)]
-    pub fn blur<V: Simd>(
+    pub(super) fn blur<V: Simd>(
         &mut self,
         vectors: V,
         (plane, kernel): (&Plane<'_, S>, &Kernel),

@@ -15,7 +15,7 @@ use std::ops::Range;
 
 /// Blurred samples of the tiles near bright pixels. Buffers are kept from frame to frame.
 #[derive(Debug)]
-pub struct BlurredTiles<S: Sample> {
+pub(super) struct BlurredTiles<S: Sample> {
     width: usize,
     height: usize,
     /// Tiles in a row of tiles.
@@ -50,7 +50,7 @@ impl<S: Sample> BlurredTiles<S> {
     /// Blurs every tile of `plane` in which a blurred sample above `threshold` (blurred units) can lie; every tile without
     /// a threshold.
     #[inline(always)]
-    pub fn compute<V: Simd>(
+    pub(super) fn compute<V: Simd>(
         &mut self,
         vectors: V,
         plane: &Plane<'_, S>,
@@ -79,7 +79,7 @@ impl<S: Sample> BlurredTiles<S> {
 
     /// Puts the runs of blurred samples above `threshold` into `regions`.
     #[inline(always)]
-    pub fn segment<V: Simd>(&self, vectors: V, threshold: u32, regions: &mut Regions) {
+    pub(super) fn segment<V: Simd>(&self, vectors: V, threshold: u32, regions: &mut Regions) {
         regions.clear();
         let threshold = S::narrow(threshold);
         for (tile_row, tiles) in self.blurred.chunks_exact(self.across).enumerate() {
@@ -137,13 +137,13 @@ impl<S: Sample> BlurredTiles<S> {
     }
 
     /// The blurred sample at a pixel of a tile that was blurred.
-    pub fn known(&self, x: usize, y: usize) -> u32 {
+    pub(super) fn known(&self, x: usize, y: usize) -> u32 {
         self.samples[y * self.width + x].into()
     }
 
     /// Blurs the tiles that hold these pixels, if they have not been blurred.
     #[inline(always)]
-    pub fn ensure<V: Simd>(
+    pub(super) fn ensure<V: Simd>(
         &mut self,
         vectors: V,
         (plane, kernel): (&Plane<'_, S>, &Kernel),
@@ -171,24 +171,24 @@ impl<S: Sample> BlurredTiles<S> {
     }
 
     /// Columns.
-    pub const fn width(&self) -> usize {
+    pub(super) const fn width(&self) -> usize {
         self.width
     }
 
     /// All samples, row by row, to be changed; only those in blurred tiles are of this frame.
-    pub fn samples_mut(&mut self) -> &mut [S::Sum] {
+    pub(super) fn samples_mut(&mut self) -> &mut [S::Sum] {
         &mut self.samples
     }
 
     /// Blurred samples of row `y`; only those in blurred tiles are of this frame.
     #[inline(always)]
-    pub fn row(&self, y: usize) -> &[S::Sum] {
+    pub(super) fn row(&self, y: usize) -> &[S::Sum] {
         &self.samples[y * self.width..][..self.width]
     }
 
     /// All rows from `y` on.
     #[inline(always)]
-    pub fn rows_from(&self, y: usize) -> &[S::Sum] {
+    pub(super) fn rows_from(&self, y: usize) -> &[S::Sum] {
         &self.samples[y * self.width..]
     }
 

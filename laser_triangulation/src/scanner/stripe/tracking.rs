@@ -8,7 +8,7 @@ struct Track {
 
 /// The stripes of the last frame.
 #[derive(Clone, Debug, Default)]
-pub struct Tracker {
+pub(super) struct Tracker {
     tracks: Vec<Track>,
     /// Tracks in use; the others are kept for their memory.
     count: usize,
@@ -18,18 +18,18 @@ pub struct Tracker {
 
 impl Tracker {
     /// Forgets the last frame.
-    pub const fn clear(&mut self) {
+    pub(super) const fn clear(&mut self) {
         self.count = 0;
         self.num_points = 0;
     }
 
     /// Points of the last frame's stripes.
-    pub const fn num_points(&self) -> usize {
+    pub(super) const fn num_points(&self) -> usize {
         self.num_points
     }
 
     /// Starts the next stripe.
-    pub fn start_stripe(&mut self) {
+    pub(super) fn start_stripe(&mut self) {
         if self.count == self.tracks.len() {
             self.tracks.push(Track::default());
         }
@@ -38,7 +38,7 @@ impl Tracker {
     }
 
     /// Adds a point to the stripe started last: a line behind that of the one before, and a position in half pixels.
-    pub fn push(&mut self, line: u32, middle: u32) {
+    pub(super) fn push(&mut self, line: u32, middle: u32) {
         if let Some(track) = self.tracks[..self.count].last_mut() {
             track.points.push((line, middle));
             self.num_points += 1;
@@ -47,7 +47,7 @@ impl Tracker {
 
     /// Whether a place is no further than `margin` half pixels from any of the stripes. In a gap a stripe is straight,
     /// beyond its ends level.
-    pub fn is_near(&self, line: u32, middle: u32, margin: u32) -> bool {
+    pub(super) fn is_near(&self, line: u32, middle: u32, margin: u32) -> bool {
         self.tracks[..self.count].iter().any(|track| {
             track
                 .at(line)

@@ -3,7 +3,7 @@
 use fearless_simd::{Level, Simd, dispatch};
 
 /// Work that is compiled once for every level.
-pub trait Work {
+pub(super) trait Work {
     /// What it gives.
     type Output;
     /// Does it. `#[inline(always)]`, like everything below it that should use the wider instructions.
@@ -12,17 +12,17 @@ pub trait Work {
 
 /// A level of vector instructions that this machine has.
 #[derive(Clone, Copy, Debug)]
-pub struct Vectors(Level);
+pub(super) struct Vectors(Level);
 
 impl Vectors {
     /// The widest.
-    pub fn widest() -> Self {
+    pub(super) fn widest() -> Self {
         Self(Level::new())
     }
 
     /// Every one, narrowest first.
     #[cfg(test)]
-    pub fn all() -> Vec<Self> {
+    pub(super) fn all() -> Vec<Self> {
         let widest = Level::new();
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
         let wider = [widest.as_sse4_2().map(Level::Sse4_2), widest.as_avx2().map(Level::Avx2)];
@@ -33,7 +33,7 @@ impl Vectors {
     }
 
     /// Does the work with the instructions of this level.
-    pub fn run<W: Work>(self, work: W) -> W::Output {
+    pub(super) fn run<W: Work>(self, work: W) -> W::Output {
         dispatch!(self.0, vectors => work.run(vectors))
     }
 }

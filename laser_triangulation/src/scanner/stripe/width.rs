@@ -4,7 +4,7 @@ use super::lanes::{LANES, Lane, Sections, each};
 
 /// Place of the (first) brightest blurred sample of every lane's candidate, pixels from the candidate's first.
 #[inline(always)]
-pub fn brightest(sections: &Sections) -> Lane {
+pub(super) fn brightest(sections: &Sections) -> Lane {
     let mut brightest = [0.0; LANES];
     let last = sections.last_place();
     for i in sections.candidate_rows().rev() {
@@ -23,7 +23,7 @@ pub fn brightest(sections: &Sections) -> Lane {
 /// and the blur's own width taken off in quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN
 /// where the border or a bright background hides an edge.
 #[inline(always)]
-pub fn full_width_half_maximum(
+pub(super) fn full_width_half_maximum(
     sections: &Sections,
     brightest: &Lane,
     blur_variance_px2: f64,
@@ -84,7 +84,7 @@ pub fn full_width_half_maximum(
 
 /// Largest unblurred sample of every lane's candidate and of one neighbour to either side.
 #[inline(always)]
-pub fn brightest_raw(sections: &Sections) -> Lane {
+pub(super) fn brightest_raw(sections: &Sections) -> Lane {
     let mut brightest = [0.0; LANES];
     let from = each(|lane| (sections.first[lane] - 1.0).max(sections.start[lane]));
     let to = each(|lane| (sections.last[lane] + 1.0).min(sections.end[lane] - 1.0));
@@ -100,7 +100,7 @@ pub fn brightest_raw(sections: &Sections) -> Lane {
 
 /// Unblurred level of every lane at a place between samples, linear.
 #[inline(always)]
-pub fn raw_at(sections: &Sections, position_px: &Lane) -> Lane {
+pub(super) fn raw_at(sections: &Sections, position_px: &Lane) -> Lane {
     each(|lane| {
         if lane >= sections.count {
             return 0.0;

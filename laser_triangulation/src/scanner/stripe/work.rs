@@ -7,7 +7,7 @@ use super::{
     lanes::{Centres, Sections},
     load::Loader,
     measure::Assembler,
-    section::{Found, Levels},
+    section::{Levels, LineCandidate},
     tiles::BlurredTiles,
     vectors::Work,
 };
@@ -15,7 +15,7 @@ use crate::scanner::channel::Plane;
 use fearless_simd::Simd;
 
 /// Step 3: where a blurred sample above the threshold can lie; everywhere without one.
-pub struct Blur<'a, 'p, S: Sample> {
+pub(super) struct Blur<'a, 'p, S: Sample> {
     /// Where the blurred samples go.
     pub tiles: &'a mut BlurredTiles<S>,
     /// The blur.
@@ -35,7 +35,7 @@ impl<S: Sample> Work for Blur<'_, '_, S> {
 }
 
 /// Step 4: the candidates; those of a horizontal stripe that have not ended stay with the columns.
-pub struct Find<'a, S: Sample> {
+pub(super) struct Find<'a, S: Sample> {
     /// Its tiles are blurred.
     pub extractor: &'a mut FastExtractor<S>,
     /// Blurred units.
@@ -51,11 +51,11 @@ impl<S: Sample> Work for Find<'_, S> {
 }
 
 /// Adds up candidates too long for cross-sections.
-pub struct AddUp<'a, 'p, S: Sample> {
+pub(super) struct AddUp<'a, 'p, S: Sample> {
     /// The frame, by cross-sections.
     pub loader: &'a Loader<'p, S>,
     /// The candidates.
-    pub batch: &'a [Found],
+    pub batch: &'a [LineCandidate],
     /// Where the sums go.
     pub runs: &'a mut BroadRuns,
 }
@@ -69,11 +69,11 @@ impl<S: Sample> Work for AddUp<'_, '_, S> {
 }
 
 /// Takes a batch of cross-sections.
-pub struct Load<'a, 'p, S: Sample> {
+pub(super) struct Load<'a, 'p, S: Sample> {
     /// The frame, by cross-sections.
     pub loader: &'a mut Loader<'p, S>,
     /// The candidates.
-    pub batch: &'a [Found],
+    pub batch: &'a [LineCandidate],
     /// Parameters in the units of the samples.
     pub levels: &'a Levels<'a>,
     /// The cross-sections, one a lane.
@@ -89,11 +89,11 @@ impl<S: Sample> Work for Load<'_, '_, S> {
 }
 
 /// Steps 5 to 8 on a batch of cross-sections.
-pub struct Measure<'a, 'c, F: FnOnce(&mut Centres)> {
+pub(super) struct Measure<'a, 'c, F: FnOnce(&mut Centres)> {
     /// Where the points go.
     pub assembler: &'a mut Assembler<'c>,
     /// The candidates.
-    pub batch: &'a [Found],
+    pub batch: &'a [LineCandidate],
     /// Parameters in the units of the samples.
     pub levels: &'a Levels<'a>,
     /// The cross-sections, one a lane.

@@ -94,7 +94,7 @@ fn the_axis_carries_the_gauge_through_the_plane() {
     let pose = rig.camera_from_laser(scenario.rig.stripe_direction());
     // The part's point (0, 3 mm, 0) lies in the plane when the position is 3 mm.
     let at_start = pose * Point3::new(0.0, 0.003, 0.0);
-    let moved = rig.axis.unwrap().pose(0.003) * at_start;
+    let moved = rig.axis.unwrap().pose(crate::scanner::axis::RawPosition(0.003)) * at_start;
     assert!((rig.plane.normal.dot(&moved.coords) - rig.plane.distance_m).abs() < 1e-12);
 }
 

@@ -1,18 +1,18 @@
-//! What a calibration from heights came to, as text and as JSON.
+//! The result of a calibration from heights, as text and as JSON.
 
 use serde_json::{Value as Json, json};
 
-use super::{Found, StepsArgs};
-use crate::metrology::steps::{Check, StepsCalibration, Term, VerticalGeometry};
+use super::{args::StepsArgs, gauge::Gauge};
+use crate::calibrate::{HeightTerms, PlateauCheck, StepsCalibration, VerticalGeometry};
 
 pub(super) fn json(
     args: &StepsArgs,
-    found: &Found,
+    gauge: &Gauge,
     result: &StepsCalibration,
     geometry: Option<&VerticalGeometry>,
     lateral_m: Option<f64>,
 ) -> String {
-    let heights: Vec<_> = found
+    let heights: Vec<_> = gauge
         .sources
         .iter()
         .zip(&result.checks)
@@ -45,7 +45,7 @@ pub(super) fn json(
     format!("{object}\n")
 }
 
-fn row(source: &std::path::Path, check: &Check) -> Json {
+fn row(source: &std::path::Path, check: &PlateauCheck) -> Json {
     let plateau = &check.plateau;
     json!({
         "source": source,
@@ -64,13 +64,13 @@ fn row(source: &std::path::Path, check: &Check) -> Json {
 fn model_name(result: &StepsCalibration, geometry: Option<&VerticalGeometry>) -> &'static str {
     match (geometry, result.model.term) {
         (Some(_), _) => "vertical_incidence",
-        (None, Term::Across) => "across",
-        (None, Term::Both) => "both",
+        (None, HeightTerms::Across) => "across",
+        (None, HeightTerms::Both) => "both",
     }
 }
 
 /// Root mean square of what the maps of all others say of each plateau; none when those are too few.
-fn rms_left_out(checks: &[Check]) -> Option<f64> {
+fn rms_left_out(checks: &[PlateauCheck]) -> Option<f64> {
     let errors = checks.iter().map(|check| Some(check.left_out_m? - check.plateau.height_m));
     let errors: Vec<f64> = errors.flatten().collect();
     let squares: f64 = errors.iter().map(|error| error * error).sum();
@@ -79,7 +79,7 @@ fn rms_left_out(checks: &[Check]) -> Option<f64> {
 
 pub(super) fn text(
     args: &StepsArgs,
-    found: &Found,
+    gauge: &Gauge,
     result: &StepsCalibration,
     geometry: Option<&VerticalGeometry>,
     lateral_m: Option<f64>,
@@ -88,7 +88,7 @@ pub(super) fn text(
         "  height [mm]  measured [mm]  residual [µm]  left out [µm]  across [px]  points  source"
             .to_owned(),
     ];
-    for (source, check) in found.sources.iter().zip(&result.checks) {
+    for (source, check) in gauge.sources.iter().zip(&result.checks) {
         let plateau = &check.plateau;
         let off = |measured_m: f64| format!("{:+.2}", 1e6 * (measured_m - plateau.height_m));
         lines.push(format!(
@@ -106,8 +106,11 @@ pub(super) fn text(
     lines.push(quality(result));
     lines.extend(geometry.map(geometry_text));
     lines.push(match lateral_m {
-        Some(metres) => format!("A pixel sees {:.3} µm along the stripe at height 0.", 1e6 * metres),
-        None => "What a pixel sees along the stripe is not known: --lateral, --pitch or --pixel-pitch would tell.".into(),
+        Some(metres) => {
+            format!("A pixel sees {:.3} µm along the stripe at height 0.", 1e6 * metres)
+        }
+        None => "The scale along the stripe is unknown: give --lateral, --pitch or --pixel-pitch."
+            .into(),
     });
     lines.extend(args.output.as_ref().map(|path| format!("Written: {}", path.display())));
     lines.join("\n") + "\n"
@@ -116,8 +119,8 @@ pub(super) fn text(
 fn quality(result: &StepsCalibration) -> String {
     let um = |metres: f64| format!("{:.2} µm", 1e6 * metres);
     let terms = match result.model.term {
-        Term::Across => "three numbers, across the stripe",
-        Term::Both => "five numbers, across and along the stripe",
+        HeightTerms::Across => "three numbers, across the stripe",
+        HeightTerms::Both => "five numbers, across and along the stripe",
     };
     let fit = format!(
         "Projective map of {terms}: rms {}, largest residual {:.4} % of the range of heights.",

@@ -1,32 +1,28 @@
-//! What `calibrate axis` tells.
+//! Output of `calibrate axis`.
 
 use std::io::{self, Write};
 
 use serde_json::{Value as Json, json};
 
-use super::{
-    args::AxisArgs,
-    axis::{Found, Frames},
-    rejected,
-};
-use crate::scanner::axis::AxisKind;
+use super::{args::AxisArgs, axis_pictures::AxisPictures, rejected};
+use crate::{calibrate::AxisFit, scanner::axis::AxisKind};
 
-/// The answer as text or as JSON.
+/// Prints the result as text or as JSON.
 ///
 /// # Errors
 /// It cannot be written.
 pub(super) fn print(
     args: &AxisArgs,
-    frames: &Frames,
-    found: &Found,
+    pictures: &AxisPictures,
+    fit: &AxisFit,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     if args.output.json {
-        return writeln!(out, "{}", json(args, frames, found));
+        return writeln!(out, "{}", json(args, pictures, fit));
     }
-    let (axis, quality, agreement) = (&found.axis, &found.quality, &found.agreement);
+    let (axis, quality, agreement) = (&fit.axis, &fit.quality, &fit.agreement);
     let (d, p) = (axis.direction, axis.point_m);
-    let (output, count) = (args.output.output.display(), frames.names.len());
+    let (output, count) = (args.output.output.display(), pictures.names.len());
     let rms = match (quality.rms_px, quality.rms_m) {
         (Some(px), _) => format!("{px:.2} px"),
         (_, meters) => format!("{:.3} mm", 1e3 * meters.unwrap_or(f64::NAN)),
@@ -38,19 +34,19 @@ pub(super) fn print(
         let [x, y, z] = [p.x, p.y, p.z].map(|meters| 1e3 * meters);
         writeln!(out, "  point     ({x:.2}, {y:.2}, {z:.2}) ± {:.2} mm", 1e3 * sigma_m)?;
     }
-    if let Some((_, distance)) = &found.circles {
-        let (meters, spread_m) = (distance.meters, distance.spread_m);
+    if let Some(circles) = &fit.circles {
+        let distance = circles.distance;
         writeln!(
             out,
             "  table     {:.2} mm away, from {} (spread {:.2} mm)",
-            1e3 * meters,
+            1e3 * distance.distance_m,
             distance.source,
-            1e3 * spread_m
+            1e3 * distance.spread_m
         )?;
     }
     writeln!(
         out,
-        "  position  {:.5} ± {:.5} {} for 1 stated, written as {}; pictures scatter by {}",
+        "  position  {:.5} ± {:.5} {} per stated unit, written as {}; pictures scatter by {}",
         agreement.scale.abs(),
         agreement.scale_sigma,
         if axis.kind == AxisKind::Revolute { "rad" } else { "m" },
@@ -58,15 +54,15 @@ pub(super) fn print(
         in_words(axis.kind, agreement.sigma)
     )?;
     if !agreement.suspicious.is_empty() {
-        writeln!(out, "pictures that are not where their position says:")?;
+        writeln!(out, "pictures that deviate from their stated position:")?;
         for &at in &agreement.suspicious {
             let off = agreement.off[at] * agreement.scale.signum();
-            writeln!(out, "  {}: {}", frames.names[at], in_words(axis.kind, off))?;
+            writeln!(out, "  {}: {}", pictures.names[at], in_words(axis.kind, off))?;
         }
     }
-    if !frames.rejected.is_empty() {
-        writeln!(out, "{} pictures not used:", frames.rejected.len())?;
-        write!(out, "{}", rejected::text(&frames.rejected))?;
+    if !pictures.rejected.is_empty() {
+        writeln!(out, "{} pictures not used:", pictures.rejected.len())?;
+        write!(out, "{}", rejected::text(&pictures.rejected))?;
     }
     Ok(())
 }
@@ -85,24 +81,24 @@ fn in_words(kind: AxisKind, off: f64) -> String {
     }
 }
 
-fn json(args: &AxisArgs, frames: &Frames, found: &Found) -> Json {
-    let (axis, quality, agreement) = (&found.axis, &found.quality, &found.agreement);
+fn json(args: &AxisArgs, pictures: &AxisPictures, fit: &AxisFit) -> Json {
+    let (axis, quality, agreement) = (&fit.axis, &fit.quality, &fit.agreement);
     let sense = agreement.scale.signum();
     let suspicious =
-        agreement.suspicious.iter().map(|&at| (&frames.names[at], sense * agreement.off[at]));
+        agreement.suspicious.iter().map(|&at| (&pictures.names[at], sense * agreement.off[at]));
     let suspicious = suspicious.map(|(view, off)| json!({"view": view, "off": off}));
-    let views = frames.names.iter().zip(&frames.stated).zip(&found.shown);
+    let views = pictures.names.iter().zip(&pictures.views).zip(&fit.shown);
     let views = views.map(
-        |((name, stated), shown)| json!({"view": name, "stated": stated, "shown": sense * shown}),
+        |((name, view), shown)| json!({"view": name, "stated": view.stated, "shown": sense * shown}),
     );
-    let steps = found.shown.windows(2).map(|pair| sense * (pair[1] - pair[0]));
-    let circles = found.circles.as_ref().map(|(fit, distance)| {
+    let steps = fit.shown.windows(2).map(|pair| sense * (pair[1] - pair[0]));
+    let circles = fit.circles.as_ref().map(|circles| {
         json!({
-            "markers": frames.ids,
-            "radii_m": fit.radii.iter().map(|radius| radius * distance.meters).collect::<Vec<_>>(),
-            "table_distance_m": distance.meters,
-            "table_spread_m": distance.spread_m,
-            "distance_from": distance.source,
+            "markers": circles.ids,
+            "radii_m": circles.radii_m,
+            "table_distance_m": circles.distance.distance_m,
+            "table_spread_m": circles.distance.spread_m,
+            "distance_from": circles.distance.source.to_string(),
         })
     });
     json!({
@@ -115,8 +111,8 @@ fn json(args: &AxisArgs, frames: &Frames, found: &Found) -> Json {
         "scale": axis.scale,
         "rms_px": quality.rms_px,
         "rms_m": quality.rms_m,
-        "views_used": frames.names.len(),
-        "views_rejected": rejected::json(&frames.rejected),
+        "views_used": pictures.names.len(),
+        "views_rejected": rejected::json(&pictures.rejected),
         "views": views.collect::<Vec<_>>(),
         "steps": steps.collect::<Vec<_>>(),
         "suspicious": suspicious.collect::<Vec<_>>(),

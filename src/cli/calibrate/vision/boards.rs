@@ -3,23 +3,20 @@
 use anyhow::bail;
 
 use super::{
+    pictures::{self, Pictures, View},
     rejected::{self, Rejected},
-    views::{self, View, Views},
 };
 use crate::{
-    calibrate::{
-        board::{Board, BoardDetector, BoardRejected},
-        target::Checkerboard,
-    },
+    calibrate::{Board, BoardDetector, BoardRejected, Checkerboard},
     cli::{Outcome, settings},
     scanner::image::Image,
 };
 
-/// What one picture shows.
+/// The content of one picture.
 pub(super) struct Seen<T> {
     /// Columns and rows of the picture.
     pub(super) size_px: [u32; 2],
-    /// A board, and what a command wants to know beside it.
+    /// The board, and the result of the caller's own work on the picture.
     pub(super) found: Result<(Board, T), BoardRejected>,
 }
 
@@ -31,11 +28,11 @@ pub(super) struct Boards<T> {
     pub(super) names: Vec<String>,
     /// The boards.
     pub(super) found: Vec<Board>,
-    /// What was asked beside each.
+    /// Result of the caller's own work on each picture.
     pub(super) beside: Vec<T>,
     /// Pictures without, or whose board was not used.
     pub(super) rejected: Vec<Rejected>,
-    /// Whether pictures could not be read.
+    /// True if pictures could not be read.
     is_lossy: bool,
 }
 
@@ -47,35 +44,25 @@ pub(super) fn target(text: &str) -> anyhow::Result<Checkerboard> {
     text.parse().map_err(settings::usage)
 }
 
-/// Looks for the board in every picture, and at what `beside` finds there.
+/// Finds the board in every picture; `beside` does the caller's own work on each picture with a board.
 ///
 /// # Errors
-/// No board anywhere, or another one than was said.
+/// No picture shows the board, or the pictures show a different board.
 pub(super) fn find<T: Send>(
-    views: &Views,
-    (target, min_corners): (Checkerboard, usize),
+    pictures: &Pictures,
+    target: Checkerboard,
+    min_corners: usize,
     beside: impl Fn(&Image<'_>) -> Result<T, String> + Sync,
 ) -> anyhow::Result<Boards<T>> {
     let detector = BoardDetector::new(target, min_corners)?;
-    let seen = views.map(|image| {
-        let found = match detect(&detector, image, views) {
+    let seen = pictures.map(|image| {
+        let found = match detector.detect(&pictures::gray(image, &pictures.params.scanner)) {
             Ok(board) => Ok((board, beside(image)?)),
             Err(rejected) => Err(rejected),
         };
         Ok(Seen { size_px: [image.width(), image.height()], found })
     });
     sort(seen, target)
-}
-
-/// The board in one picture.
-pub(super) fn detect(
-    detector: &BoardDetector,
-    image: &Image<'_>,
-    views: &Views,
-) -> Result<Board, BoardRejected> {
-    let full_scale = views.params.scanner.full_scale_of(image.format());
-    let levels = views::gray(image, full_scale.unwrap_or(image.format().max_level()));
-    detector.detect(&views::view_of(image, &levels))
 }
 
 fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Boards<T>> {
@@ -132,10 +119,10 @@ impl<T> Boards<T> {
     /// A board of another size would be taken for a part of this one, or this one for a part of it.
     fn refuse_another(&self, target: Checkerboard, num_larger: usize) -> anyhow::Result<()> {
         if num_larger > self.found.len() {
-            bail!("--target says {target}, the pictures show a larger board\n{}", self.told());
+            bail!("--target is {target}, but the pictures show a larger board\n{}", self.summary());
         }
         if self.found.is_empty() {
-            bail!("no picture shows the board {target}\n{}", self.told());
+            bail!("no picture shows the board {target}\n{}", self.summary());
         }
         if self.found.iter().all(|board| !board.is_whole(&target)) {
             let largest = self.found.iter().max_by_key(|board| board.corners.len());
@@ -143,7 +130,7 @@ impl<T> Boards<T> {
             bail!(
                 "no picture shows the whole board {target}: the largest part has {columns} x {rows} corners. Is the \
                  target right? It counts inner corners, one less than squares\n{}",
-                self.told()
+                self.summary()
             );
         }
         Ok(())
@@ -154,8 +141,8 @@ impl<T> Boards<T> {
         self.rejected.push(Rejected::new(self.names[index].clone(), reason));
     }
 
-    /// Where pictures went.
-    pub(super) fn told(&self) -> String {
+    /// Lists the number of views and the reasons for rejections.
+    pub(super) fn summary(&self) -> String {
         let (used, rejected) = (self.found.len(), self.rejected.len());
         format!(
             "{used} views with the board, {rejected} not used\n{}",
@@ -163,7 +150,7 @@ impl<T> Boards<T> {
         )
     }
 
-    /// Whether all pictures could be read.
+    /// Reports lost data if pictures could not be read.
     pub(super) const fn outcome(&self) -> Outcome {
         if self.is_lossy { Outcome::DataLost } else { Outcome::Done }
     }

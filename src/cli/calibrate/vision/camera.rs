@@ -8,11 +8,12 @@ use serde_json::{Map, Value as Json, json};
 use super::{
     args::CameraArgs,
     boards::{self, Boards},
-    file, rejected, report_charts,
-    views::Views,
+    file,
+    pictures::Pictures,
+    rejected, report,
 };
 use crate::{
-    calibrate::intrinsics::{self, CameraFit, Model},
+    calibrate::{CameraFit, CameraViews, LensModel, calibrate_camera},
     cli::{Outcome, output, settings::Settings},
     ros::arguments::RosArguments,
 };
@@ -20,10 +21,10 @@ use crate::{
 /// Corners of a board partly outside the picture that still say something about the lens.
 const MIN_CORNERS: usize = 20;
 
-/// Calibrates the camera, writes the file and tells on `out` how well.
+/// Calibrates the camera, writes the file and prints the result to `out`.
 ///
 /// # Errors
-/// [`Usage`](crate::cli::Usage) for a request that cannot be followed; views that say too little; files that cannot be
+/// [`Usage`](crate::cli::Usage) for an invalid request; views that do not determine the camera; files that cannot be
 /// read or written.
 pub(in crate::cli::calibrate) fn run(
     args: &CameraArgs,
@@ -33,69 +34,52 @@ pub(in crate::cli::calibrate) fn run(
     let target = boards::target(&args.target)?;
     file::refuse_existing(&args.output)?;
     let settings = Settings::load(&args.settings, ros)?;
-    let views = Views::open(&args.inputs, &settings)?;
-    let mut boards = boards::find(&views, (target, MIN_CORNERS), |_| Ok(()))?;
-    let model = if args.model == "plumb_bob" { Model::PlumbBob } else { Model::RationalPolynomial };
+    let pictures = Pictures::open(&args.inputs, &settings)?;
+    let mut boards = boards::find(&pictures, target, MIN_CORNERS, |_| Ok(()))?;
+    let model = match args.model.as_str() {
+        "plumb_bob" => LensModel::PlumbBob,
+        _ => LensModel::RationalPolynomial,
+    };
     let [width_px, height_px] = boards.size_px;
     let square_m = target.square_m;
-    let seen = intrinsics::Views { boards: &boards.found, width_px, height_px, square_m };
-    let fit = intrinsics::fit(&seen, model).with_context(|| boards.told())?;
+    let seen = CameraViews { boards: &boards.found, width_px, height_px, square_m };
+    let fit = calibrate_camera(&seen, model).with_context(|| boards.summary())?;
     for outlier in &fit.outliers {
-        let reason = format!(
-            "corners lie {:.2} px from where the camera puts them, median of the views {:.2} px: blurred, bent or moving",
-            outlier.rms_px, outlier.median_px
-        );
-        boards.reject(outlier.index, reason);
+        boards.reject(outlier.index, outlier.to_string());
     }
-    let calibration = file::of_camera(&args.camera_name, &fit, boards.rejected.len());
+    let mut calibration = fit.calibration(&args.camera_name, boards.rejected.len());
+    calibration.calibrated_at = Some(file::now());
     file::write(&args.output, &calibration.to_yaml())?;
     if let Some(advice) = advice(args, &fit) {
         tracing::warn!("{advice}");
     }
     if let Some(path) = &args.output.report {
-        report_charts::camera(path, &boards, &fit)?;
+        report::camera(path, &boards, &fit)?;
     }
     let printed = if args.output.json {
         writeln!(out, "{}", answer(args, &boards, &fit))
     } else {
-        tell(args, &boards, &fit, out)
+        print(args, &boards, &fit, out)
     };
     output::printed(printed)?;
     Ok(boards.outcome())
 }
 
-/// Name and value of every parameter, in the order of the file.
-pub(super) fn parameters(fit: &CameraFit) -> Vec<(&'static str, f64)> {
-    let camera = &fit.camera;
-    let pinhole =
-        [("fx", camera.fx_px), ("fy", camera.fy_px), ("cx", camera.cx_px), ("cy", camera.cy_px)];
-    let lens = file::coefficients(&camera.distortion).into_iter();
-    pinhole.into_iter().chain(file::COEFFICIENTS.into_iter().zip(lens)).collect()
-}
-
-/// Terms of the lens that are less well known than they are large: the views do not tell them.
-fn undetermined(fit: &CameraFit) -> Vec<&'static str> {
-    let is_lost = |(name, value): &(&str, f64)| {
-        name.starts_with('k') && fit.uncertainty.sigma(name).is_none_or(|sigma| sigma > value.abs())
-    };
-    parameters(fit).into_iter().filter(is_lost).map(|(name, _)| name).collect()
-}
-
-/// What to do about a lens with more terms than it shows.
+/// Suggests a simpler model if the views do not determine all terms of the lens.
 fn advice(args: &CameraArgs, fit: &CameraFit) -> Option<String> {
-    let lost = undetermined(fit);
+    let lost = fit.undetermined();
     let is_wide = args.model == "rational_polynomial";
     (is_wide && lost.iter().any(|name| ["k4", "k5", "k6"].contains(name))).then(|| {
         format!(
-            "the views do not tell {}: they are less well known than they are large, and stand for one another. A lens this \
-             narrow needs no rational_polynomial: --model plumb_bob",
+            "the views do not determine {}: their uncertainty exceeds their value. A lens with this \
+             narrow a field of view needs no rational_polynomial: use --model plumb_bob",
             lost.join(", ")
         )
     })
 }
 
 fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
-    let all = parameters(fit);
+    let all = fit.parameters();
     let object = |values: &[(&str, f64)]| {
         values.iter().map(|&(name, value)| (name.to_owned(), json!(value))).collect::<Map<_, _>>()
     };
@@ -117,12 +101,12 @@ fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
         "distortion_model": args.model,
         "distortion": object(&all[4..]),
         "uncertainties": sigmas.collect::<Map<_, _>>(),
-        "undetermined": undetermined(fit),
+        "undetermined": fit.undetermined(),
         "view_scatter": fit.uncertainty.view_scatter,
     })
 }
 
-fn tell(
+fn print(
     args: &CameraArgs,
     boards: &Boards<()>,
     fit: &CameraFit,
@@ -136,7 +120,7 @@ fn tell(
         fit.used.iter().map(|view| view.pose.residuals_px.len()).sum::<usize>(),
         fit.rms_px
     )?;
-    for (name, value) in parameters(fit) {
+    for (name, value) in fit.parameters() {
         let sigma = fit.uncertainty.sigma(name).unwrap_or(f64::NAN);
         let unit = if name.starts_with(['f', 'c']) { " px" } else { "" };
         let digits = if unit.is_empty() { 5 } else { 2 };

@@ -2,7 +2,7 @@
 
 use anyhow::{anyhow, bail, ensure};
 
-use super::{args::AxisArgs, views::Views};
+use super::{args::AxisArgs, pictures::Pictures};
 use crate::{
     bag::RawMessage,
     cli::settings,
@@ -12,7 +12,7 @@ use crate::{
 
 /// Where the positions of pictures come from.
 pub(super) enum Source {
-    /// So much further from picture to picture.
+    /// Constant motion from picture to picture, radians or metres.
     Step(f64),
     /// Messages on a topic.
     Topic(String),
@@ -28,16 +28,16 @@ pub(super) struct Joint {
     stated: Vec<(i64, f64)>,
 }
 
-/// What `args` ask for.
+/// Returns the source of positions that `args` select.
 ///
 /// # Errors
 /// [`Usage`](crate::cli::Usage): no topic, or several.
-pub(super) fn source(args: &AxisArgs, views: &Views) -> anyhow::Result<Source> {
+pub(super) fn source(args: &AxisArgs, pictures: &Pictures) -> anyhow::Result<Source> {
     if let Some(step) = args.step {
         return Ok(Source::Step(step));
     }
-    let mut topics = views.topics_of(JointState::TYPE.name);
-    topics.extend(views.topics_of(EncoderStamped::TYPE.name));
+    let mut topics = pictures.topics_of(JointState::TYPE.name);
+    topics.extend(pictures.topics_of(EncoderStamped::TYPE.name));
     match (&args.joint_topic, topics.as_slice()) {
         (Some(wanted), _) if topics.contains(wanted) => Ok(Source::Topic(wanted.clone())),
         (None, [only]) => Ok(Source::Topic(only.clone())),
@@ -46,8 +46,8 @@ pub(super) fn source(args: &AxisArgs, views: &Views) -> anyhow::Result<Source> {
             listed(&topics)
         ))),
         (None, []) => Err(settings::usage(
-            "nothing states positions: no topic of sensor_msgs/msg/JointState or laser_profiler_msgs/msg/EncoderStamped. \
-             --step says how far it moves from picture to picture",
+            "no positions: the recording has no topic of sensor_msgs/msg/JointState or laser_profiler_msgs/msg/EncoderStamped. \
+             --step gives the motion from picture to picture",
         )),
         (None, _) => {
             Err(settings::usage(format!("--joint-topic must name one of {}", listed(&topics))))
@@ -69,7 +69,7 @@ impl Joint {
     /// Takes a message.
     ///
     /// # Errors
-    /// Neither a joint state nor an encoder's sample, or none that says where the axis is.
+    /// The message is neither a joint state nor an encoder sample, or it has no position of the axis.
     pub(super) fn take(&mut self, message: &RawMessage) -> anyhow::Result<()> {
         if message.topic.type_name == EncoderStamped::TYPE.name {
             return self.take_counts(message);
@@ -98,7 +98,7 @@ impl Joint {
         let scale = if self.count_scale == 0.0 { sample.scale } else { self.count_scale };
         ensure!(
             scale != 0.0 && scale.is_finite(),
-            "the encoder's scale is {scale} m a count, which says nothing: set motion.scale (-p motion.scale:=1e-6)"
+            "the encoder's scale is {scale} m per count, which is not valid: set motion.scale (-p motion.scale:=1e-6)"
         );
         let counts = self.counter.unwrap(sample.counts);
         self.stated.push((sample.header.stamp.to_ns(), counts as f64 * scale));
@@ -122,7 +122,7 @@ impl Joint {
         Some(start + share * (end - start))
     }
 
-    /// Whether nothing was stated.
+    /// Returns true if no position was stated.
     pub(super) fn is_empty(&self) -> bool {
         self.stated.is_empty()
     }

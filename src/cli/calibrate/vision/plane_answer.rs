@@ -1,32 +1,29 @@
-//! What `calibrate plane` tells.
+//! Output of `calibrate plane`.
 
 use std::io::{self, Write};
 
 use serde_json::{Value as Json, json};
 
-use super::{
-    args::PlaneArgs,
-    boards::Boards,
-    plane::{Lines, Stripe},
-    rejected,
-};
-use crate::calibrate::plane::{BoardResidual, PlaneFit};
+use super::{args::PlaneArgs, boards::Boards, rejected};
+use crate::calibrate::{BoardResidual, LaserLines, LaserPlaneFit, LitCenterline};
 
-/// The answer as text or as JSON.
+type PlaneBoards = Boards<Vec<LitCenterline>>;
+
+/// Prints the result as text or as JSON.
 ///
 /// # Errors
 /// It cannot be written.
 pub(super) fn print(
     args: &PlaneArgs,
-    boards: &Boards<Stripe>,
-    lines: &Lines,
-    fit: &PlaneFit,
+    boards: &PlaneBoards,
+    lines: &LaserLines,
+    fit: &LaserPlaneFit,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     if args.output.json {
         return writeln!(out, "{}", json(args, boards, lines, fit));
     }
-    let sigmas = sigmas(fit);
+    let sigmas = fit.sigmas();
     let normal = fit.plane.normal;
     writeln!(
         out,
@@ -59,17 +56,12 @@ pub(super) fn print(
     Ok(())
 }
 
-/// Standard deviations of two tilts, radians, and the distance, metres.
-fn sigmas(fit: &PlaneFit) -> [f64; 3] {
-    std::array::from_fn(|i| fit.covariance[(i, i)].sqrt())
-}
-
-fn json(args: &PlaneArgs, boards: &Boards<Stripe>, lines: &Lines, fit: &PlaneFit) -> Json {
+fn json(args: &PlaneArgs, boards: &PlaneBoards, lines: &LaserLines, fit: &LaserPlaneFit) -> Json {
     let normal = fit.plane.normal;
-    let sigmas = sigmas(fit);
+    let sigmas = fit.sigmas();
     let board = |board: &BoardResidual| {
-        let line = lines.indices.iter().position(|&index| index == board.index);
-        let line_rms_px = line.map(|at| lines.found[at].rms_px);
+        let line = lines.lines.iter().find(|line| line.index == board.index);
+        let line_rms_px = line.map(|line| line.line.rms_px);
         json!({
             "view": boards.names[board.index],
             "points": board.points,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value as Json, json};
 
-/// Views that a summary in words names one by one.
+/// Number of views up to which a summary names each.
 const MAX_NAMED: usize = 12;
 
 /// A view that was not used.
@@ -12,12 +12,12 @@ const MAX_NAMED: usize = 12;
 pub(super) struct Rejected {
     /// Its name.
     pub(super) view: String,
-    /// Why.
+    /// Reason for the rejection.
     pub(super) reason: String,
 }
 
 impl Rejected {
-    /// A view and what speaks against it.
+    /// Creates an entry.
     pub(super) fn new(view: impl Into<String>, reason: impl Into<String>) -> Self {
         Self { view: view.into(), reason: reason.into() }
     }

@@ -1,132 +1,124 @@
-//! A calibration as a picture: what was seen, and how well it fits.
+//! The charts of a camera, a plane and an axis.
 
-use std::{ops::Range, path::Path};
+use std::{f64::consts::PI, path::Path};
 
-use anyhow::{Context, anyhow};
-use plotters::{coord::Shift, prelude::*, style::register_font};
+use super::{
+    axis_pictures::AxisPictures,
+    boards::Boards,
+    charts::{self, Chart, Marks, padded, places},
+};
+use crate::{
+    calibrate::{AxisFit, AxisView, CameraFit, LaserPlaneFit},
+    scanner::axis::AxisKind,
+};
 
-type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
+/// Magnification of the residuals.
+const ENLARGED: f64 = 100.0;
 
-const SIZE_PX: (u32, u32) = (1280, 960);
-const FONT: &str = "sans-serif";
-const TITLE: (&str, i32) = (FONT, 22);
-const TEXT: (&str, i32) = (FONT, 16);
-/// Blue and vermilion of Okabe and Ito, told apart with any colour vision.
-const BLUE: RGBColor = RGBColor(0, 114, 178);
-const VERMILION: RGBColor = RGBColor(213, 94, 0);
-
-/// One chart of a report.
-pub(super) struct Chart {
-    /// What it shows.
-    pub(super) title: String,
-    /// The axes, with their units.
-    pub(super) labels: [&'static str; 2],
-    /// From left to right and from bottom to top; a range that falls is drawn so.
-    pub(super) ranges: [Range<f64>; 2],
-    /// What is drawn.
-    pub(super) marks: Marks,
-}
-
-/// What a chart shows.
-pub(super) enum Marks {
-    /// A dot each.
-    Dots(Vec<(f64, f64)>),
-    /// From where to where.
-    Arrows(Vec<[(f64, f64); 2]>),
-    /// A bar from 0 for each number, in their order.
-    Bars(Vec<f64>),
-    /// For each number, a bar of this half length about it.
-    Spans(Vec<(f64, f64)>),
-}
-
-/// Draws charts, two a row, into a PNG.
+/// Draws the corners, their residuals, and the residual of each view.
 ///
 /// # Errors
-/// It cannot be written.
-pub(super) fn save(path: &Path, charts: &[Chart]) -> anyhow::Result<()> {
-    register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT)
-        .map_err(|_invalid| anyhow!("the built-in font is not a font"))?;
-    let (width, height) = SIZE_PX;
-    let mut pixels = vec![0; width as usize * height as usize * 3];
-    {
-        let root = BitMapBackend::with_buffer(&mut pixels, SIZE_PX).into_drawing_area();
-        root.fill(&WHITE)?;
-        let areas = root.split_evenly((charts.len().div_ceil(2), charts.len().min(2)));
-        for (area, chart) in areas.iter().zip(charts) {
-            draw(area, chart)?;
-        }
-        root.present()?;
-    }
-    image::save_buffer_with_format(
-        path,
-        &pixels,
-        width,
-        height,
-        image::ColorType::Rgb8,
-        image::ImageFormat::Png,
-    )
-    .with_context(|| format!("cannot write {}", path.display()))
+/// The file cannot be written.
+pub(super) fn camera(path: &Path, boards: &Boards<()>, fit: &CameraFit) -> anyhow::Result<()> {
+    let seen = |index: usize| boards.found[index].corners.iter().map(|corner| corner.seen);
+    let dots = fit.used.iter().flat_map(|view| seen(view.index)).map(|at| (at.x, at.y)).collect();
+    let arrows = fit.used.iter().flat_map(|view| {
+        let pairs = seen(view.index).zip(&view.pose.residuals_px);
+        pairs.map(|(at, (u, v))| [(at.x, at.y), (at.x + ENLARGED * u, at.y + ENLARGED * v)])
+    });
+    let [width, height] = boards.size_px.map(f64::from);
+    let image = || [-0.5..width - 0.5, height - 0.5..-0.5];
+    let labels = ["column [px]", "row [px]"];
+    let bars: Vec<_> = fit.used.iter().map(|view| view.pose.rms_px()).collect();
+    let residuals = || fit.used.iter().flat_map(|view| view.pose.residuals_px.iter().copied());
+    let both = padded(residuals().flat_map(|(u, v)| [u, v]));
+    let charts = [
+        Chart {
+            title: format!("corners of {} views", fit.used.len()),
+            labels,
+            ranges: image(),
+            marks: Marks::Dots(dots),
+        },
+        Chart {
+            title: format!("residuals, {ENLARGED:.0} times enlarged"),
+            labels,
+            ranges: image(),
+            marks: Marks::Arrows(arrows.collect()),
+        },
+        Chart {
+            title: format!("RMS of each view; of all: {:.3} px", fit.rms_px),
+            labels: ["view", "RMS [px]"],
+            ranges: [places(bars.len()), 0.0..padded(bars.iter().copied()).end],
+            marks: Marks::Bars(bars),
+        },
+        Chart {
+            title: "residuals".to_owned(),
+            labels: ["across columns [px]", "across rows [px]"],
+            ranges: [both.clone(), both],
+            marks: Marks::Dots(residuals().collect()),
+        },
+    ];
+    charts::save(path, &charts)
 }
 
-fn draw(area: &Area<'_>, chart: &Chart) -> anyhow::Result<()> {
-    let [x, y] = chart.ranges.clone();
-    let mut axes = ChartBuilder::on(area)
-        .caption(&chart.title, TITLE)
-        .margin(10)
-        .margin_right(24)
-        .x_label_area_size(44)
-        .y_label_area_size(70)
-        .build_cartesian_2d(x, y)?;
-    axes.configure_mesh()
-        .light_line_style(WHITE)
-        .label_style(TEXT)
-        .axis_desc_style(TEXT)
-        .x_desc(chart.labels[0])
-        .y_desc(chart.labels[1])
-        .draw()?;
-    match &chart.marks {
-        Marks::Dots(dots) => {
-            let dot = |&at: &(f64, f64)| Circle::new(at, 1, BLUE.filled());
-            axes.draw_series(dots.iter().map(dot))?;
-        }
-        Marks::Arrows(arrows) => {
-            let line = |ends: &[(f64, f64); 2]| PathElement::new(*ends, VERMILION.stroke_width(1));
-            axes.draw_series(arrows.iter().map(line))?;
-        }
-        Marks::Bars(bars) => {
-            let bar = |(at, &value): (usize, &f64)| {
-                Rectangle::new([(at as f64 - 0.4, 0.0), (at as f64 + 0.4, value)], BLUE.filled())
-            };
-            axes.draw_series(bars.iter().enumerate().map(bar))?;
-        }
-        Marks::Spans(spans) => {
-            let span = |(at, &(middle, half)): (usize, &(f64, f64))| {
-                let ends = [(at as f64, middle - half), (at as f64, middle + half)];
-                PathElement::new(ends, BLUE.stroke_width(3))
-            };
-            axes.draw_series(spans.iter().enumerate().map(span))?;
-            let dot = |(at, &(middle, _)): (usize, &(f64, f64))| {
-                Circle::new((at as f64, middle), 4, VERMILION.filled())
-            };
-            axes.draw_series(spans.iter().enumerate().map(dot))?;
-        }
-    }
-    Ok(())
+/// Draws the residual of each board's line and the positions of the corners.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn plane<T>(path: &Path, boards: &Boards<T>, fit: &LaserPlaneFit) -> anyhow::Result<()> {
+    let scatter = |mean: f64, rms: f64| (rms * rms - mean * mean).max(0.0).sqrt();
+    let spans =
+        fit.used.iter().map(|board| (1e3 * board.mean_m, 1e3 * scatter(board.mean_m, board.rms_m)));
+    let spans: Vec<_> = spans.collect();
+    let ends = spans.iter().flat_map(|(middle, half)| [middle - half, middle + half]);
+    let corners = fit.used.iter().flat_map(|board| &boards.found[board.index].corners);
+    let [width, height] = boards.size_px.map(f64::from);
+    let charts = [
+        Chart {
+            title: format!("the line on each board off the plane; RMS {:.3} mm", 1e3 * fit.rms_m),
+            labels: ["board", "mean, and standard deviation on the board [mm]"],
+            ranges: [places(spans.len()), padded(ends)],
+            marks: Marks::Spans(spans),
+        },
+        Chart {
+            title: format!("corners of {} boards", fit.used.len()),
+            labels: ["column [px]", "row [px]"],
+            ranges: [-0.5..width - 0.5, height - 0.5..-0.5],
+            marks: Marks::Dots(corners.map(|corner| (corner.seen.x, corner.seen.y)).collect()),
+        },
+    ];
+    charts::save(path, &charts)
 }
 
-/// The range of some values and a tenth of it on both sides; never empty.
-pub(super) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let (low, high) = values
-        .filter(|value| value.is_finite())
-        .fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
-    if low > high {
-        return 0.0..1.0;
-    }
-    let margin = (0.1 * (high - low)).max(1e-9);
-    low - margin..high + margin
-}
-
-/// A place for each of so many bars.
-pub(super) fn places(count: usize) -> Range<f64> {
-    -0.6..count as f64 - 0.4
+/// Draws the deviation of each picture from its stated position and the positions of the corners.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn axis(path: &Path, pictures: &AxisPictures, fit: &AxisFit) -> anyhow::Result<()> {
+    let (unit, factor) = match fit.axis.kind {
+        AxisKind::Revolute => ("off [°]", 180.0 / PI),
+        AxisKind::Prismatic => ("off [mm]", 1e3),
+    };
+    let sense = fit.agreement.scale.signum();
+    let off: Vec<_> = fit.agreement.off.iter().map(|off| sense * factor * off).collect();
+    let markers = pictures.views.iter().flat_map(AxisView::markers).flat_map(|m| m.corners);
+    let boards = pictures.views.iter().filter_map(AxisView::board);
+    let corners = boards.flat_map(|board| board.corners.iter().map(|corner| corner.seen));
+    let seen: Vec<_> = markers.chain(corners).map(|at| (at.x, at.y)).collect();
+    let rows = padded(seen.iter().map(|at| at.1));
+    let charts = [
+        Chart {
+            title: "each picture off its stated position".to_owned(),
+            labels: ["picture", unit],
+            ranges: [places(off.len()), padded(off.iter().copied().chain([0.0]))],
+            marks: Marks::Bars(off),
+        },
+        Chart {
+            title: "corners seen".to_owned(),
+            labels: ["column [px]", "row [px]"],
+            ranges: [padded(seen.iter().map(|at| at.0)), rows.end..rows.start],
+            marks: Marks::Dots(seen),
+        },
+    ];
+    charts::save(path, &charts)
 }

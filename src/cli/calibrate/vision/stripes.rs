@@ -1,147 +1,33 @@
-//! The stripe in pictures of boards and markers, by the node's own extraction.
+//! The extraction of the stripe from pictures of boards and markers, as the user's parameters choose it.
 
 use crate::{
-    cli::settings::Settings,
-    ros::camera_params::CameraParams,
-    scanner::{
-        channel::{AnyPlane, Decoder, Plane, Window, window},
-        image::{Image, PixelFormat},
-        params::{Background, Channel, ExtractionParams, Method, Params, PeakSelection, Threshold},
-        stripe::{Centerline, Extractor},
-    },
+    calibrate::LaserFinder, cli::settings::Settings, ros::camera_params::CameraParams,
+    scanner::params::Params,
 };
 
-/// How the stripe is looked for.
-pub(super) struct Stripes {
-    params: Params,
-    is_channel_set: bool,
-}
-
-/// The grey level in which a stripe is looked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Light {
-    /// As the parameter says, or a grey picture as it is.
-    Channel(Channel),
-    /// What a colour has above the mean of the other two: a laser on a printed board, whatever the room's light.
-    Over(Channel),
-}
-
-impl Light {
-    /// In one word or two.
-    pub(super) fn name(self) -> String {
-        match self {
-            Self::Channel(channel) => format!("channel {}", channel.name()),
-            Self::Over(colour) => format!("{} over the mean of the other colours", colour.name()),
-        }
+/// Returns the node's extraction. Parameters that the user did not set suit a line on a printed board in room light.
+pub(super) fn finder(settings: &Settings, camera: &CameraParams) -> LaserFinder {
+    let is_set = |name: &str| settings.values.is_set(&camera.full_name(name));
+    let given = camera.scanner.extraction;
+    let mut extraction = LaserFinder::extraction_on_board(given);
+    if is_set("extraction.background") {
+        extraction.background = given.background;
     }
-}
-
-/// The colours a laser may have.
-const COLOURS: [Channel; 3] = [Channel::Red, Channel::Green, Channel::Blue];
-/// Where noise swings about, so that the frame's own noise can be told.
-const MIDDLE: i32 = 64;
-
-impl Stripes {
-    /// The node's parameters; where the user set none, those that find a line on a printed board in room light.
-    pub(super) fn new(settings: &Settings, camera: &CameraParams) -> Self {
-        let is_set = |name: &str| settings.values.is_set(&camera.full_name(name));
-        let given = camera.scanner.extraction;
-        let mut extraction = ExtractionParams {
-            background: Background::Local,
-            threshold: Threshold::Adaptive,
-            min_segment_area: 15,
-            threshold_sigmas: 5.0,
-            peak_selection: PeakSelection::Brightest,
-            method: Method::Steger,
-            ..given
-        };
-        if is_set("extraction.background") {
-            extraction.background = given.background;
-        }
-        if is_set("extraction.threshold_sigmas") {
-            extraction.threshold_sigmas = given.threshold_sigmas;
-        }
-        if is_set("extraction.threshold") || is_set("extraction.segment_threshold") {
-            extraction.threshold = given.threshold;
-        }
-        if is_set("extraction.min_segment_area") {
-            extraction.min_segment_area = given.min_segment_area;
-        }
-        if is_set("extraction.peak_selection") {
-            extraction.peak_selection = given.peak_selection;
-        }
-        if is_set("extraction.method") {
-            extraction.method = given.method;
-        }
-        let params = Params { extraction, ..camera.scanner };
-        Self { params, is_channel_set: is_set("channel") }
+    if is_set("extraction.threshold_sigmas") {
+        extraction.threshold_sigmas = given.threshold_sigmas;
     }
-
-    /// The grey levels in which the stripe is looked for: the one that the user chose, or every colour a laser may have.
-    fn lights(&self, format: PixelFormat) -> Vec<Light> {
-        match format {
-            PixelFormat::Mono8 | PixelFormat::Mono16(_) => vec![Light::Channel(Channel::Auto)],
-            _ if self.is_channel_set => vec![Light::Channel(self.params.channel)],
-            _ => COLOURS.map(Light::Over).to_vec(),
-        }
+    if is_set("extraction.threshold") || is_set("extraction.segment_threshold") {
+        extraction.threshold = given.threshold;
     }
-
-    /// The centreline, in each light that it may have.
-    ///
-    /// # Errors
-    /// A region of interest outside the picture, or a full scale that it cannot hold.
-    pub(super) fn extract(&self, image: &Image<'_>) -> Result<Vec<(Light, Centerline)>, String> {
-        let searched = window(self.params.roi, image.width(), image.height());
-        let searched = searched.map_err(|error| error.to_string())?;
-        let full_scale = self.params.full_scale_of(image.format());
-        let full_scale = full_scale.map_err(|error| error.to_string())?;
-        let line = |light: Light| {
-            let mut extractor =
-                Extractor::new(self.params.extraction, self.params.stripe_direction);
-            let mut line = Centerline::default();
-            let offset = (searched.x, searched.y);
-            match light {
-                Light::Channel(channel) => {
-                    let mut decoder = Decoder::default();
-                    let plane = decoder.decode(image, channel, &searched);
-                    extractor.extract(&plane, offset, full_scale, &mut line);
-                }
-                Light::Over(colour) => {
-                    let samples = over_the_others(image, colour, &searched, full_scale);
-                    let Window { width, height, .. } = searched;
-                    let plane = Plane { width, height, stride: width, samples: &samples };
-                    extractor.extract(&AnyPlane::Eight(plane), offset, 255, &mut line);
-                }
-            }
-            (light, line)
-        };
-        Ok(self.lights(image.format()).into_iter().map(line).collect())
+    if is_set("extraction.min_segment_area") {
+        extraction.min_segment_area = given.min_segment_area;
     }
-}
-
-/// What a colour has above the mean of the other two, on an 8-bit scale about [`MIDDLE`].
-fn over_the_others(
-    image: &Image<'_>,
-    colour: Channel,
-    searched: &Window,
-    full_scale: u32,
-) -> Vec<u8> {
-    let twice = |wanted: Channel| if wanted == colour { 2 } else { -1 };
-    let mut sums = vec![0_i32; searched.width * searched.height];
-    for channel in COLOURS {
-        let mut add = |at: usize, level: i32| sums[at] += twice(channel) * level;
-        match Decoder::default().decode(image, channel, searched) {
-            AnyPlane::Eight(plane) => {
-                let levels = (0..plane.height).flat_map(|y| plane.row(y));
-                levels.enumerate().for_each(|(at, &level)| add(at, level.into()));
-            }
-            AnyPlane::Sixteen(plane) => {
-                let levels = (0..plane.height).flat_map(|y| plane.row(y));
-                levels.enumerate().for_each(|(at, &level)| {
-                    add(at, (u32::from(level) * 255 / full_scale.max(1)) as i32);
-                });
-            }
-        }
+    if is_set("extraction.peak_selection") {
+        extraction.peak_selection = given.peak_selection;
     }
-    sums.into_iter().map(|sum| (MIDDLE + sum / 2).clamp(0, 255) as u8).collect()
+    if is_set("extraction.method") {
+        extraction.method = given.method;
+    }
+    let channel = is_set("channel").then_some(camera.scanner.channel);
+    LaserFinder::new(Params { extraction, ..camera.scanner }, channel)
 }

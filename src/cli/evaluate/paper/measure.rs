@@ -19,7 +19,7 @@ use crate::{
         trial::{Point, by_line},
     },
     scanner::{
-        channel::{AnyPlane, Decoder, window},
+        channel::{AnyPlane, Decoder, Offset, SearchedRegion},
         image::Frame,
         params::{ExtractionParams, Params, StripeDirection},
         stripe::{Centerline, Extractor},
@@ -91,7 +91,7 @@ impl Run {
         frame: &Frame<'_>,
         params: &Params,
     ) -> anyhow::Result<Option<RangeInclusive<u32>>> {
-        let searched = window(params.roi, frame.image.width(), frame.image.height())?;
+        let searched = SearchedRegion::new(params.roi, frame.image.width(), frame.image.height())?;
         let (first, count) = match params.stripe_direction {
             StripeDirection::Horizontal => (searched.x, searched.width),
             StripeDirection::Vertical => (searched.y, searched.height),
@@ -114,7 +114,7 @@ impl Run {
         steps: &mut [Step],
     ) -> anyhow::Result<()> {
         let image = &frame.image;
-        let searched = window(params.roi, image.width(), image.height())?;
+        let searched = SearchedRegion::new(params.roi, image.width(), image.height())?;
         let full_scale = params.full_scale_of(image.format())?;
         let plane = decoder.decode(image, params.channel, &searched);
         let length = match params.stripe_direction {
@@ -125,7 +125,7 @@ impl Run {
         for step in steps {
             let input = Input {
                 plane: &plane,
-                offset: (searched.x, searched.y),
+                offset: searched.offset(),
                 full_scale,
                 length: length as usize,
                 direction: params.stripe_direction,
@@ -141,7 +141,7 @@ impl Run {
 /// One frame as the extractors take it.
 struct Input<'a> {
     plane: &'a AnyPlane<'a>,
-    offset: (usize, usize),
+    offset: Offset,
     full_scale: u32,
     /// Columns of the image (rows, for a vertical stripe).
     length: usize,
@@ -190,7 +190,7 @@ impl Step {
             input.plane
         };
         self.extractors.each_mut().map(|extractor| {
-            extractor.extract(plane, input.offset, input.full_scale, &mut self.line);
+            extractor.extract_plane(plane, input.offset, input.full_scale, &mut self.line);
             by_line(&self.line, input.direction, input.length)
         })
     }

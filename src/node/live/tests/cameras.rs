@@ -1,7 +1,7 @@
 //! Several cameras in one node.
 
 use super::{
-    Heard,
+    Received,
     rig::{Rig, Setup, text},
 };
 use crate::{
@@ -23,12 +23,13 @@ fn two_cameras() -> Rig {
 }
 
 #[test]
-fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_nobody() {
+fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_no_other() {
     let rig = two_cameras();
     let (mut left, mut right) =
         (rig.camera_on("/left/image_raw"), rig.camera_on("/right/image_raw"));
-    let lines =
-        |camera: &str, num| rig.ear.wait_for(&format!("/laser_profiler/{camera}/centerline"), num);
+    let lines = |camera: &str, num| {
+        rig.listener.wait_for(&format!("/laser_profiler/{camera}/centerline"), num)
+    };
     for number in 1..=20 {
         left.shoot();
         // Garbage, in a loop.
@@ -39,11 +40,11 @@ fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_nobody() {
         assert_eq!(lines("left", number).len(), number);
     }
     right.shoot();
-    let line: &Heard = &lines("right", 1)[0];
+    let line: &Received = &lines("right", 1)[0];
     assert!(line.decode::<Centerline<'_>>().method.starts_with("gray_gravity/"));
-    let line: &Heard = &lines("left", 1)[0];
+    let line: &Received = &lines("left", 1)[0];
     assert!(line.decode::<Centerline<'_>>().method.starts_with("improved_gravity/"));
-    rig.ear.wait("the diagnostics of both", |heard| {
+    rig.listener.wait("the diagnostics of both", |heard| {
         let names = heard.iter().filter(|message| message.topic == "/diagnostics").map(|message| {
             let diagnostics: DiagnosticArray<'_> = message.decode();
             (diagnostics.status[0].name.clone().into_owned(), diagnostics.status[0].level)
@@ -54,7 +55,7 @@ fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_nobody() {
                 .iter()
                 .any(|(name, level)| name == "laser_profiler: right stream" && *level > 0)
     });
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let summaries = rig.end();
     let [left, right] = <[_; 2]>::try_from(summaries).ok().unwrap();
     assert_eq!((&*left.name, &*right.name), ("left", "right"));
@@ -62,7 +63,7 @@ fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_nobody() {
     assert_eq!((left.received, left.processed, left.is_complete()), (20, 20, true));
     assert_eq!((right.received, right.processed), (1001, 1));
     assert_eq!(right.received, right.processed + right.rejected() + right.dropped_overload);
-    let status = ear.heard("/laser_profiler/right/stream_status").pop().unwrap();
+    let status = listener.received("/laser_profiler/right/stream_status").pop().unwrap();
     let status: StreamStatus<'_> = status.decode();
     assert_eq!((&*status.topic, status.frames_received), ("/right/image_raw", 1001));
 }
@@ -76,16 +77,16 @@ fn a_scan_of_one_camera_is_not_one_of_the_other() {
         camera.shoot();
     }
     for camera in ["left", "right"] {
-        rig.ear.wait_for(&format!("/laser_profiler/{camera}/centerline"), 1);
+        rig.listener.wait_for(&format!("/laser_profiler/{camera}/centerline"), 1);
     }
     assert!(rig.trigger("left/stop_scan").0);
-    rig.ear.wait_for("/laser_profiler/left/height_map", 1);
-    assert!(rig.ear.heard("/laser_profiler/right/height_map").is_empty());
+    rig.listener.wait_for("/laser_profiler/left/height_map", 1);
+    assert!(rig.listener.received("/laser_profiler/right/height_map").is_empty());
     assert!(rig.trigger("stop_scan").0, "all of them");
-    rig.ear.wait_for("/laser_profiler/right/height_map", 1);
+    rig.listener.wait_for("/laser_profiler/right/height_map", 1);
     let (success, bags) = rig.start_recording();
     assert!(success && bags.contains("_left_") && bags.contains("_right_"), "{bags}");
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     rig.end();
-    assert_eq!(ear.heard("/laser_profiler/left/height_map").len(), 1);
+    assert_eq!(listener.received("/laser_profiler/left/height_map").len(), 1);
 }

@@ -31,7 +31,7 @@ fn a_node_without_autostart_waits_for_its_manager() {
     rig.results("centerline", 1);
     assert!(rig.change_state("shutdown"));
     let labels: Vec<_> = events
-        .heard("/laser_profiler/transition_event")
+        .received("/laser_profiler/transition_event")
         .iter()
         .map(|event| event.decode::<TransitionEvent<'_>>().goal_state.label.into_owned())
         .collect();
@@ -59,19 +59,19 @@ fn an_inactive_node_is_silent_and_goes_on_with_another_session() {
     camera.at_ms = 0;
     camera.shoot();
     rig.results("centerline", 4);
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let counts = counts(rig.end());
     assert_eq!((counts.received, counts.processed, counts.lost()), (4, 4, 0));
-    let infos = ear.heard("/laser_profiler/slice_info");
+    let infos = listener.received("/laser_profiler/slice_info");
     assert_eq!(infos.len(), 2);
     assert!(infos[1].decode::<SliceInfo<'_>>().frames_missing == 0, "nobody missed them");
-    let statuses = ear.heard("/laser_profiler/stream_status");
+    let statuses = listener.received("/laser_profiler/stream_status");
     let last: StreamStatus<'_> = statuses.last().unwrap().decode();
     assert_eq!(last.frames_received, 4, "counters go on");
 }
 
 #[test]
-fn what_waits_is_measured_before_the_node_is_inactive() {
+fn queued_frames_are_measured_before_the_node_is_inactive() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     for round in 1..=20 {

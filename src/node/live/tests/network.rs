@@ -6,9 +6,9 @@ use tracing::subscriber::with_default;
 use tracing_subscriber::{layer::SubscriberExt, registry};
 
 use super::{
-    Heard,
+    Received,
     driver::{START_NS, encoded},
-    ear::wait_until,
+    listener::wait_until,
     rig::{Rig, Setup, text},
 };
 use crate::{
@@ -47,7 +47,7 @@ fn a_clock_that_steps_back_begins_another_session() {
     let mut clock = publisher::<Clock>(&rig, "/clock");
     let mut tell = |ns| send(&mut *clock, &Clock { clock: Time::from_ns(ns) });
     let status_at = |rig: &Rig, ns: i64| {
-        rig.ear.wait_until("a status of that time", "/laser_profiler/stream_status", |heard| {
+        rig.listener.wait_until("a status of that time", "/laser_profiler/stream_status", |heard| {
             let status: StreamStatus<'_> = heard.decode();
             (status.header.stamp.to_ns() == ns).then_some(status.session_id.uuid)
         })
@@ -65,11 +65,11 @@ fn a_clock_that_steps_back_begins_another_session() {
     camera.at_ms = 0;
     camera.shoot();
     rig.results("centerline", 3);
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let counts = super::stream::counts(rig.end());
     assert_eq!((counts.processed, counts.rejected()), (3, 0));
-    let infos = ear.heard("/laser_profiler/slice_info");
-    let infos: Vec<SliceInfo<'_>> = infos.iter().map(Heard::decode).collect();
+    let infos = listener.received("/laser_profiler/slice_info");
+    let infos: Vec<SliceInfo<'_>> = infos.iter().map(Received::decode).collect();
     assert_eq!(infos.len(), 2);
     assert_ne!(infos[0].scan_id, infos[1].scan_id);
 }
@@ -81,24 +81,24 @@ fn the_laser_plane_is_placed_once_and_again_when_it_turns() {
     camera.shoot_times(3);
     rig.results("centerline", 3);
     // Latched: who comes late hears it, too.
-    let (ear, _subscription) = rig.listen("/tf_static", TFMessage::TYPE);
-    let heard = ear.wait_for("/tf_static", 1);
+    let (listener, _subscription) = rig.listen("/tf_static", TFMessage::TYPE);
+    let heard = listener.wait_for("/tf_static", 1);
     let message: TFMessage<'_> = heard[0].decode();
     let [transform] = message.transforms.as_slice() else { panic!("{message:?}") };
     assert_eq!((&*transform.header.frame_id, &*transform.child_frame_id), ("optical", "laser"));
     camera.shoot();
     rig.results("centerline", 4);
-    assert_eq!(ear.heard("/tf_static").len(), 1);
+    assert_eq!(listener.received("/tf_static").len(), 1);
     rig.set("stripe_direction", &text("vertical")).unwrap();
     camera.shoot();
-    let heard = ear.wait_for("/tf_static", 2);
+    let heard = listener.wait_for("/tf_static", 2);
     let turned: TFMessage<'_> = heard[1].decode();
     assert_ne!(turned.transforms[0].transform, transform.transform);
     rig.end();
 }
 
 #[test]
-fn a_camera_info_of_another_size_is_told_whichever_comes_first() {
+fn a_camera_info_of_another_size_is_reported_in_either_order() {
     for info_first in [true, false] {
         let rig = Rig::start();
         let mut camera = rig.camera();
@@ -117,7 +117,7 @@ fn a_camera_info_of_another_size_is_told_whichever_comes_first() {
         if !info_first {
             describe(10);
         }
-        rig.ear.wait_until("the conflict is told", "/diagnostics", |heard| {
+        rig.listener.wait_until("the conflict is told", "/diagnostics", |heard| {
             let diagnostics: DiagnosticArray<'_> = heard.decode();
             let message = &diagnostics.status[0].message;
             message.contains("camera_info describes images of 640 x 480").then_some(())
@@ -133,10 +133,10 @@ fn log_lines_are_on_rosout() {
     setup.slot = slot;
     with_default(registry().with(layer), || {
         let rig = setup.start().unwrap();
-        let (ear, _subscription) = rig.listen("/rosout", Log::TYPE);
+        let (listener, _subscription) = rig.listen("/rosout", Log::TYPE);
         // Told on the thread that calls the service.
         assert!(!rig.change_state("configure"));
-        ear.wait("the refusal", |heard| {
+        listener.wait("the refusal", |heard| {
             heard.iter().any(|line| {
                 let line: Log<'_> = line.decode();
                 line.name == "laser_profiler" && line.msg.contains("cannot begin")
@@ -166,10 +166,10 @@ fn quality_of_service_follows_the_overrides() {
 }
 
 #[test]
-fn who_publishes_the_images_is_told() {
+fn publishers_of_images_are_reported() {
     let rig = Rig::start();
     let says = |rig: &Rig, text: &str| {
-        rig.ear.wait_until(text, "/diagnostics", |heard| {
+        rig.listener.wait_until(text, "/diagnostics", |heard| {
             let diagnostics: DiagnosticArray<'_> = heard.decode();
             diagnostics.status[0].message.contains(text).then_some(())
         });

@@ -3,7 +3,7 @@
 use std::thread;
 
 use super::{
-    Heard,
+    Received,
     rig::{Rig, Setup, set, text},
     stream::counts,
 };
@@ -20,20 +20,20 @@ use crate::{
 };
 
 #[test]
-fn what_this_process_sets_is_told_as_what_a_service_sets() {
+fn changes_by_this_process_are_published_like_those_by_a_service() {
     let rig = Rig::start();
-    let (ear, _subscription) = rig.listen("/parameter_events", ParameterEvent::TYPE);
+    let (listener, _subscription) = rig.listen("/parameter_events", ParameterEvent::TYPE);
     let name = "extraction.method";
     rig.parameters.set(name, text("gray_gravity")).unwrap();
     let reason = rig.parameters.set(name, text("magic")).unwrap_err();
     assert!(reason.contains(name) && reason.contains("one of"), "{reason}");
     let value = rig.parameters.read(|values| values.get(name).map(|it| it.value().clone()));
     assert_eq!(value, Some(text("gray_gravity")));
-    let is_change = |message: &Heard| {
+    let is_change = |message: &Received| {
         let event: ParameterEvent<'_> = message.decode();
         event.changed_parameters.iter().any(|changed| changed.name == name)
     };
-    ear.wait("the change", |heard| heard.iter().any(is_change));
+    listener.wait("the change", |heard| heard.iter().any(is_change));
 }
 
 #[test]
@@ -66,7 +66,7 @@ fn a_change_counts_from_the_next_frame_on_and_a_refused_one_never() {
         assert!(reason.contains(name), "{reason}");
     }
     shoot(&rig);
-    assert_eq!(rig.ear.heard("/laser_profiler/slice_info").len(), 0, "one scan until now");
+    assert_eq!(rig.listener.received("/laser_profiler/slice_info").len(), 0, "one scan until now");
     rig.set("roi.x_offset", &Value::Integer(8)).unwrap();
     shoot(&rig);
     rig.results("height_map", 1);
@@ -75,7 +75,7 @@ fn a_change_counts_from_the_next_frame_on_and_a_refused_one_never() {
     for _ in 0..3 {
         shoot(&rig);
     }
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     assert_eq!(counts(rig.end()).processed, 8);
     let names: Vec<_> =
         methods.iter().map(|(method, ..)| method.split('/').next().unwrap()).collect();
@@ -84,10 +84,10 @@ fn a_change_counts_from_the_next_frame_on_and_a_refused_one_never() {
     assert!(methods[1] != methods[2] && methods[2] == methods[3], "the hash tells");
     assert_eq!([methods[3].1, methods[4].1], [0, 8]);
     assert_eq!([methods[3].2, methods[4].2], [64, 56]);
-    let infos = ear.heard("/laser_profiler/slice_info");
+    let infos = listener.received("/laser_profiler/slice_info");
     let slices: Vec<_> = infos
         .iter()
-        .map(Heard::decode::<SliceInfo<'_>>)
+        .map(Received::decode::<SliceInfo<'_>>)
         .map(|info| (info.first_frame, info.last_frame, (info.last_position * 1e3).round() as i32))
         .collect();
     // Neither another region nor another step is mixed into a scan.
@@ -109,7 +109,7 @@ fn ten_thousand_sets_cost_no_frame_and_the_last_one_counts() {
         while !done.is_raised() || num_frames < 10 {
             camera.shoot();
             num_frames += 1;
-            rig.ear.wait_for("/laser_profiler/centerline", num_frames);
+            rig.listener.wait_for("/laser_profiler/centerline", num_frames);
         }
         num_frames
     });
@@ -139,7 +139,7 @@ fn hammer(network: &Loopback) {
 }
 
 #[test]
-fn what_the_middleware_carries_limits_slices_and_stands_in_the_bag() {
+fn the_limit_of_the_middleware_limits_slices_and_is_recorded() {
     let mut setup = Setup::new().with("recording.enabled", Value::Bool(true));
     // Three profiles of 64 points of 16 bytes, and what is around them.
     setup.network = Loopback::carrying(3 * 64 * 16 + 400);
@@ -154,19 +154,19 @@ fn what_the_middleware_carries_limits_slices_and_stands_in_the_bag() {
         camera.shoot();
         rig.results("centerline", number);
     }
-    let (ear, place) = (rig.ear.clone(), rig.place.path().join("bags"));
+    let (listener, place) = (rig.listener.clone(), rig.place.path().join("bags"));
     let directory = std::fs::read_dir(place).unwrap().next().unwrap().unwrap().path();
     let parameters = |bag: &BagReader| -> Vec<String> {
         let records = bag.metadata().map(Result::unwrap);
         let own = records.filter(|record| record.name == "laser_profiler");
         own.map(|record| record.entries["parameters"].clone()).collect()
     };
-    super::ear::wait_until("the change stands in the bag", || {
+    super::listener::wait_until("the change stands in the bag", || {
         parameters(&BagReader::open(&directory, &ReadOptions::default()).unwrap()).len() == 2
     });
     let (_, _place) = rig.end_and_keep();
-    let heights: Vec<_> = ear
-        .heard("/laser_profiler/points")
+    let heights: Vec<_> = listener
+        .received("/laser_profiler/points")
         .iter()
         .map(|cloud| cloud.decode::<PointCloud2<'_>>().height)
         .collect();

@@ -50,12 +50,12 @@ fn say(rig: &Rig, at_ms: i64) {
 }
 
 fn traces(rig: &Rig, num: usize) -> Vec<FrameTrace> {
-    let trace = |heard: &super::Heard| cdr::decode::<Centerline<'_>>(&heard.data).unwrap().trace;
+    let trace = |heard: &super::Received| cdr::decode::<Centerline<'_>>(&heard.data).unwrap().trace;
     rig.results("centerline", num).iter().map(trace).collect()
 }
 
 #[test]
-fn positions_are_the_same_live_and_in_a_replay_of_what_was_recorded() {
+fn positions_are_the_same_live_and_in_a_replay_of_the_recording() {
     let rig = setup()
         .with("recording.enabled", Value::Bool(true))
         .with("recording.images", Value::Bool(true))
@@ -76,13 +76,13 @@ fn positions_are_the_same_live_and_in_a_replay_of_what_was_recorded() {
             traces(&rig, number as usize + 1);
         }
     }
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let (summaries, place) = rig.end_and_keep();
     let live = counts(summaries);
     assert_eq!((live.processed, live.located, live.doubtful), (40, 40, 5));
     let (summary, recorded, replayed) = replayed(place.path());
     assert_eq!((summary.counts.located, summary.counts.doubtful), (40, 5));
-    same(&recorded, &replayed, &ear);
+    same(&recorded, &replayed, &listener);
     let lines = &replayed["/laser_profiler/centerline"];
     for (line, number) in lines.iter().zip(1..) {
         let trace = cdr::decode::<Centerline<'_>>(&line.data).unwrap().trace;
@@ -103,7 +103,7 @@ fn positions_are_the_same_live_and_in_a_replay_of_what_was_recorded() {
 }
 
 #[test]
-fn a_frame_is_given_up_though_nothing_comes_any_more() {
+fn a_frame_stops_waiting_although_no_message_arrives() {
     let rig = setup().start().unwrap();
     let mut camera = rig.camera();
     for at_ms in [1, 4, 7] {
@@ -118,7 +118,7 @@ fn a_frame_is_given_up_though_nothing_comes_any_more() {
 }
 
 #[test]
-fn many_samples_push_out_no_image_and_faults_end_nothing() {
+fn many_samples_displace_no_image_and_faults_end_nothing() {
     let rig = setup().start().unwrap();
     let mut camera = rig.camera();
     for number in 0..4 {

@@ -7,7 +7,7 @@ use std::{
 };
 
 use super::{
-    Heard,
+    Received,
     driver::TestCamera,
     rig::{Rig, Setup, text},
     stream::counts,
@@ -60,7 +60,7 @@ fn a_bag_has_the_published_bytes_from_start_to_stop() {
     assert_eq!((success, &stopped), (true, &directory));
     shoot(&rig, &mut camera, 10..=11);
     assert_eq!(rig.stop_recording(), (true, "nothing was being recorded".into()));
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let (_, _place) = rig.end_and_keep();
 
     let recorded = messages(Path::new(&directory));
@@ -77,7 +77,7 @@ fn a_bag_has_the_published_bytes_from_start_to_stop() {
         ("slice_info", 0..3),
         ("height_map", 0..1),
     ] {
-        let heard = ear.heard(&format!("/laser_profiler/{name}"));
+        let heard = listener.received(&format!("/laser_profiler/{name}"));
         let published: Vec<&[u8]> = heard[range].iter().map(|m| m.data.as_slice()).collect();
         assert!(bytes_of(name) == published, "{name}");
     }
@@ -92,7 +92,7 @@ fn with_images_there_is_a_bag_of_them_and_a_signal_closes_both() {
     let rig = setup.start().unwrap();
     let mut camera = rig.camera();
     shoot(&rig, &mut camera, 1..=6);
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let (summaries, place) = rig.end_and_keep();
     assert_eq!(counts(summaries).processed, 6);
     let [results, images] = <[_; 2]>::try_from(bags(place.path())).unwrap();
@@ -103,8 +103,8 @@ fn with_images_there_is_a_bag_of_them_and_a_signal_closes_both() {
     let recorded = messages(&results);
     for name in ["centerline", "slice_info", "height_map", "stream_status"] {
         let topic = format!("/laser_profiler/{name}");
-        let heard = ear.heard(&topic);
-        let published: Vec<_> = heard.iter().map(|Heard { data, .. }| data).collect();
+        let heard = listener.received(&topic);
+        let published: Vec<_> = heard.iter().map(|Received { data, .. }| data).collect();
         let recorded: Vec<_> = recorded[&topic].iter().map(|m| &m.data).collect();
         // The first report may have come before the recording.
         assert!(published.ends_with(&recorded) && !recorded.is_empty(), "{name}");
@@ -145,16 +145,16 @@ fn a_snapshot_is_the_past() {
     let (success, directory) = rig.trigger("snapshot");
     assert!(success, "{directory}");
     shoot(&rig, &mut camera, 4..=5);
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let (_, _place) = rig.end_and_keep();
     let recorded = messages(Path::new(&directory));
     let lines = &recorded["/laser_profiler/centerline"];
-    let heard = ear.heard("/laser_profiler/centerline");
+    let heard = listener.received("/laser_profiler/centerline");
     assert!(lines.iter().map(|line| &line.data).eq(heard[..3].iter().map(|line| &line.data)));
 }
 
 #[test]
-fn a_place_that_cannot_be_written_costs_no_result_and_is_told() {
+fn a_directory_that_cannot_be_written_costs_no_result_and_is_reported() {
     let setup = Setup::new()
         .with("recording.enabled", Value::Bool(true))
         // Nobody makes directories in it, not even root.
@@ -162,7 +162,7 @@ fn a_place_that_cannot_be_written_costs_no_result_and_is_told() {
     let rig = setup.start().unwrap();
     let mut camera = rig.camera();
     shoot(&rig, &mut camera, 1..=5);
-    let level = rig.ear.wait_until("the fault is told", "/diagnostics", |heard| {
+    let level = rig.listener.wait_until("the fault is told", "/diagnostics", |heard| {
         let diagnostics: DiagnosticArray<'_> = heard.decode();
         let status = &diagnostics.status[0];
         status.message.contains("/dev/null/bags").then_some(status.level)

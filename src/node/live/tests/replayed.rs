@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use super::{
     driver::{MS, Picture, START_NS},
-    ear::Ear,
+    listener::Listener,
     recordings::{bags, messages, open},
     rig::Setup,
     stream::counts,
@@ -23,7 +23,7 @@ const TOPICS: [&str; 7] =
     ["centerline", "annotations", "profile", "points", "points_dense", "slice_info", "height_map"];
 
 #[test]
-fn what_was_published_is_what_a_replay_of_the_recording_gives() {
+fn a_replay_of_the_recording_gives_the_published_results() {
     let setup = Setup::new()
         .with("recording.enabled", Value::Bool(true))
         .with("recording.images", Value::Bool(true))
@@ -47,14 +47,14 @@ fn what_was_published_is_what_a_replay_of_the_recording_gives() {
         num_measured += 1;
         rig.results("centerline", num_measured);
     }
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let (summaries, place) = rig.end_and_keep();
     let live = counts(summaries);
     assert_eq!((live.processed, live.rejected(), live.dropped_overload), (40, 2, 0));
 
     let (summary, recorded, replayed) = replayed(place.path());
     assert_eq!((summary.counts.processed, summary.counts.lost()), (40, live.lost()));
-    same(&recorded, &replayed, &ear);
+    same(&recorded, &replayed, &listener);
 }
 
 /// Messages of a bag by topic.
@@ -82,7 +82,7 @@ pub(super) fn replayed(place: &Path) -> (Summary, Messages, Messages) {
 }
 
 /// Every result is in both bags with the same bytes and times, and was heard so.
-pub(super) fn same(recorded: &Messages, replayed: &Messages, ear: &Ear) {
+pub(super) fn same(recorded: &Messages, replayed: &Messages, listener: &Listener) {
     for name in TOPICS {
         let topic = format!("/laser_profiler/{name}");
         let of = |bag: &Messages| -> Vec<_> {
@@ -90,7 +90,7 @@ pub(super) fn same(recorded: &Messages, replayed: &Messages, ear: &Ear) {
         };
         let (live, again) = (of(recorded), of(replayed));
         assert!(live.len() >= 2 && live == again, "{name}: {} and {}", live.len(), again.len());
-        let heard = ear.heard(&topic);
+        let heard = listener.received(&topic);
         assert!(heard.iter().map(|m| &m.data).eq(again.iter().map(|(_, _, data)| data)), "{name}");
     }
 }

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use super::{
     driver::{Picture, TestCamera, encoded},
-    ear::{Ear, Heard},
+    listener::{Listener, Received},
 };
 
 use crate::{
@@ -48,7 +48,7 @@ pub(super) const CALIBRATION: &str = "type: vertical_incidence\nframe_id: laser\
 /// A node that runs, and its network.
 pub(super) struct Rig {
     pub(super) network: Loopback,
-    pub(super) ear: Ear,
+    pub(super) listener: Listener,
     pub(super) place: TempDir,
     pub(super) parameters: ParameterHandle,
     stop: Stop,
@@ -116,7 +116,7 @@ impl Setup {
     pub(super) fn start(self) -> Result<Rig, LiveError> {
         let Self { network, place, values, slot, through } = self;
         let names = NodeNames::new("laser_profiler", &[]).unwrap();
-        let ear = Ear::default();
+        let listener = Listener::default();
         let calibration = Calibration::from_yaml(CALIBRATION).unwrap();
         let cameras = values.cameras().iter();
         let outputs = cameras
@@ -129,7 +129,7 @@ impl Setup {
             endpoint.name != "/diagnostics" || std::mem::replace(&mut is_first, false)
         });
         let subscribe = |endpoint: &TopicEndpoint| {
-            network.subscribe(endpoint, usize::MAX, ear.on_arrival(&endpoint.name)).unwrap()
+            network.subscribe(endpoint, usize::MAX, listener.on_arrival(&endpoint.name)).unwrap()
         };
         let subscriptions = endpoints.iter().map(subscribe).collect();
         let stop = Stop::default();
@@ -138,7 +138,15 @@ impl Setup {
         let parameters = node.parameters();
         let stopped = stop.clone();
         let thread = Some(thread::spawn(move || node.run(&stopped)));
-        Ok(Rig { network, ear, place, parameters, stop, thread, _subscriptions: subscriptions })
+        Ok(Rig {
+            network,
+            listener,
+            place,
+            parameters,
+            stop,
+            thread,
+            _subscriptions: subscriptions,
+        })
     }
 }
 
@@ -168,17 +176,17 @@ impl Rig {
         &self,
         name: &str,
         kind: &'static MessageType,
-    ) -> (Ear, Box<dyn Subscription>) {
-        let ear = Ear::default();
+    ) -> (Listener, Box<dyn Subscription>) {
+        let listener = Listener::default();
         let endpoint = TopicEndpoint { name: name.into(), kind, qos: QosProfile::latched(1) };
         let subscription =
-            self.network.subscribe(&endpoint, usize::MAX, ear.on_arrival(name)).unwrap();
-        (ear, subscription)
+            self.network.subscribe(&endpoint, usize::MAX, listener.on_arrival(name)).unwrap();
+        (listener, subscription)
     }
 
     /// Waits for that many results of the only camera.
-    pub(super) fn results(&self, name: &str, num: usize) -> Vec<Heard> {
-        self.ear.wait_for(&format!("/laser_profiler/{name}"), num)
+    pub(super) fn results(&self, name: &str, num: usize) -> Vec<Received> {
+        self.listener.wait_for(&format!("/laser_profiler/{name}"), num)
     }
 
     /// Ends it as a signal does.

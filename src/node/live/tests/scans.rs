@@ -1,5 +1,7 @@
 //! Scans that people and machines ask for.
 
+use nalgebra::{Point3, Unit, Vector3};
+
 use super::{
     rig::{Rig, Setup, text},
     stream::counts,
@@ -7,6 +9,12 @@ use super::{
 use crate::{
     msg::{laser_profiler_msgs::SliceInfo, sensor_msgs::Image},
     ros::value::Value,
+    scanner::{
+        axis::{Axis, AxisKind},
+        calibration::{Calibration, CameraAndPlane},
+        camera::{Camera, Distortion},
+        laser_plane::LaserPlane,
+    },
 };
 
 /// What the last slice of the only camera says: identity, part, first and last frame, whether its scan ends with it.
@@ -46,6 +54,75 @@ fn a_scan_of_a_length_ends_with_its_height_map() {
     assert_eq!(counts(rig.end()).slices, 4);
 }
 
+/// A camera over a part on an axis whose joint is off by `scale`.
+fn on_axis(kind: AxisKind, scale: f64) -> Rig {
+    let setup = Setup::new();
+    let direction = Vector3::y_axis();
+    let geometry = CameraAndPlane {
+        frame_id: "laser".into(),
+        camera_name: "camera".into(),
+        camera: Camera {
+            width_px: 64,
+            height_px: 32,
+            fx_px: 100.0,
+            fy_px: 100.0,
+            cx_px: 31.5,
+            cy_px: 15.5,
+            distortion: Distortion::None,
+            tilt_rad: [0.0; 2],
+        },
+        camera_quality: None,
+        plane: LaserPlane {
+            normal: Unit::new_normalize(Vector3::new(0.0, 0.8, 0.6)),
+            distance_m: 0.3,
+        },
+        plane_quality: None,
+        alignment: None,
+        part: None,
+        axis: Some(Axis { kind, point_m: Point3::new(0.0, 0.0, 0.6), direction, scale }),
+        axis_quality: None,
+        calibrated_at: None,
+    };
+    let text = Calibration::CameraAndPlane(Box::new(geometry)).to_yaml();
+    std::fs::write(setup.path("c.yaml"), text).unwrap();
+    setup.start().unwrap()
+}
+
+#[test]
+fn a_length_is_measured_after_the_scale_of_the_axis() {
+    // Each frame states 1 mm, which is 0.5 mm.
+    let rig = on_axis(AxisKind::Prismatic, 0.5);
+    let mut camera = rig.camera();
+    assert!(rig.scan("", 0.0029).0);
+    for number in 1..=9 {
+        camera.shoot();
+        rig.results("centerline", number);
+    }
+    // 0 to 3 mm: seven profiles, in slices of four.
+    let (_, _, first, last, is_last) = last_slice(&rig, 2);
+    assert_eq!((first, last, is_last), (4, 6, true));
+    rig.end();
+}
+
+#[test]
+fn a_length_in_metres_is_refused_on_a_revolute_axis() {
+    let rig = on_axis(AxisKind::Revolute, 2.0);
+    let mut camera = rig.camera();
+    let (success, message, scan_id) = rig.scan("", 0.003);
+    assert!(
+        !success && scan_id == [0; 16] && message.contains("the axis is revolute"),
+        "{message}"
+    );
+    assert!(rig.scan("", 0.0).0, "a scan until it is stopped");
+    for number in 1..=3 {
+        camera.shoot();
+        rig.results("centerline", number);
+    }
+    assert_eq!(rig.trigger("stop_scan"), (true, "scan ended".into()));
+    assert_eq!(last_slice(&rig, 1).3, 2);
+    rig.end();
+}
+
 #[test]
 fn buttons_start_stop_and_reset() {
     let rig = Rig::start();
@@ -68,9 +145,9 @@ fn buttons_start_stop_and_reset() {
     shoot(&rig);
     assert!(rig.trigger("stop_scan").0);
     assert_eq!(last_slice(&rig, 2).2, 3, "between stop and start there is no scan");
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     rig.end();
-    assert_eq!(ear.heard("/laser_profiler/height_map").len(), 2);
+    assert_eq!(listener.received("/laser_profiler/height_map").len(), 2);
 }
 
 #[test]

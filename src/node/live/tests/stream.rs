@@ -35,9 +35,9 @@ fn an_image_becomes_every_result() {
         rig.results("centerline", number);
     }
     let slice = rig.results("slice_info", 1);
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     assert_eq!(counts(rig.end()).processed, 5);
-    let of = |name: &str| ear.heard(&format!("/laser_profiler/{name}"));
+    let of = |name: &str| listener.received(&format!("/laser_profiler/{name}"));
 
     let lines = of("centerline");
     let line: Centerline<'_> = lines[1].decode();
@@ -68,7 +68,7 @@ fn an_image_becomes_every_result() {
 }
 
 #[test]
-fn gaps_are_told_apart_from_frames_of_another_publisher() {
+fn gaps_are_distinguished_from_frames_of_another_publisher() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     for (number, (publisher, sequence)) in
@@ -120,7 +120,7 @@ fn odd_frames_are_counted_by_kind_and_the_stream_goes_on() {
         }
         rig.results("centerline", num_measured);
     }
-    rig.ear.wait("the last rejection in the diagnostics", |heard| {
+    rig.listener.wait("the last rejection in the diagnostics", |heard| {
         let mut told = heard.iter().filter(|message| message.topic == "/diagnostics");
         told.any(|message| String::from_utf8_lossy(&message.data).contains(foreign))
     });
@@ -149,10 +149,10 @@ fn a_camera_that_returns_with_another_size_begins_another_scan() {
             rig.results("centerline", num);
         }
     }
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     assert_eq!(counts(rig.end()).processed, 12);
-    let infos = ear.heard("/laser_profiler/slice_info");
-    let infos: Vec<SliceInfo<'_>> = infos.iter().map(super::Heard::decode).collect();
+    let infos = listener.received("/laser_profiler/slice_info");
+    let infos: Vec<SliceInfo<'_>> = infos.iter().map(super::Received::decode).collect();
     let slices: Vec<_> =
         infos.iter().map(|info| (info.first_frame, info.last_frame, info.last_slice)).collect();
     // The size decides where a pixel lies; how it is encoded does not.
@@ -161,7 +161,7 @@ fn a_camera_that_returns_with_another_size_begins_another_scan() {
 }
 
 #[test]
-fn a_flood_is_counted_to_the_last_frame_and_told_within_a_second() {
+fn a_flood_is_counted_to_the_last_frame_and_reported_within_a_second() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     camera.picture = Picture { width: 1024, height: 768, row: 300, encoding: "mono8" };
@@ -184,20 +184,20 @@ fn a_flood_is_counted_to_the_last_frame_and_told_within_a_second() {
             receive_time_ns: START_NS + num_sent * MS,
         }));
     }
-    let told = rig.ear.heard("/laser_profiler/stream_status");
-    let told = told.iter().map(super::Heard::decode::<StreamStatus<'_>>);
+    let told = rig.listener.received("/laser_profiler/stream_status");
+    let told = told.iter().map(super::Received::decode::<StreamStatus<'_>>);
     assert!(told.clone().any(|status| status.dropped_overload > 0), "within a second");
     assert!(told.clone().count() <= 4, "once a second, and at the first fault: {}", told.count());
-    let ear = rig.ear.clone();
+    let listener = rig.listener.clone();
     let counts = counts(rig.end());
     assert_eq!(counts.received, num_sent as u64);
     assert!(counts.dropped_overload > 0, "{counts:?}");
     assert_eq!((counts.lost(), counts.rejected()), (0, 0), "dropped, not lost");
-    let lines = ear.heard("/laser_profiler/centerline");
+    let lines = listener.received("/laser_profiler/centerline");
     assert_eq!(lines.len() as u64, counts.processed);
     let last: Centerline<'_> = lines.last().unwrap().decode();
     assert_eq!(last.trace.frame_number, num_sent as u64 - 1, "every frame has its number");
-    let last = ear.heard("/laser_profiler/stream_status").pop().unwrap();
+    let last = listener.received("/laser_profiler/stream_status").pop().unwrap();
     let last: StreamStatus<'_> = last.decode();
     assert_eq!(
         (last.frames_received, last.frames_processed, last.dropped_overload),

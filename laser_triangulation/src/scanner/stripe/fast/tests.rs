@@ -2,13 +2,15 @@
 
 use super::*;
 use crate::scanner::{
-    params::{Background, PeakSelection, Window},
+    params::{Background, GravityWindow, PeakSelection},
     stripe::{
         reference::{self, LitFrame},
         tile_blur::{COLUMNS, ROWS},
     },
 };
 use proptest::prelude::*;
+
+const OFFSET: Offset = Offset { column: 3, row: 7 };
 
 /// Width, height, stride and samples.
 type OwnedPlane<S> = (usize, usize, usize, Vec<S>);
@@ -24,7 +26,7 @@ fn any_of<T: Clone + std::fmt::Debug + 'static>(
 fn any_params() -> impl Strategy<Value = ExtractionParams> {
     let choices = (
         any_of(Method::NAMES, Method::from_name),
-        any_of(Window::NAMES, Window::from_name),
+        any_of(GravityWindow::NAMES, GravityWindow::from_name),
         any_of(PeakSelection::NAMES, PeakSelection::from_name),
     );
     // The plain definition takes (2r + 1)² steps a pixel: large radii now and then.
@@ -151,10 +153,10 @@ fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPl
             let ambient = ambient.unwrap_or(plane);
             let frame = LitFrame { plane: &plane, ambient: Some(&ambient) };
             let state = (&params, &mut selector);
-            let expected = reference::extract_next(&frame, (3, 7), state, direction, full_scale);
+            let expected = reference::extract_next(&frame, OFFSET, state, direction, full_scale);
             for fast in &mut fast {
                 fast.set_ambient(&ambient);
-                fast.extract(&plane, (3, 7), full_scale, &mut centerline);
+                fast.extract(&plane, OFFSET, full_scale, &mut centerline);
                 assert_equal(&centerline, &expected);
             }
             previous = Some(plane);

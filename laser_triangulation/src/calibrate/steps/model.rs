@@ -1,0 +1,225 @@
+//! A projective map from a position in the image to a height.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{Plateau, least_squares};
+
+const MAX_ROUNDS: usize = 50;
+
+/// The image coordinates on which the height depends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HeightTerms {
+    /// The position across the stripe alone: three numbers.
+    Across,
+    /// Also the position along it, as when the camera is rolled or the gauge lies at an angle: five numbers.
+    Both,
+}
+
+/// `z = (p·v + q + p'·u) / (r·v + 1 + r'·u)`, u along and v across the stripe, both counted from a middle and in units
+/// of a length that make the numbers alike. A camera sees a plane by a projective map (Hartley and Zisserman 2004,
+/// section 2.3); this is its row of heights.
+#[derive(Clone, Debug)]
+pub struct HeightModel {
+    /// The image coordinates on which the height depends.
+    pub term: HeightTerms,
+    middle_px: [f64; 2],
+    unit_px: f64,
+    /// p, q, r, then p', r'.
+    values: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl HeightModel {
+    /// The map that fits best, every plateau of one weight. None: the plateaus leave it open.
+    pub(super) fn fit(plateaus: &[Plateau], term: HeightTerms) -> Option<Self> {
+        let (middle_px, unit_px) = extent(plateaus)?;
+        let num = if term == HeightTerms::Both { 5 } else { 3 };
+        let blank = Self {
+            term,
+            middle_px,
+            unit_px,
+            values: DVector::zeros(num),
+            covariance: DMatrix::zeros(num, num),
+        };
+        let places: Vec<_> = equations(plateaus, term).collect();
+        // z (r·v + 1) = p·v + q is linear in the numbers: the start.
+        let rows = DMatrix::from_fn(places.len(), num, |i, j| {
+            let (place, height_m) = places[i];
+            let [u, v] = blank.local(place);
+            [v, 1.0, -height_m * v, u, -height_m * u][j]
+        });
+        let heights =
+            DVector::from_iterator(places.len(), places.iter().map(|(_, height)| *height));
+        let mut model = Self { values: least_squares_scaled(&rows, &heights)?, ..blank };
+        for _ in 0..MAX_ROUNDS {
+            let (jacobian, residuals) = model.linearised(&places)?;
+            let step = least_squares_scaled(&jacobian, &residuals)?;
+            model.values += &step;
+            if step.amax() <= 1e-14 * model.values.amax() {
+                break;
+            }
+        }
+        let is_sound = places.iter().all(|(place, _)| model.denominator(*place) > 0.0);
+        is_sound.then_some(model)
+    }
+
+    /// The same with the covariance of its numbers, for heights of plateaus with one standard deviation `sigma_m`.
+    pub(super) fn with_spread(self, plateaus: &[Plateau], sigma_m: f64) -> Self {
+        let places: Vec<_> = equations(plateaus, self.term).collect();
+        let each = places.len() as f64 / plateaus.len() as f64;
+        let spread = self.linearised(&places).and_then(|(jacobian, _)| {
+            let normal = jacobian.transpose() * jacobian / each;
+            Some(normal.try_inverse()? * sigma_m.powi(2))
+        });
+        let num = self.values.len();
+        Self {
+            covariance: spread.unwrap_or_else(|| DMatrix::from_element(num, num, f64::INFINITY)),
+            ..self
+        }
+    }
+
+    /// Height at (along, across) in pixels, metres; none behind the camera.
+    #[must_use]
+    pub fn height_m(&self, place: [f64; 2]) -> Option<f64> {
+        let denominator = self.denominator(place);
+        (denominator > 0.0).then(|| self.numerator(place) / denominator)
+    }
+
+    /// Returns the derivative of the height by the position across the stripe, metres per pixel.
+    #[must_use]
+    pub fn slope_m_per_px(&self, place: [f64; 2]) -> Option<f64> {
+        let z_m = self.height_m(place)?;
+        let (p, r) = (self.values[0], self.values[2]);
+        Some((p - r * z_m) / self.denominator(place) / self.unit_px)
+    }
+
+    /// One standard deviation of a height at a place, metres, from that of the map.
+    #[must_use]
+    pub fn sigma_m(&self, place: [f64; 2]) -> Option<f64> {
+        let gradient = self.gradient(place)?;
+        Some((gradient.transpose() * &self.covariance * gradient)[(0, 0)].max(0.0).sqrt())
+    }
+
+    /// Numerator and denominator over (along, across, 1) in pixels: the map's row of heights and its last row.
+    #[must_use]
+    pub fn rows(&self) -> [[f64; 3]; 2] {
+        let [p, q, r] = [self.values[0], self.values[1], self.values[2]];
+        let [along_p, along_r] =
+            [3, 4].map(|i| self.values.get(i).copied().unwrap_or(0.0) / self.unit_px);
+        let [p, r] = [p, r].map(|value| value / self.unit_px);
+        let [u, v] = self.middle_px;
+        [[along_p, p, q - along_p * u - p * v], [along_r, r, 1.0 - along_r * u - r * v]]
+    }
+
+    /// Covariance of any function of the map, by differences.
+    #[must_use]
+    pub fn propagated<const N: usize>(&self, of: impl Fn(&Self) -> [f64; N]) -> DMatrix<f64> {
+        let mut jacobian = DMatrix::zeros(N, self.values.len());
+        for j in 0..self.values.len() {
+            let sigma = self.covariance[(j, j)].sqrt();
+            let step = if sigma > 0.0 && sigma.is_finite() { 1e-3 * sigma } else { 1e-9 };
+            let moved = |by: f64| {
+                let mut other = self.clone();
+                other.values[j] += by;
+                of(&other)
+            };
+            let (low, high) = (moved(-step), moved(step));
+            for i in 0..N {
+                jacobian[(i, j)] = (high[i] - low[i]) / (2.0 * step);
+            }
+        }
+        &jacobian * &self.covariance * jacobian.transpose()
+    }
+
+    /// The three numbers of `h = (p·v + q) / (r·v + 1 - r·v₀)` over v in pixels across the stripe, at the middle
+    /// along it, with their covariance: the derivative of these by the map's numbers is constant.
+    pub(super) fn across_numbers(&self) -> ([f64; 3], DMatrix<f64>, f64) {
+        let unit = self.unit_px;
+        let numbers = [self.values[0] / unit, self.values[1], self.values[2] / unit];
+        let scale = DMatrix::from_diagonal(&DVector::from_vec(vec![1.0 / unit, 1.0, 1.0 / unit]));
+        let covariance = &scale * self.covariance.view((0, 0), (3, 3)) * &scale;
+        (numbers, covariance, self.middle_px[1])
+    }
+
+    /// Sum of squared residuals over two places a plateau, square metres.
+    pub(super) fn squares(&self, plateaus: &[Plateau]) -> f64 {
+        let residual = |(place, height_m): ([f64; 2], f64)| {
+            self.height_m(place).map_or(f64::INFINITY, |measured_m| measured_m - height_m)
+        };
+        equations(plateaus, HeightTerms::Both).map(|equation| residual(equation).powi(2)).sum()
+    }
+
+    fn local(&self, [along, across]: [f64; 2]) -> [f64; 2] {
+        [(along - self.middle_px[0]) / self.unit_px, (across - self.middle_px[1]) / self.unit_px]
+    }
+
+    fn numerator(&self, place: [f64; 2]) -> f64 {
+        let [u, v] = self.local(place);
+        let x = &self.values;
+        x[0] * v + x[1] + x.get(3).map_or(0.0, |p| p * u)
+    }
+
+    fn denominator(&self, place: [f64; 2]) -> f64 {
+        let [u, v] = self.local(place);
+        let x = &self.values;
+        x[2] * v + 1.0 + x.get(4).map_or(0.0, |r| r * u)
+    }
+
+    /// Derivatives of the height by the numbers.
+    fn gradient(&self, place: [f64; 2]) -> Option<DVector<f64>> {
+        let z_m = self.height_m(place)?;
+        let [u, v] = self.local(place);
+        let w = self.denominator(place);
+        let all = [v / w, 1.0 / w, -z_m * v / w, u / w, -z_m * u / w];
+        Some(DVector::from_row_slice(&all[..self.values.len()]))
+    }
+
+    fn linearised(&self, places: &[([f64; 2], f64)]) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let mut jacobian = DMatrix::zeros(places.len(), self.values.len());
+        let mut residuals = DVector::zeros(places.len());
+        for (i, (place, height_m)) in places.iter().enumerate() {
+            jacobian.set_row(i, &self.gradient(*place)?.transpose());
+            residuals[i] = height_m - self.height_m(*place)?;
+        }
+        Some((jacobian, residuals))
+    }
+}
+
+/// Places and their heights: the middle of each plateau, or two places where its inclination counts too.
+fn equations(plateaus: &[Plateau], term: HeightTerms) -> impl Iterator<Item = ([f64; 2], f64)> {
+    plateaus.iter().flat_map(move |plateau| {
+        let middle = [plateau.middle_px(), plateau.across_px];
+        let places =
+            if term == HeightTerms::Both { plateau.places().to_vec() } else { vec![middle] };
+        places.into_iter().map(|place| (place, plateau.height_m))
+    })
+}
+
+/// Middle of all plateaus, and half of their extent, pixels.
+fn extent(plateaus: &[Plateau]) -> Option<([f64; 2], f64)> {
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    for place in plateaus.iter().flat_map(Plateau::places) {
+        for axis in [0, 1] {
+            low[axis] = low[axis].min(place[axis]);
+            high[axis] = high[axis].max(place[axis]);
+        }
+    }
+    let unit_px = 0.5 * (high[0] - low[0]).max(high[1] - low[1]);
+    let middle_px = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
+    (unit_px > 0.0 && unit_px.is_finite()).then_some((middle_px, unit_px))
+}
+
+/// Least squares with columns of one length: heights are metres and small.
+fn least_squares_scaled(rows: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
+    let norms: Vec<f64> = rows.column_iter().map(|column| column.norm()).collect();
+    if norms.iter().any(|norm| !(*norm > 0.0 && norm.is_finite())) {
+        return None;
+    }
+    let scaled = DMatrix::from_fn(rows.nrows(), rows.ncols(), |i, j| rows[(i, j)] / norms[j]);
+    let mut solved = least_squares(&scaled, values)?;
+    for (value, norm) in solved.iter_mut().zip(&norms) {
+        *value /= norm;
+    }
+    Some(solved)
+}

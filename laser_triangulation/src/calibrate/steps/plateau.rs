@@ -1,0 +1,102 @@
+//! Flat pieces of a gauge as the camera sees them.
+
+use std::ops::Range;
+
+use crate::metrology::{
+    PlateauError,
+    correlation::inflation,
+    plateaus,
+    robust::{self, Equation},
+};
+
+/// A flat piece of a gauge as the camera sees it: a straight line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plateau {
+    /// KnownDistance height, metres.
+    pub height_m: f64,
+    /// Ends of the piece along the stripe, pixels.
+    pub along_px: [f64; 2],
+    /// Position across the stripe at its middle, pixels.
+    pub across_px: f64,
+    /// Slope of the position across over the position along the stripe, pixels per pixel.
+    pub slope: f64,
+    /// One standard deviation of `across_px` from the scatter along the line, pixels.
+    pub sigma_px: f64,
+    /// Points that lie on the line.
+    pub num_points: usize,
+}
+
+impl Plateau {
+    /// Fits a straight line to a piece of a stripe, `points` being (along, across) in pixels. Outliers do not bend
+    /// it; the uncertainty accounts for correlated neighbours. `None` if the piece has too few points.
+    #[must_use]
+    pub fn fit(points: &[[f64; 2]], piece: &Range<usize>, height_m: f64) -> Option<Self> {
+        let points = points.get(piece.clone())?;
+        let along_px = [points.first()?[0], points.last()?[0]];
+        let middle = 0.5 * (along_px[0] + along_px[1]);
+        let equations: Vec<Equation<2>> = points
+            .iter()
+            .map(|[along, across]| Equation { row: [1.0, along - middle].into(), value: *across })
+            .collect();
+        let fit = robust::solve(&equations)?;
+        let kept: Vec<f64> = fit
+            .residuals
+            .iter()
+            .zip(&fit.weights)
+            .map(|(residual, weight)| if *weight > 0.0 { *residual } else { f64::NAN })
+            .collect();
+        let correlated = inflation(&kept, kept.len())[0];
+        Some(Self {
+            height_m,
+            along_px,
+            across_px: fit.x[0],
+            slope: fit.x[1],
+            sigma_px: (correlated * fit.covariance[(0, 0)]).sqrt(),
+            num_points: fit.weights.iter().filter(|weight| **weight > 0.0).count(),
+        })
+    }
+
+    /// Two places that stand for the line: a straight line through both has the mean and the inclination of the whole
+    /// piece (Gauss and Legendre's points).
+    pub(super) fn places(&self) -> [[f64; 2]; 2] {
+        let half = 0.5 * (self.along_px[1] - self.along_px[0]) / 3.0_f64.sqrt();
+        let middle = self.middle_px();
+        [-half, half].map(|from| [middle + from, self.across_px + self.slope * from])
+    }
+
+    /// Middle along the stripe, pixels.
+    #[must_use]
+    pub fn middle_px(&self) -> f64 {
+        0.5 * (self.along_px[0] + self.along_px[1])
+    }
+}
+
+/// A plateau, and its borders if both lie between plateaus of one picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GaugePlateau {
+    /// The plateau.
+    pub plateau: Plateau,
+    /// Borders along the stripe, half way to the neighbours' nearest points, pixels; `None` for the outermost plateaus.
+    pub borders_px: Option<[f64; 2]>,
+}
+
+/// Finds one plateau for each height, in their order along the stripe. `points` are (along, across) in pixels, ascending
+/// along the stripe; `heights_m` are metres.
+///
+/// # Errors
+/// Too few points, or another number of plateaus than heights.
+pub fn find_plateaus(
+    points: &[[f64; 2]],
+    heights_m: &[f64],
+) -> Result<Vec<GaugePlateau>, PlateauError> {
+    let pieces = plateaus::cut(points, heights_m.len())?;
+    let between = |at: usize| 0.5 * (points[at - 1][0] + points[at][0]);
+    let found = pieces.iter().zip(heights_m).enumerate().map(|(at, (piece, &height_m))| {
+        let plateau = Plateau::fit(points, &piece.inner, height_m)
+            .ok_or(PlateauError::TooFewPoints { plateau: at })?;
+        let is_between = at > 0 && at + 1 < pieces.len();
+        let borders_px = is_between.then(|| [between(piece.whole.start), between(piece.whole.end)]);
+        Ok(GaugePlateau { plateau, borders_px })
+    });
+    found.collect()
+}

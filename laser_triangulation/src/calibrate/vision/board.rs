@@ -1,0 +1,160 @@
+//! A checkerboard's inner corners in a picture.
+
+use calib_targets_chessboard::{
+    ChessboardDetection, ChessboardDetector, ChessboardParams, ChessboardParamsError,
+    DetectorConfig, GrayImageView, default_chess_config, detect_corners,
+};
+use chess_corners::ImageRefiner;
+use nalgebra::Point2;
+use thiserror::Error;
+
+use super::{checkerboard::Checkerboard, picture::GrayPicture};
+
+/// Corners that lie farther from where their neighbours put them, root mean square, come from a blurred picture, pixels.
+const MAX_SCATTER_PX: f32 = 0.6;
+
+/// One inner corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corner {
+    /// Its place on the board, squares from the first corner found: columns run to the right, rows downwards.
+    pub place: (u32, u32),
+    /// Where the picture shows it, pixels.
+    pub seen: Point2<f64>,
+}
+
+/// The corners found in one picture.
+///
+/// A checkerboard has no first corner: how the grid lies on the board, and which part of it is seen, is unknown. What is
+/// computed from a board's pose alone does not depend on it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Board {
+    /// Columns that the corners span.
+    pub columns: u32,
+    /// Rows that the corners span.
+    pub rows: u32,
+    /// The corners, row by row.
+    pub corners: Vec<Corner>,
+}
+
+/// The reason why a picture shows no usable board.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum BoardRejected {
+    /// None found.
+    #[error("no board")]
+    None,
+    /// Too little of it.
+    #[error("only {found} corners of the board, at least {needed} are needed")]
+    Few {
+        /// Corners found.
+        found: usize,
+        /// Corners wanted.
+        needed: usize,
+    },
+    /// Another board.
+    #[error("the board has {columns} x {rows} inner corners or more, the target {target}")]
+    Larger {
+        /// Columns found.
+        columns: u32,
+        /// Rows found.
+        rows: u32,
+        /// Expected board.
+        target: Checkerboard,
+    },
+    /// Corners that do not lie on a smooth grid.
+    #[error(
+        "blurred: corners lie {scatter_px:.2} px from where their neighbours put them, allowed is {MAX_SCATTER_PX}"
+    )]
+    Blurred {
+        /// Root mean square.
+        scatter_px: f32,
+    },
+}
+
+/// Finds one kind of board.
+#[expect(missing_debug_implementations, reason = "the grid detector has none")]
+pub struct BoardDetector {
+    target: Checkerboard,
+    min_corners: usize,
+    front_end: DetectorConfig,
+    grid: ChessboardDetector,
+}
+
+impl BoardDetector {
+    /// A detector for this board; `min_corners` of one that is partly outside the picture are enough.
+    ///
+    /// # Errors
+    /// Never: the grid detector's own defaults are valid.
+    pub fn new(target: Checkerboard, min_corners: usize) -> Result<Self, ChessboardParamsError> {
+        let grid = ChessboardDetector::new(ChessboardParams::default())?;
+        // The saddle is a third more accurate than the default, the centre of mass.
+        let front_end = default_chess_config().with_refiner(ImageRefiner::saddle_point());
+        Ok(Self { target, min_corners: min_corners.min(target.num_corners()), front_end, grid })
+    }
+
+    /// The board in a picture.
+    ///
+    /// # Errors
+    /// No board, too little of it, another one, or a blurred one.
+    pub fn detect(&self, picture: &GrayPicture) -> Result<Board, BoardRejected> {
+        let view = GrayImageView {
+            width: picture.width as usize,
+            height: picture.height as usize,
+            data: &picture.levels,
+        };
+        let corners = detect_corners(&view, &self.front_end);
+        let found = self.grid.detect(&corners).ok_or(BoardRejected::None)?;
+        let board = Board::from(&found);
+        let Board { columns, rows, .. } = board;
+        if !self.target.holds(columns, rows) {
+            return Err(BoardRejected::Larger { columns, rows, target: self.target });
+        }
+        let (found_corners, needed) = (board.corners.len(), self.min_corners);
+        if found_corners < needed {
+            return Err(BoardRejected::Few { found: found_corners, needed });
+        }
+        match found.quality.local_residual_rms_px {
+            Some(scatter_px) if scatter_px > MAX_SCATTER_PX => {
+                Err(BoardRejected::Blurred { scatter_px })
+            }
+            _ => Ok(board),
+        }
+    }
+}
+
+impl From<&ChessboardDetection> for Board {
+    fn from(found: &ChessboardDetection) -> Self {
+        let places = || found.corners.iter().map(|corner| (corner.grid.u, corner.grid.v));
+        let first_column = places().map(|place| place.0).min().unwrap_or(0);
+        let first_row = places().map(|place| place.1).min().unwrap_or(0);
+        let place = |(u, v)| ((u - first_column) as u32, (v - first_row) as u32);
+        let mut corners: Vec<_> = found
+            .corners
+            .iter()
+            .map(|corner| Corner {
+                place: place((corner.grid.u, corner.grid.v)),
+                seen: Point2::new(corner.position.x.into(), corner.position.y.into()),
+            })
+            .collect();
+        corners.sort_by_key(|corner| (corner.place.1, corner.place.0));
+        let span = |last: Option<u32>| last.map_or(0, |last| last + 1);
+        Self {
+            columns: span(corners.iter().map(|corner| corner.place.0).max()),
+            rows: span(corners.iter().map(|corner| corner.place.1).max()),
+            corners,
+        }
+    }
+}
+
+impl Board {
+    /// Returns true if every inner corner of the target was found.
+    pub fn is_whole(&self, target: &Checkerboard) -> bool {
+        self.corners.len() == target.num_corners()
+    }
+
+    /// Each corner on the board, metres, and in the picture, pixels.
+    pub fn pairs(&self, square_m: f64) -> Vec<(Point2<f64>, Point2<f64>)> {
+        let on_board =
+            |(column, row)| Point2::new(f64::from(column) * square_m, f64::from(row) * square_m);
+        self.corners.iter().map(|corner| (on_board(corner.place), corner.seen)).collect()
+    }
+}

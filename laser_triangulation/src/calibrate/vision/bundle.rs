@@ -1,0 +1,144 @@
+//! Bundle adjustment of one camera: Zhang's closed form, then all corners of all views at once (Zhang 2000, sections 3.1
+//! to 3.3), by `vision-calibration`.
+
+use vision_calibration_core::{
+    BrownConrady5, CameraFix, CameraParams, CorrespondenceView, DistortionParams, Error, FxFyCxCy,
+    NoMeta, PlanarDataset, ProjectionParams, Pt2, Pt3, RationalPolynomial, SensorParams,
+    Uncertainty, View, pinhole_camera_params,
+};
+use vision_calibration_linear::prelude::{
+    IterativeIntrinsicsOptions, dlt_homography, estimate_intrinsics_iterative,
+    estimate_planar_pose_from_h,
+};
+use vision_calibration_optim::{
+    BackendSolveOptions, PlanarIntrinsicsParams, PlanarIntrinsicsSolveOptions, RobustLoss,
+    SolverBackend, optimize_planar_intrinsics,
+};
+
+use super::{
+    board::Board,
+    camera::{CameraError, CameraViews, LensModel},
+};
+use crate::scanner::camera::{Camera, Distortion};
+
+/// The camera that explains these of the views best, and how well its parameters are known.
+///
+/// # Errors
+/// Equations without a solution, or one that is no camera.
+pub(super) fn adjust(
+    views: &CameraViews<'_>,
+    kept: &[usize],
+    model: LensModel,
+    robust_loss: RobustLoss,
+) -> Result<(Camera, Uncertainty), CameraError> {
+    let unsolved = |error: &dyn std::fmt::Display| CameraError::Unsolved(error.to_string());
+    let data = kept.iter().map(|&index| view(&views.boards[index], views.square_m));
+    let data: Result<Vec<_>, _> = data.collect();
+    let data = data.and_then(PlanarDataset::new).map_err(|error| unsolved(&error))?;
+    let start = start(views, &data, model).map_err(|error| unsolved(&error))?;
+    let options = PlanarIntrinsicsSolveOptions {
+        robust_loss,
+        // Nothing is held: not even k3.
+        fix: CameraFix::none(),
+        ..PlanarIntrinsicsSolveOptions::default()
+    };
+    let backend =
+        BackendSolveOptions { backend: SolverBackend::Factrs, ..BackendSolveOptions::default() };
+    let found = optimize_planar_intrinsics(&data, &start, options, backend)
+        .map_err(|error| unsolved(&error))?;
+    Ok((camera(views, &found.params.camera)?, found.uncertainty))
+}
+
+fn view(board: &Board, square_m: f64) -> Result<View<NoMeta>, Error> {
+    let pairs = board.pairs(square_m);
+    let on_board = pairs.iter().map(|(on_board, _)| Pt3::new(on_board.x, on_board.y, 0.0));
+    let seen = pairs.iter().map(|(_, seen)| Pt2::new(seen.x, seen.y));
+    CorrespondenceView::new(on_board.collect(), seen.collect()).map(View::without_meta)
+}
+
+/// A first guess: Zhang's closed form, poses from homographies.
+fn start(
+    views: &CameraViews<'_>,
+    data: &PlanarDataset,
+    model: LensModel,
+) -> Result<PlanarIntrinsicsParams, Box<dyn std::error::Error>> {
+    let found = estimate_intrinsics_iterative(data, IterativeIntrinsicsOptions::default());
+    let mut camera = match found {
+        Ok(pinhole) => pinhole_camera_params(&pinhole),
+        // The adjustment finds its way from a guess too: a focal length of the longer side.
+        Err(_) => guess(views),
+    };
+    let k = camera.intrinsics.k_matrix();
+    let mut poses = Vec::with_capacity(data.views.len());
+    for view in &data.views {
+        let plane: Vec<_> = view.obs.points_3d.iter().map(|p| Pt2::new(p.x, p.y)).collect();
+        let map = dlt_homography(&plane, &view.obs.points_2d)?;
+        poses.push(estimate_planar_pose_from_h(&k, &map)?);
+    }
+    if model == LensModel::RationalPolynomial {
+        camera.distortion = rational(&camera.distortion);
+    }
+    Ok(PlanarIntrinsicsParams::new(camera, poses)?)
+}
+
+fn guess(views: &CameraViews<'_>) -> CameraParams {
+    let long_side = f64::from(views.width_px.max(views.height_px));
+    CameraParams {
+        projection: ProjectionParams::Pinhole,
+        distortion: DistortionParams::BrownConrady5 { params: BrownConrady5::default() },
+        sensor: SensorParams::Identity,
+        intrinsics: FxFyCxCy {
+            fx: long_side,
+            fy: long_side,
+            cx: f64::from(views.width_px - 1) / 2.0,
+            cy: f64::from(views.height_px - 1) / 2.0,
+        },
+    }
+}
+
+/// The same lens in the other formula, its denominator 1.
+fn rational(distortion: &DistortionParams) -> DistortionParams {
+    let mut params = RationalPolynomial::default();
+    if let DistortionParams::BrownConrady5 { params: brown } = distortion {
+        (params.k1, params.k2, params.k3) = (brown.k1, brown.k2, brown.k3);
+        (params.p1, params.p2) = (brown.p1, brown.p2);
+    }
+    DistortionParams::Rational { params }
+}
+
+fn camera(views: &CameraViews<'_>, params: &CameraParams) -> Result<Camera, CameraError> {
+    let distortion = match &params.distortion {
+        DistortionParams::BrownConrady5 { params: b } => {
+            Distortion::PlumbBob { k1: b.k1, k2: b.k2, p1: b.p1, p2: b.p2, k3: b.k3 }
+        }
+        DistortionParams::Rational { params: r } => Distortion::RationalPolynomial {
+            k1: r.k1,
+            k2: r.k2,
+            p1: r.p1,
+            p2: r.p2,
+            k3: r.k3,
+            k4: r.k4,
+            k5: r.k5,
+            k6: r.k6,
+        },
+        _ => return Err(CameraError::Unsolved("another lens came back".to_owned())),
+    };
+    let FxFyCxCy { fx, fy, cx, cy } = params.intrinsics;
+    let camera = Camera {
+        width_px: views.width_px,
+        height_px: views.height_px,
+        fx_px: fx,
+        fy_px: fy,
+        cx_px: cx,
+        cy_px: cy,
+        distortion,
+        tilt_rad: [0.0; 2],
+    };
+    let is_sound = [fx, fy].iter().all(|f| f.is_finite() && *f > 1.0)
+        && [cx, cy].iter().all(|c| c.is_finite());
+    if !is_sound {
+        let reason = format!("the focal lengths became {fx:.3} and {fy:.3} px");
+        return Err(CameraError::Unsolved(reason));
+    }
+    Ok(camera)
+}

@@ -1,0 +1,296 @@
+//! A camera from many views of a board, without those that contradict the rest.
+
+use nalgebra::DMatrix;
+use thiserror::Error;
+use vision_calibration_core::Uncertainty;
+use vision_calibration_optim::RobustLoss;
+
+use super::{
+    board::Board,
+    bundle,
+    pose::{self, BoardPose},
+    view_variety::{self, MissingViews},
+};
+use crate::{
+    scanner::{
+        calibration::{CameraCalibration, CameraQuality},
+        camera::{Camera, Distortion},
+    },
+    statistics::median,
+};
+
+/// A view whose residual is this many times the median of all views is an outlier.
+const OUTLIER_FACTOR: f64 = 4.0;
+/// Times that outliers are looked for.
+const MAX_ROUNDS: usize = 4;
+/// Largest relative standard deviation of a focal length.
+const MAX_FOCAL_SIGMA: f64 = 0.05;
+
+/// The lens's formula.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LensModel {
+    /// k1, k2, p1, p2, k3.
+    PlumbBob,
+    /// k1, k2, p1, p2, k3 to k6.
+    RationalPolynomial,
+}
+
+/// The views of a board from which a camera is calibrated.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraViews<'a> {
+    /// The boards.
+    pub boards: &'a [Board],
+    /// Columns of the images.
+    pub width_px: u32,
+    /// Rows of the images.
+    pub height_px: u32,
+    /// Side of the boards' squares, metres.
+    pub square_m: f64,
+}
+
+/// A view that took part.
+#[derive(Clone, Debug)]
+pub struct UsedView {
+    /// Index into the boards.
+    pub index: usize,
+    /// Where the board lies, and the residual of every corner.
+    pub pose: BoardPose,
+}
+
+/// A view that contradicts the others.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[error(
+    "corners lie {rms_px:.2} px from their projections, median of the views {median_px:.2} px: blurred, bent or moving"
+)]
+pub struct OutlierView {
+    /// Index into the boards.
+    pub index: usize,
+    /// Root mean square of its residuals, pixels.
+    pub rms_px: f64,
+    /// Median of all views, pixels.
+    pub median_px: f64,
+}
+
+/// The uncertainty of the parameters.
+#[derive(Clone, Debug)]
+pub struct CameraUncertainty {
+    /// Names: `fx`, `fy`, `cx`, `cy`, `k1`, …
+    pub parameters: Vec<String>,
+    /// Covariance, in their order.
+    pub covariance: DMatrix<f64>,
+    /// Ratio of the variance when whole views are left out to the variance that the residuals alone explain. The
+    /// covariance contains it.
+    pub view_scatter: Option<f64>,
+}
+
+/// A calibrated camera.
+#[derive(Clone, Debug)]
+pub struct CameraFit {
+    /// The camera.
+    pub camera: Camera,
+    /// CameraViews that took part.
+    pub used: Vec<UsedView>,
+    /// CameraViews that did not.
+    pub outliers: Vec<OutlierView>,
+    /// Root mean square distance between corners seen and projected, pixels.
+    pub rms_px: f64,
+    /// Standard deviations and correlations.
+    pub uncertainty: CameraUncertainty,
+}
+
+/// The reason why views determine no camera.
+#[derive(Debug, Error)]
+pub enum CameraError {
+    /// Pictures are missing.
+    #[error(transparent)]
+    Missing(#[from] MissingViews),
+    /// The equations have no solution.
+    #[error(
+        "no camera explains these boards ({0}). Is the target right, are all pictures from one camera with one focus?"
+    )]
+    Unsolved(String),
+    /// The parameters are not determined.
+    #[error(
+        "the views do not determine {parameters}: more views are needed with the board tilted by 20 to 40 degrees each way \
+         and in all parts of the image"
+    )]
+    Vague {
+        /// Which parameters.
+        parameters: String,
+    },
+}
+
+/// Calibrates the camera that explains the boards best. Views that contradict the rest are left out and reported.
+///
+/// # Errors
+/// Views that do not determine a camera, or contradict one another.
+pub fn calibrate_camera(
+    views: &CameraViews<'_>,
+    model: LensModel,
+) -> Result<CameraFit, CameraError> {
+    let mut kept: Vec<usize> = (0..views.boards.len()).collect();
+    let mut outliers = Vec::new();
+    let check = |kept: &[usize]| {
+        let boards: Vec<_> = kept.iter().map(|&index| &views.boards[index]).collect();
+        view_variety::check_views(&boards, views.width_px, views.height_px)
+    };
+    check(&kept)?;
+    // The first look must not be bent by what it looks for.
+    let mut solved = solve(views, &kept, model, RobustLoss::Cauchy { scale: 0.5 })?;
+    for round in 0..MAX_ROUNDS {
+        let found = find_outliers(&solved.used);
+        if round > 0 && found.is_empty() {
+            break;
+        }
+        kept.retain(|index| !found.iter().any(|outlier| outlier.index == *index));
+        outliers.extend(found);
+        check(&kept)?;
+        solved = solve(views, &kept, model, RobustLoss::None)?;
+    }
+    finish(solved, outliers)
+}
+
+struct Solved {
+    camera: Camera,
+    used: Vec<UsedView>,
+    uncertainty: Uncertainty,
+}
+
+fn solve(
+    views: &CameraViews<'_>,
+    kept: &[usize],
+    model: LensModel,
+    loss: RobustLoss,
+) -> Result<Solved, CameraError> {
+    let (camera, uncertainty) = bundle::adjust(views, kept, model, loss)?;
+    let used = posed(views, kept, &camera);
+    Ok(Solved { camera, used, uncertainty })
+}
+
+fn finish(solved: Solved, mut outliers: Vec<OutlierView>) -> Result<CameraFit, CameraError> {
+    let Solved { camera, used, uncertainty } = solved;
+    let normals: Vec<_> = used.iter().map(|view| view.pose.normal()).collect();
+    view_variety::check_tilts(&normals)?;
+    let uncertainty = checked(&uncertainty, &camera)?;
+    outliers.sort_by_key(|outlier| outlier.index);
+    let residuals = || used.iter().flat_map(|view| &view.pose.residuals_px);
+    let sum: f64 = residuals().map(|(u, v)| u * u + v * v).sum();
+    let rms_px = (sum / residuals().count() as f64).sqrt();
+    Ok(CameraFit { camera, used, outliers, rms_px, uncertainty })
+}
+
+/// The boards' poses under a camera; what it cannot see is left out.
+fn posed(views: &CameraViews<'_>, kept: &[usize], camera: &Camera) -> Vec<UsedView> {
+    let used = kept.iter().filter_map(|&index| {
+        let pose = pose::fit(camera, &views.boards[index].pairs(views.square_m))?;
+        Some(UsedView { index, pose })
+    });
+    used.collect()
+}
+
+fn find_outliers(used: &[UsedView]) -> Vec<OutlierView> {
+    let mut all_px: Vec<_> = used.iter().map(|view| view.pose.rms_px()).collect();
+    let Some(median_px) = median(&mut all_px) else { return Vec::new() };
+    let outlier = |view: &UsedView| {
+        let rms_px = view.pose.rms_px();
+        (rms_px > OUTLIER_FACTOR * median_px && rms_px > 1e-6).then_some(OutlierView {
+            index: view.index,
+            rms_px,
+            median_px,
+        })
+    };
+    used.iter().filter_map(outlier).collect()
+}
+
+fn checked(found: &Uncertainty, camera: &Camera) -> Result<CameraUncertainty, CameraError> {
+    let Uncertainty::Available(found) = found else {
+        let parameters = format!("the camera ({found:?})");
+        return Err(CameraError::Vague { parameters });
+    };
+    let size = found.labels.len();
+    let covariance = DMatrix::from_fn(size, size, |i, j| found.covariance[i][j]);
+    let limits = [
+        ("fx", MAX_FOCAL_SIGMA * camera.fx_px),
+        ("fy", MAX_FOCAL_SIGMA * camera.fy_px),
+        ("cx", MAX_FOCAL_SIGMA * f64::from(camera.width_px)),
+        ("cy", MAX_FOCAL_SIGMA * f64::from(camera.height_px)),
+    ];
+    let vague: Vec<_> = limits
+        .iter()
+        .filter_map(|&(name, limit)| {
+            let sigma = found.std_dev(name)?;
+            (sigma > limit).then(|| format!("{name} (standard deviation {sigma:.1} px)"))
+        })
+        .collect();
+    if !vague.is_empty() {
+        return Err(CameraError::Vague { parameters: vague.join(", ") });
+    }
+    let (parameters, view_scatter) = (found.labels.clone(), found.view_scatter);
+    Ok(CameraUncertainty { parameters, covariance, view_scatter })
+}
+
+/// Names of the lens's coefficients, in ROS's order.
+const COEFFICIENTS: [&str; 8] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
+
+/// Returns the lens's coefficients in ROS's order; none for a pinhole.
+fn coefficients(distortion: &Distortion) -> Vec<f64> {
+    match *distortion {
+        Distortion::None => Vec::new(),
+        Distortion::PlumbBob { k1, k2, p1, p2, k3 } => vec![k1, k2, p1, p2, k3],
+        Distortion::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 } => {
+            vec![k1, k2, p1, p2, k3, k4, k5, k6]
+        }
+    }
+}
+
+impl CameraFit {
+    /// Returns the name and value of every parameter, in the order of the calibration file.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let camera = &self.camera;
+        let pinhole = [
+            ("fx", camera.fx_px),
+            ("fy", camera.fy_px),
+            ("cx", camera.cx_px),
+            ("cy", camera.cy_px),
+        ];
+        let lens = coefficients(&camera.distortion);
+        pinhole.into_iter().chain(COEFFICIENTS.into_iter().zip(lens)).collect()
+    }
+
+    /// Returns the radial coefficients whose standard deviation exceeds their value: the views do not determine them.
+    #[must_use]
+    pub fn undetermined(&self) -> Vec<&'static str> {
+        let is_lost = |(name, value): &(&str, f64)| {
+            let sigma = self.uncertainty.sigma(name);
+            name.starts_with('k') && sigma.is_none_or(|sigma| sigma > value.abs())
+        };
+        self.parameters().into_iter().filter(is_lost).map(|(name, _)| name).collect()
+    }
+
+    /// Returns the calibration of the camera alone, without a date. `views_rejected` counts all views that were not used.
+    #[must_use]
+    pub fn calibration(&self, camera_name: &str, views_rejected: usize) -> CameraCalibration {
+        CameraCalibration {
+            camera_name: camera_name.to_owned(),
+            camera: self.camera,
+            quality: Some(CameraQuality {
+                rms_px: self.rms_px,
+                views_used: self.used.len() as u32,
+                views_rejected: views_rejected as u32,
+                parameters: self.uncertainty.parameters.clone(),
+                // Symmetric: by columns is by rows.
+                covariance: self.uncertainty.covariance.as_slice().to_vec(),
+            }),
+            calibrated_at: None,
+        }
+    }
+}
+
+impl CameraUncertainty {
+    /// Standard deviation of a parameter, in its own unit.
+    pub fn sigma(&self, parameter: &str) -> Option<f64> {
+        let at = self.parameters.iter().position(|name| name == parameter)?;
+        Some(self.covariance[(at, at)].sqrt())
+    }
+}

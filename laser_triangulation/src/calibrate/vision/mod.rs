@@ -1,0 +1,47 @@
+//! Camera, laser plane and axis from pictures of boards and markers.
+
+mod axis;
+mod axis_distance;
+mod board;
+mod board_axis;
+mod bundle;
+mod camera;
+mod checkerboard;
+mod components;
+mod homography;
+mod laser_finder;
+mod laser_lines;
+mod laser_plane;
+mod least_squares;
+mod markers;
+mod picture;
+mod pose;
+mod positions;
+mod quads;
+mod revolute;
+mod stripe_line;
+mod view_variety;
+
+pub use axis::{
+    AxisError, AxisFit, AxisTarget, AxisTargetDetector, AxisView, MarkerCircles, SeenTarget,
+    TargetRejected, calibrate_axis,
+};
+pub use axis_distance::{DistanceError, DistanceSource, TableDistance};
+pub use board::{Board, BoardDetector, BoardRejected, Corner};
+pub use board_axis::BoardAxisError;
+pub use camera::{
+    CameraError, CameraFit, CameraUncertainty, CameraViews, LensModel, OutlierView, UsedView,
+    calibrate_camera,
+};
+pub use checkerboard::{Checkerboard, CheckerboardError};
+pub use laser_finder::{LaserFinder, LaserFinderError, Light, LitCenterline};
+pub use laser_lines::{BoardLine, BoardRejection, BoardView, LaserLines, RejectedBoard};
+pub use laser_plane::{BoardResidual, LaserPlaneError, LaserPlaneFit, calibrate_plane};
+pub use markers::{Marker, MarkerDetector, MarkerError, MarkerKind};
+pub use picture::GrayPicture;
+pub use pose::BoardPose;
+pub use positions::{Agreement, PositionError};
+pub use quads::Quad;
+pub use revolute::RevoluteError;
+pub use stripe_line::{LineRejected, StripeLine};
+pub use view_variety::MissingViews;

@@ -1,0 +1,189 @@
+//! The laser's line on a board: straight, once the lens's distortion is undone.
+
+use nalgebra::{Matrix2, Point2, Point3, Vector2};
+use thiserror::Error;
+
+use super::{board::Board, pose::BoardPose};
+use crate::scanner::{camera::Camera, stripe::Centerline};
+
+/// Farthest from the line that a point of the stripe may lie, pixels.
+const INLIER_PX: f64 = 1.2;
+/// Points between which lines are tried; all pairs of them.
+const MAX_TRIED: usize = 80;
+/// Fewest points of a line.
+const MIN_POINTS: usize = 25;
+/// Shortest line, pixels.
+const MIN_LENGTH_PX: f64 = 40.0;
+/// A line has points on at least this share of its length.
+const MIN_FILLED: f64 = 0.5;
+/// Root mean square distance from the line beyond which it is none, pixels.
+const MAX_RMS_PX: f64 = 0.6;
+
+/// A board as it lies before the camera.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed<'a> {
+    /// Its corners.
+    pub board: &'a Board,
+    /// Where it lies, from the corners alone.
+    pub pose: &'a BoardPose,
+    /// Side of a square, metres.
+    pub square_m: f64,
+    /// Width of the flat rim beyond the inner corners, squares: 1 for the outermost squares.
+    pub border: f64,
+}
+
+/// The line on one board.
+#[derive(Clone, Debug)]
+pub struct StripeLine {
+    /// Where it lies on the board, in the camera's frame, metres.
+    pub points: Vec<Point3<f64>>,
+    /// Root mean square distance of its points from a straight line, pixels without distortion.
+    pub rms_px: f64,
+    /// From end to end, pixels.
+    pub length_px: f64,
+}
+
+/// The reason why a board shows no line.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum LineRejected {
+    /// No stripe there.
+    #[error("no laser line on the board")]
+    None,
+    /// Too short to determine a direction.
+    #[error(
+        "the laser line on the board is {length_px:.0} px long with {points} points, at least {MIN_LENGTH_PX} px and \
+         {MIN_POINTS} points are needed"
+    )]
+    Short {
+        /// From end to end, pixels.
+        length_px: f64,
+        /// Points on it.
+        points: usize,
+    },
+    /// Not straight, or not one line.
+    #[error(
+        "the bright pixels on the board form no straight line: {rms_px:.2} px RMS, {filled:.0} % of its length seen"
+    )]
+    Crooked {
+        /// Root mean square distance from the line, pixels.
+        rms_px: f64,
+        /// Share of the length with points on it, percent.
+        filled: f64,
+    },
+}
+
+/// A point of the stripe on the board.
+#[derive(Clone, Copy)]
+struct OnBoard {
+    /// Where a camera without distortion would see it, pixels from the principal point.
+    straight: Point2<f64>,
+    point: Point3<f64>,
+}
+
+/// The line among a centreline's points on the board's squares.
+///
+/// # Errors
+/// None, a short one, or something that is no line.
+pub(super) fn find(
+    camera: &Camera,
+    placed: &Placed<'_>,
+    stripe: &Centerline,
+) -> Result<StripeLine, LineRejected> {
+    let on_board = on_board(camera, placed, stripe);
+    let line = best_line(&on_board).ok_or(LineRejected::None)?;
+    let close: Vec<_> = on_board
+        .into_iter()
+        .filter(|point| line.distance(point.straight).abs() <= INLIER_PX)
+        .collect();
+    // Once more through all of them.
+    let line = Line::through(&close).ok_or(LineRejected::None)?;
+    let along = |point: &OnBoard| line.direction.dot(&point.straight.coords);
+    let (first, last) = close
+        .iter()
+        .map(along)
+        .fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at), high.max(at)));
+    let (length_px, points) = (last - first, close.len());
+    if length_px < MIN_LENGTH_PX || points < MIN_POINTS {
+        return Err(LineRejected::Short { length_px, points });
+    }
+    let squares = close.iter().map(|point| line.distance(point.straight).powi(2));
+    let rms_px = (squares.sum::<f64>() / points as f64).sqrt();
+    // One point a row or column: a line at 45 degrees has 0.7 points a pixel.
+    let steps = line.direction.amax() * length_px;
+    let filled = points as f64 / steps;
+    if rms_px > MAX_RMS_PX || filled < MIN_FILLED {
+        return Err(LineRejected::Crooked { rms_px, filled: 100.0 * filled });
+    }
+    Ok(StripeLine { points: close.iter().map(|point| point.point).collect(), rms_px, length_px })
+}
+
+/// The points whose rays meet the board within the squares about its corners.
+fn on_board(camera: &Camera, placed: &Placed<'_>, stripe: &Centerline) -> Vec<OnBoard> {
+    let &Placed { board, pose, square_m, border } = placed;
+    let board_from_camera = pose.camera_from_board.inverse();
+    let normal = pose.normal();
+    let distance = normal.dot(&pose.camera_from_board.translation.vector);
+    let inside = |at: f64, corners: u32| {
+        (-border..=f64::from(corners) - 1.0 + border).contains(&(at / square_m))
+    };
+    let points = stripe.u_px.iter().zip(&stripe.v_px).filter_map(|(&u, &v)| {
+        let ray = camera.ray(Point2::new(u.into(), v.into()))?;
+        let point = Point3::from(ray * (distance / normal.dot(&ray)));
+        let on = board_from_camera * point;
+        let straight = Point2::new(ray.x * camera.fx_px, ray.y * camera.fy_px);
+        (inside(on.x, board.columns) && inside(on.y, board.rows))
+            .then_some(OnBoard { straight, point })
+    });
+    points.collect()
+}
+
+#[derive(Clone, Copy)]
+struct Line {
+    through: Point2<f64>,
+    direction: Vector2<f64>,
+}
+
+impl Line {
+    fn distance(&self, point: Point2<f64>) -> f64 {
+        self.direction.perp(&(point - self.through))
+    }
+
+    /// Least squares of the distances.
+    fn through(points: &[OnBoard]) -> Option<Self> {
+        let count = points.len() as f64;
+        let sum: Vector2<f64> = points.iter().map(|point| point.straight.coords).sum();
+        let middle = sum / count;
+        let spread: Matrix2<f64> = points
+            .iter()
+            .map(|point| {
+                let off = point.straight.coords - middle;
+                off * off.transpose()
+            })
+            .sum();
+        let eigen = spread.symmetric_eigen();
+        let long = usize::from(eigen.eigenvalues[1] > eigen.eigenvalues[0]);
+        let direction = eigen.eigenvectors.column(long).into_owned();
+        (points.len() > 1).then_some(Self { through: middle.into(), direction })
+    }
+}
+
+/// The line through two of the points that has most of all points close to it.
+fn best_line(points: &[OnBoard]) -> Option<Line> {
+    let every = points.len().div_ceil(MAX_TRIED).max(1);
+    let tried: Vec<_> = points.iter().step_by(every).map(|point| point.straight).collect();
+    let mut best: Option<(usize, Line)> = None;
+    for (i, &through) in tried.iter().enumerate() {
+        for other in &tried[i + 1..] {
+            let Some(direction) = (other - through).try_normalize(1e-9) else { continue };
+            let line = Line { through, direction };
+            let close = points
+                .iter()
+                .filter(|point| line.distance(point.straight).abs() <= INLIER_PX)
+                .count();
+            if best.is_none_or(|(most, _)| close > most) {
+                best = Some((close, line));
+            }
+        }
+    }
+    best.map(|(_, line)| line)
+}

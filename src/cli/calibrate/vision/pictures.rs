@@ -1,0 +1,260 @@
+//! Pictures of recordings and of plain files, each looked at on any core, in their order.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError, mpsc},
+    thread,
+};
+
+use anyhow::{Context, bail};
+
+use crate::{
+    bag::{BagReader, RawMessage},
+    calibrate::GrayPicture,
+    cli::{
+        progress::progress_bar,
+        recording::{Message, Recording, Wanted},
+        settings::Settings,
+    },
+    msg::{convert::compressed, sensor_msgs::CompressedImage},
+    ros::camera_params::CameraParams,
+    scanner::{
+        image::{Image, OwnedImage},
+        params::Params,
+    },
+};
+
+/// Queue length per core.
+const WAITING: usize = 2;
+
+/// The pictures of all inputs.
+pub(super) struct Pictures {
+    sources: Vec<Source>,
+    /// The node's parameters for these pictures.
+    pub(super) params: CameraParams,
+}
+
+enum Source {
+    Bag(String, Box<Recording>),
+    Picture(PathBuf),
+}
+
+/// A picture and what was made of it.
+pub(super) struct View<T> {
+    /// File, or recording and number of the frame in it.
+    pub(super) name: String,
+    /// Time of the frame; of a plain picture, its number.
+    pub(super) stamp_ns: i64,
+    /// The result, or why there is none.
+    pub(super) result: Result<T, String>,
+}
+
+/// A picture on its way to a worker thread.
+struct Task {
+    index: usize,
+    name: String,
+    stamp_ns: i64,
+    image: OwnedImage,
+}
+
+impl Pictures {
+    /// Opens recordings, pictures and directories of pictures.
+    ///
+    /// # Errors
+    /// An input that cannot be opened or holds no pictures; [`Usage`](crate::cli::Usage) where a topic must be chosen.
+    pub(super) fn open(inputs: &[PathBuf], settings: &Settings) -> anyhow::Result<Self> {
+        let mut sources = Vec::new();
+        let mut params = None;
+        for path in inputs {
+            if is_picture(path) {
+                sources.push(Source::Picture(path.clone()));
+            } else if path.is_dir() && !path.join("metadata.yaml").exists() && !holds_bag(path)? {
+                let pictures = pictures_in(path)?;
+                if pictures.is_empty() {
+                    bail!("{}: neither a recording nor PNG or JPEG files in it", path.display());
+                }
+                sources.extend(pictures.into_iter().map(Source::Picture));
+            } else {
+                let recording = Recording::open(path, settings)?;
+                params.get_or_insert_with(|| recording.camera.clone());
+                sources.push(Source::Bag(stem(path), Box::new(recording)));
+            }
+        }
+        let params = match params {
+            Some(params) => params,
+            None => settings.camera(&[])?,
+        };
+        Ok(Self { sources, params })
+    }
+
+    /// Topics of that type in the recordings.
+    pub(super) fn topics_of(&self, type_name: &str) -> Vec<String> {
+        let bags = self.sources.iter().filter_map(|source| match source {
+            Source::Bag(_, recording) => Some(&recording.bag),
+            Source::Picture(_) => None,
+        });
+        let topics = bags.flat_map(BagReader::topics);
+        let mut names: Vec<_> = topics
+            .filter(|topic| topic.type_name == type_name)
+            .map(|topic| topic.name.clone())
+            .collect();
+        names.sort();
+        names.dedup();
+        names
+    }
+
+    /// Returns the number of pictures if it is known.
+    fn count(&self) -> Option<u64> {
+        let counts = self.sources.iter().map(|source| match source {
+            Source::Bag(_, recording) => recording.num_images(),
+            Source::Picture(_) => Some(1),
+        });
+        counts.sum()
+    }
+
+    /// Processes every picture. The order of the results is that of the pictures, on any number of cores.
+    pub(super) fn map<T: Send>(
+        &self,
+        work: impl Fn(&Image<'_>) -> Result<T, String> + Sync,
+    ) -> Vec<View<T>> {
+        self.map_beside(None, |_| Ok(()), work)
+    }
+
+    /// Does the same, and passes the messages of another topic of the recordings to `on_other`.
+    pub(super) fn map_beside<T: Send>(
+        &self,
+        other: Option<&str>,
+        on_other: impl FnMut(&RawMessage) -> anyhow::Result<()>,
+        work: impl Fn(&Image<'_>) -> Result<T, String> + Sync,
+    ) -> Vec<View<T>> {
+        let cores = thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let (sender, receiver) = mpsc::sync_channel::<Task>(WAITING * cores);
+        let receiver = Mutex::new(receiver);
+        let done = Mutex::new(Vec::new());
+        let bar = progress_bar(self.count(), "pictures");
+        let look = || {
+            loop {
+                let task = receiver.lock().unwrap_or_else(PoisonError::into_inner).recv();
+                let Ok(Task { index, name, stamp_ns, image }) = task else { break };
+                let view = View { name, stamp_ns, result: work(&image.view()) };
+                done.lock().unwrap_or_else(PoisonError::into_inner).push((index, view));
+                bar.inc(1);
+            }
+        };
+        let unread = thread::scope(|scope| {
+            (0..cores).for_each(|_| {
+                scope.spawn(look);
+            });
+            let unread = self.read(other, on_other, &sender);
+            drop(sender);
+            unread
+        });
+        bar.finish_and_clear();
+        let mut views = done.into_inner().unwrap_or_else(PoisonError::into_inner);
+        views.extend(unread);
+        views.sort_by_key(|(index, _)| *index);
+        views.into_iter().map(|(_, view)| view).collect()
+    }
+
+    /// Sends every picture that can be read; returns those that cannot.
+    fn read<T>(
+        &self,
+        other: Option<&str>,
+        mut on_other: impl FnMut(&RawMessage) -> anyhow::Result<()>,
+        sender: &mpsc::SyncSender<Task>,
+    ) -> Vec<(usize, View<T>)> {
+        let mut unread = Vec::new();
+        let mut index = 0;
+        for source in &self.sources {
+            match source {
+                Source::Picture(path) => {
+                    let (name, stamp_ns) = (path.display().to_string(), index as i64);
+                    match self.picture(path) {
+                        Ok(image) => {
+                            // Cores take until this end is dropped.
+                            let _sent = sender.send(Task { index, name, stamp_ns, image });
+                        }
+                        Err(error) => {
+                            let result = Err(format!("{error:#}"));
+                            unread.push((index, View { name, stamp_ns, result }));
+                        }
+                    }
+                    index += 1;
+                }
+                Source::Bag(bag, recording) => {
+                    let mut number = 0;
+                    let read = recording.read(other, |message| {
+                        match message {
+                            Message::Other(message) => on_other(message)?,
+                            Message::Frame(frame) => {
+                                let image = OwnedImage::from(&frame.image);
+                                let name = format!("{bag}:{number}");
+                                let stamp_ns = frame.stamp_ns;
+                                let _sent = sender.send(Task { index, name, stamp_ns, image });
+                                (index, number) = (index + 1, number + 1);
+                            }
+                        }
+                        Ok(Wanted::More)
+                    });
+                    if read.rejected > 0 {
+                        let result = Err(format!("{} messages that cannot be read", read.rejected));
+                        unread.push((index, View { name: bag.clone(), stamp_ns: 0, result }));
+                        index += 1;
+                    }
+                }
+            }
+        }
+        unread
+    }
+
+    fn picture(&self, path: &Path) -> anyhow::Result<OwnedImage> {
+        let limit = self.params.max_frame_bytes;
+        let length = fs::metadata(path).context("cannot be read")?.len();
+        if length > limit {
+            bail!("{length} bytes, more than max_frame_bytes, {limit}");
+        }
+        let data = fs::read(path).context("cannot be read")?;
+        let format = if has_ending(path, &["png"]) { "png" } else { "jpeg" };
+        let message =
+            CompressedImage { format: format.into(), data: &data, ..CompressedImage::default() };
+        let mut pixels = Vec::new();
+        Ok(OwnedImage::from(&compressed::image(&message, limit, &mut pixels)?))
+    }
+}
+
+/// Converts a picture to 8-bit grey, as the detectors of boards and markers take it.
+pub(super) fn gray(image: &Image<'_>, params: &Params) -> GrayPicture {
+    let full_scale = params.full_scale_of(image.format());
+    GrayPicture::from_image(image, full_scale.unwrap_or(image.format().max_level()))
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+fn has_ending(path: &Path, endings: &[&str]) -> bool {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    ending.is_some_and(|ending| endings.contains(&ending.as_str()))
+}
+
+fn is_picture(path: &Path) -> bool {
+    path.is_file() && has_ending(path, &["png", "jpg", "jpeg"])
+}
+
+fn entries(directory: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let context = || format!("cannot read the directory {}", directory.display());
+    let entries = fs::read_dir(directory).with_context(context)?;
+    let paths: Result<Vec<_>, _> = entries.map(|entry| Ok(entry?.path())).collect();
+    let mut paths = paths.map_err(|error: std::io::Error| error).with_context(context)?;
+    paths.sort();
+    Ok(paths)
+}
+
+fn pictures_in(directory: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    Ok(entries(directory)?.into_iter().filter(|path| is_picture(path)).collect())
+}
+
+fn holds_bag(directory: &Path) -> anyhow::Result<bool> {
+    Ok(entries(directory)?.iter().any(|path| has_ending(path, &["mcap"])))
+}

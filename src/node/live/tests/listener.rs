@@ -1,0 +1,97 @@
+//! What is heard on the loopback, and the wait for it.
+
+use std::{
+    sync::{Arc, Condvar, Mutex},
+    thread,
+    time::{Duration, Instant},
+};
+
+use serde::Deserialize;
+
+use crate::{
+    msg::{cdr, schema::Message},
+    ros::transport::OnArrival,
+};
+
+/// However slow the machine is.
+const PATIENCE: Duration = Duration::from_mins(1);
+
+/// A message as it was heard.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Received {
+    pub(super) topic: String,
+    pub(super) data: Vec<u8>,
+}
+
+impl Received {
+    pub(super) fn decode<'de, M: Message + Deserialize<'de>>(&'de self) -> M {
+        cdr::decode(&self.data).unwrap()
+    }
+}
+
+/// Keeps what it hears, in order.
+#[derive(Clone, Default)]
+pub(super) struct Listener(Arc<(Mutex<Vec<Received>>, Condvar)>);
+
+impl Listener {
+    pub(super) fn on_arrival(&self, topic: &str) -> OnArrival {
+        let (kept, topic) = (Arc::clone(&self.0), topic.to_owned());
+        Box::new(move |arrival| {
+            let data = arrival.unwrap().data;
+            kept.0.lock().unwrap().push(Received { topic: topic.clone(), data });
+            kept.1.notify_all();
+        })
+    }
+
+    /// Waits until what was heard is as it should be.
+    pub(super) fn wait(
+        &self,
+        what: &str,
+        mut is_so: impl FnMut(&[Received]) -> bool,
+    ) -> Vec<Received> {
+        let guard = self.0.0.lock().unwrap();
+        let (guard, timeout) =
+            self.0.1.wait_timeout_while(guard, PATIENCE, |heard| !is_so(heard)).unwrap();
+        assert!(!timeout.timed_out(), "not heard in time: {what}; heard {}", guard.len());
+        guard.clone()
+    }
+
+    /// Waits for that many messages of a topic, and returns them.
+    pub(super) fn wait_for(&self, topic: &str, num: usize) -> Vec<Received> {
+        let heard = self.wait(&format!("{num} of {topic}"), |heard| {
+            heard.iter().filter(|message| message.topic == topic).count() >= num
+        });
+        heard.into_iter().filter(|message| message.topic == topic).collect()
+    }
+
+    /// Waits for a message that says something, the last one first.
+    pub(super) fn wait_until<T>(
+        &self,
+        what: &str,
+        topic: &str,
+        mut read: impl FnMut(&Received) -> Option<T>,
+    ) -> T {
+        let mut found = None;
+        self.wait(what, |heard| {
+            let of_topic = heard.iter().rev().filter(|message| message.topic == topic);
+            found = of_topic.take(1).find_map(&mut read);
+            found.is_some()
+        });
+        found.unwrap()
+    }
+
+    /// What was heard of a topic so far.
+    pub(super) fn received(&self, topic: &str) -> Vec<Received> {
+        let heard = self.0.0.lock().unwrap();
+        heard.iter().filter(|message| message.topic == topic).cloned().collect()
+    }
+}
+
+/// Waits for what a thread brings about.
+pub(super) fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !is_so() {
+        assert!(Instant::now() < deadline, "not in time: {what}");
+        thread::sleep(Duration::from_millis(2));
+    }
+}

@@ -1,0 +1,262 @@
+//! The accounts of a stream: every frame ends in exactly one bin, and the next good frame knows the gap before it.
+
+use thiserror::Error;
+
+use super::measurer::Outcome;
+use crate::{
+    msg::{cdr::CdrError, convert::FrameRejected},
+    node::{
+        camera_info::Conflict,
+        order::{Place, Sequence, StampFault, StampOrder, StampStep},
+        source::PublisherId,
+        statistics::Counts,
+    },
+    scanner::{
+        axis::RawPosition,
+        coverage::LARGEST_SHARE,
+        exposure_pair::ExposurePairing,
+        frame_error::FrameError,
+        frame_index::FrameIndex,
+        motion::{Position, doubt},
+    },
+};
+
+/// The reason to reject a frame.
+#[derive(Debug, Error)]
+pub(super) enum Rejection {
+    #[error("malformed: {0}")]
+    Message(#[from] CdrError),
+    #[error("malformed: {0}")]
+    Image(#[from] FrameRejected),
+    #[error("malformed: {0}")]
+    Params(#[from] FrameError),
+    #[error("malformed: {0}")]
+    CameraInfo(#[from] Conflict),
+    #[error("malformed: {0}")]
+    Transport(String),
+    #[error("its stamp equals that of the frame before")]
+    Duplicate,
+    #[error("its stamp lies before that of an earlier frame")]
+    OutOfOrder,
+}
+
+/// The gap before the next good frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Gap {
+    /// Frames that never arrived.
+    pub(super) missing: u32,
+    /// Frames rejected, or dropped by the full queue.
+    pub(super) rejected: u32,
+    /// True if more frames may be missing than `missing` states.
+    is_unknown: bool,
+}
+
+/// Counters, order and gaps of one stream.
+#[derive(Default)]
+pub(super) struct Ledger {
+    counts: Counts,
+    pending: Gap,
+    sequence: Sequence,
+    stamps: StampOrder,
+    last_publisher: PublisherId,
+    last_rejection: Option<String>,
+}
+
+impl Ledger {
+    /// All counters so far.
+    pub(super) const fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// Counts frames that a full queue dropped before the next one.
+    pub(super) fn count_dropped(&mut self, num_dropped: u32) {
+        self.counts.received += u64::from(num_dropped);
+        self.counts.dropped_overload += u64::from(num_dropped);
+        self.pending.rejected = self.pending.rejected.saturating_add(num_dropped);
+        self.sequence.skip(num_dropped);
+    }
+
+    /// Counts a frame that arrived.
+    pub(super) const fn count_received(&mut self) {
+        self.counts.received += 1;
+    }
+
+    /// Counts a message that the middleware could not deliver.
+    pub(super) fn count_fault(&mut self, what: &str, time_ns: i64) {
+        self.counts.received += 1;
+        // The message has a sequence number, but it is unknown.
+        self.sequence.skip(1);
+        self.reject(&Rejection::Transport(what.to_owned()), time_ns);
+    }
+
+    /// Notes the publisher of the next frame: each numbers its own messages.
+    pub(super) fn note_publisher(&mut self, publisher: PublisherId) {
+        if std::mem::replace(&mut self.last_publisher, publisher) != publisher {
+            self.sequence.restart();
+        }
+    }
+
+    /// Checks that a stamp continues the stream.
+    ///
+    /// # Errors
+    /// The stamp repeats the last one or lies before it.
+    pub(super) fn check_stamp(
+        &mut self,
+        stamp_ns: i64,
+        sequence: u32,
+    ) -> Result<StampStep, Rejection> {
+        self.stamps.take(stamp_ns).map_err(|fault| {
+            let missing = self.sequence.take_repeated(sequence);
+            self.count_missing(missing);
+            match fault {
+                StampFault::Duplicate => Rejection::Duplicate,
+                StampFault::OutOfOrder => Rejection::OutOfOrder,
+            }
+        })
+    }
+
+    /// The place of the next frame, with all frames missing since the last good one.
+    pub(super) fn place(&mut self, sequence: u32) -> Place {
+        let place = self.sequence.take(sequence);
+        self.count_missing(place.missing.unwrap_or(0));
+        self.pending.is_unknown |= place.missing.is_none();
+        Place { missing: (!self.pending.is_unknown).then_some(self.pending.missing), ..place }
+    }
+
+    /// The index of the frame at `place`, with the gap before it.
+    pub(super) const fn index(&self, place: Place) -> FrameIndex {
+        FrameIndex {
+            frame_number: place.frame_number,
+            frames_missing: self.pending.missing,
+            frames_rejected: self.pending.rejected,
+        }
+    }
+
+    /// Closes the gap before the next frame and returns it.
+    pub(super) fn take_gap(&mut self) -> Gap {
+        std::mem::take(&mut self.pending)
+    }
+
+    /// Counts a measured frame.
+    pub(super) fn count_processed(&mut self, outcome: &Outcome) {
+        self.pending = Gap::default();
+        self.counts.processed += 1;
+        self.counts.points += outcome.num_points;
+        self.counts.slices += u64::from(outcome.has_slice);
+        self.counts.unpaired += u64::from(is_unpaired(outcome.pairing));
+        if outcome.measures_positions {
+            self.counts.located += u64::from(outcome.position.is_some());
+            self.counts.unlocated += u64::from(outcome.position.is_none());
+        }
+        self.count_flooded(outcome.share_above_threshold);
+        self.count_doubtful(outcome.stamp_ns, outcome.position);
+    }
+
+    /// Counts a slice that ended without a frame behind it.
+    pub(super) fn count_last_slice(&mut self, has_slice: bool) {
+        self.counts.slices += u64::from(has_slice);
+    }
+
+    /// Counts a rejected frame in the bin of its reason. Warns about the first of each bin.
+    pub(super) fn reject(&mut self, rejection: &Rejection, time_ns: i64) {
+        let count = match rejection {
+            Rejection::Duplicate => &mut self.counts.duplicate,
+            Rejection::OutOfOrder => &mut self.counts.out_of_order,
+            _ => &mut self.counts.malformed,
+        };
+        *count += 1;
+        self.pending.rejected = self.pending.rejected.saturating_add(1);
+        self.last_rejection = Some(rejection.to_string());
+        // One of a kind is enough to act on; the summary counts the rest.
+        if *count == 1 {
+            tracing::warn!(
+                "frame rejected (log time {time_ns} ns): {rejection}; further ones of this kind are only counted"
+            );
+        } else {
+            tracing::debug!("frame rejected (log time {time_ns} ns): {rejection}");
+        }
+    }
+
+    /// Sets the number of messages about positions that could not be used.
+    pub(super) const fn set_positions_refused(&mut self, num_refused: u64) {
+        self.counts.positions_refused = num_refused;
+    }
+
+    /// Sets the number of results that the full queue of the middleware dropped.
+    pub(super) const fn set_unpublished(&mut self, num_dropped: u64) {
+        self.counts.unpublished = num_dropped;
+    }
+
+    /// Sets the bytes that the recorder received and the messages that it dropped.
+    pub(super) const fn set_recorded(&mut self, num_bytes: u64, num_dropped: u64) {
+        self.counts.recorder_bytes = num_bytes;
+        self.counts.recorder_dropped = num_dropped;
+    }
+
+    /// The reason for the last rejection since the last call.
+    pub(super) const fn take_last_rejection(&mut self) -> Option<String> {
+        self.last_rejection.take()
+    }
+
+    /// Expects stamps and sequence numbers that do not continue the earlier ones. Counters go on.
+    pub(super) fn restart(&mut self) {
+        self.stamps = StampOrder::default();
+        self.sequence.restart();
+    }
+
+    fn count_missing(&mut self, missing: u32) {
+        self.counts.lost_transport += u64::from(missing);
+        self.pending.missing = self.pending.missing.saturating_add(missing);
+    }
+
+    /// Counts a frame with too many bright pixels for a stripe. Warns about the first.
+    fn count_flooded(&mut self, share_above_threshold: Option<f64>) {
+        let Some(share) = share_above_threshold.filter(|share| *share > LARGEST_SHARE) else {
+            return;
+        };
+        self.counts.flooded += 1;
+        if self.counts.flooded == 1 {
+            tracing::warn!(
+                "{:.0} % of the searched pixels are above extraction.segment_threshold, too many for a stripe: raise it, or \
+                 set extraction.background: local and extraction.threshold: adaptive; further frames like this are only counted",
+                100.0 * share
+            );
+        }
+    }
+
+    /// Counts a frame with a doubtful position. Warns about the first.
+    fn count_doubtful(&mut self, stamp_ns: i64, position: Option<Position>) {
+        let Some(Position { doubts, value: RawPosition(value), .. }) =
+            position.filter(|position| position.doubts != 0)
+        else {
+            return;
+        };
+        self.counts.doubtful += 1;
+        if self.counts.doubtful == 1 {
+            tracing::warn!(
+                "the position {value} of the frame of {stamp_ns} ns is in doubt: {}; its slice will be DEGRADED; further ones \
+                 are only counted",
+                in_words(doubts)
+            );
+        }
+    }
+}
+
+/// True if a frame lacks its other exposure. Logs the reason where the scene or the parameters are to blame.
+fn is_unpaired(pairing: Option<ExposurePairing>) -> bool {
+    if pairing == Some(ExposurePairing::Alike) {
+        tracing::debug!("exposures alternate, but this frame is as bright as the one before it");
+    }
+    matches!(pairing, Some(ExposurePairing::Alone | ExposurePairing::Alike))
+}
+
+fn in_words(doubts: u8) -> String {
+    let words = [
+        (doubt::GAP, "the samples around it lie further apart than motion.max_step"),
+        (doubt::REVERSED, "the axis moved against the scan direction"),
+        (doubt::STALE, "the samples around it lie further apart in time than motion.max_gap"),
+        (doubt::EXTRAPOLATED, "no later sample arrived in time"),
+    ];
+    let set = words.iter().filter(|(bit, _)| doubts & bit != 0).map(|(_, text)| *text);
+    set.collect::<Vec<_>>().join(", ")
+}

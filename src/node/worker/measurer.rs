@@ -1,0 +1,161 @@
+//! The instrument of a worker: it locates, measures and publishes one frame at a time, and ends scans.
+
+use std::time::Instant;
+
+use super::{
+    frame::NotMeasured,
+    ledger::{Gap, Rejection},
+};
+use crate::{
+    msg::std_msgs::Header,
+    node::{
+        order::Place,
+        positions::Positions,
+        publisher::{PublishError, Publisher},
+        results::{Measured, Results},
+        statistics::StageTimes,
+    },
+    scanner::{
+        axis::AxisTravel,
+        exposure_pair::ExposurePairing,
+        frame_index::FrameIndex,
+        image,
+        motion::Position,
+        params::MotionParams,
+        pipeline::{Pipeline, Stage},
+    },
+};
+
+/// A decoded frame with its place in the stream.
+pub(super) struct Job<'a> {
+    /// Start of its decoding.
+    pub(super) started: Instant,
+    pub(super) header: &'a Header<'a>,
+    pub(super) image: image::Image<'a>,
+    pub(super) place: Place,
+    pub(super) index: FrameIndex,
+    /// Log time, nanoseconds since the epoch.
+    pub(super) time_ns: i64,
+}
+
+/// The figures of a measured frame that are counted.
+pub(super) struct Outcome {
+    pub(super) stamp_ns: i64,
+    pub(super) num_points: u64,
+    pub(super) has_slice: bool,
+    pub(super) pairing: Option<ExposurePairing>,
+    pub(super) share_above_threshold: Option<f64>,
+    pub(super) position: Option<Position>,
+    /// True if positions are measured rather than assumed.
+    pub(super) measures_positions: bool,
+}
+
+/// Pipeline, positions, results and their buffers.
+pub(super) struct Measurer {
+    pub(super) pipeline: Pipeline,
+    pub(super) results: Results,
+    /// Positions of frames, where they are measured.
+    pub(super) positions: Option<Positions>,
+    /// Buffer for the pixels of a decoded compressed image.
+    pub(super) pixels: Vec<u8>,
+    /// Distance of the last measured frame from the first of its scan.
+    pub(super) travelled: Option<AxisTravel>,
+    stages: StageTimes,
+}
+
+impl Measurer {
+    pub(super) fn new(pipeline: Pipeline, results: Results) -> Self {
+        Self {
+            pipeline,
+            results,
+            positions: None,
+            pixels: Vec::new(),
+            travelled: None,
+            stages: StageTimes::default(),
+        }
+    }
+
+    /// Durations of all stages so far.
+    pub(super) fn into_stages(self) -> StageTimes {
+        self.stages
+    }
+
+    /// Measures a frame and publishes its results.
+    ///
+    /// # Errors
+    /// The frame does not fit the parameters, or nothing more can be published.
+    pub(super) fn measure(
+        &mut self,
+        job: Job<'_>,
+        out: &mut Publisher<'_>,
+    ) -> Result<Outcome, NotMeasured> {
+        let Job { started, header, image, place, index, time_ns } = job;
+        let stamp_ns = header.stamp.to_ns();
+        let position = match &mut self.positions {
+            None => self.pipeline.expected_position(place.frame_number, stamp_ns),
+            Some(positions) => positions.at(stamp_ns, time_ns),
+        };
+        let mut clock = StageClock { last: started, stages: &mut self.stages };
+        let frame = image::Frame { stamp_ns, image };
+        let output = self
+            .pipeline
+            .process_at(&frame, index, position, |stage| clock.tick(stage))
+            .map_err(Rejection::from)?;
+        self.travelled = output.travelled;
+        let outcome = Outcome {
+            stamp_ns,
+            num_points: output.centerline.len() as u64,
+            has_slice: output.slice.is_some(),
+            pairing: output.pairing,
+            share_above_threshold: output.share_above_threshold,
+            position: output.position,
+            measures_positions: self.positions.is_some(),
+        };
+        let measured = Measured { header, image, place, index, output, time_ns };
+        self.results.publish_frame(&measured, out)?;
+        self.stages.encode.record(out.take_encoding_time());
+        Ok(outcome)
+    }
+
+    /// Measures by other motion parameters. Frames that wait were taken under the old ones: release them before.
+    pub(super) fn reconfigure_positions(&mut self, params: &MotionParams) {
+        if let Some(positions) = &mut self.positions {
+            positions.reconfigure(params);
+        }
+    }
+
+    /// Ends the open scan, and publishes its last slice and its height map. Returns true if there was such a slice.
+    ///
+    /// # Errors
+    /// Nothing more can be published.
+    pub(super) fn end_scan(
+        &mut self,
+        gap: Gap,
+        time_ns: i64,
+        out: &mut Publisher<'_>,
+    ) -> Result<bool, PublishError> {
+        let completed = self.pipeline.finish(gap.missing, gap.rejected);
+        let has_slice = completed.slice.is_some();
+        self.results.publish_completed(completed, time_ns, out)?;
+        Ok(has_slice)
+    }
+}
+
+/// Records the duration of each stage.
+struct StageClock<'a> {
+    last: Instant,
+    stages: &'a mut StageTimes,
+}
+
+impl StageClock<'_> {
+    fn tick(&mut self, stage: Stage) {
+        let now = Instant::now();
+        let histogram = match stage {
+            Stage::Decode => &mut self.stages.decode,
+            Stage::Extract => &mut self.stages.extract,
+            Stage::Triangulate => &mut self.stages.triangulate,
+        };
+        histogram.record(now - self.last);
+        self.last = now;
+    }
+}
