@@ -1,6 +1,6 @@
-# Shortcuts; each is one plain command, so `just` itself is not needed.
+# Shortcuts; each is one plain command, so `just` is optional.
 
-# All that CI does.
+# The complete CI.
 check:
     .ci/run
 

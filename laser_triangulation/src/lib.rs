@@ -122,6 +122,7 @@ mod named_enum;
 
 pub use nalgebra;
 
+pub mod parameters;
 pub mod statistics;
 pub mod scanner;
 pub mod metrology;

@@ -1,6 +1,6 @@
-//! Enums with names.
+//! Enums whose values have names.
 
-/// Declares an enum whose variants users know by name: in parameter files, on the command line and in messages.
+/// Declares an enum whose variants have names: in parameter files, on the command line and in messages.
 ///
 /// ```
 /// laser_triangulation::named_enum! {
@@ -24,14 +24,29 @@ macro_rules! named_enum {
             /// Every name, in order of declaration.
             pub const NAMES: &[&str] = &[$($text),+];
 
-            /// The value of that name.
+            /// Returns the value with that name.
             pub fn from_name(name: &str) -> Option<Self> {
                 match name { $($text => Some(Self::$variant),)+ _ => None }
             }
 
-            /// The name users know.
+            /// Returns the name.
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$variant => $text),+ }
+            }
+        }
+
+        impl $crate::parameters::Setting for $name {
+            type Range = ();
+
+            fn kind(&self, (): ()) -> $crate::parameters::Kind {
+                $crate::parameters::Kind::Choice { default: self.name(), names: Self::NAMES }
+            }
+
+            fn from_value(value: &$crate::parameters::Value) -> Option<Self> {
+                match value {
+                    $crate::parameters::Value::Text(text) => Self::from_name(text),
+                    _ => None,
+                }
             }
         }
     };

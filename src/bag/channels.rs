@@ -15,10 +15,10 @@ pub(super) const QOS_KEY: &str = "offered_qos_profiles";
 
 /// Longest name of a topic, a type or an encoding: ROS allows 256 bytes.
 const MAX_NAME_BYTES: usize = 4096;
-/// What all schemas and topics may hold: every topic has a copy of its schema, and 65535 may name the same one.
+/// Limit on the size of all schemas and topics, bytes: every topic has a copy of its schema, and 65535 may name the same one.
 const MAX_BYTES: usize = 64 << 20;
 
-/// What a file has said about its channels.
+/// Channels and schemas defined by a file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Channels {
     schemas: BTreeMap<u16, Schema>,

@@ -3,6 +3,7 @@
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::BagError;
+use super::error::Fault;
 use super::format::{ChunkHeader, PREFIX_BYTES, Source};
 
 /// Decodes chunks, keeping its buffers from one to the next.
@@ -49,7 +50,7 @@ impl ChunkDecoder {
                 Err(source.damaged(&chunk.span, what))
             }
             Ok(()) => Ok(()),
-            Err(Fault::Content(what)) => Err(source.damaged(&chunk.span, what)),
+            Err(Fault::Malformed(what)) => Err(source.damaged(&chunk.span, what)),
         }
     }
 
@@ -60,9 +61,7 @@ impl ChunkDecoder {
         visit: &mut dyn FnMut(u8, &[u8]),
     ) -> Result<(), Fault> {
         let available = (chunk.span.end.min(source.len_bytes) - chunk.span.offset) as usize;
-        source
-            .read_exact_at(chunk.span.offset, self.reader.insert(available))
-            .map_err(Fault::Io)?;
+        source.read_exact_at(chunk.span.offset, self.reader.insert(available))?;
         self.reader.notify_read(available);
         let mut shown_bytes = 0;
         while let Some(event) = self.reader.next_event() {
@@ -76,16 +75,11 @@ impl ChunkDecoder {
                     return Ok(());
                 }
                 Ok(LinearReadEvent::ReadRequest(_)) => break,
-                Err(error) => return Err(Fault::Content(error.to_string())),
+                Err(error) => return Err(Fault::Malformed(error.to_string())),
             }
         }
-        Err(Fault::Content("the chunk ends in the middle of a record".into()))
+        Err(Fault::Malformed("the chunk ends in the middle of a record".into()))
     }
-}
-
-enum Fault {
-    Io(BagError),
-    Content(String),
 }
 
 /// For a reader that starts at a record.

@@ -1,4 +1,4 @@
-//! What can be wrong with a recording that is read, and in the way of one that is written.
+//! Errors of reading and of writing recordings.
 
 use std::io;
 use std::path::PathBuf;
@@ -84,9 +84,29 @@ pub enum BagError {
 }
 
 impl BagError {
-    /// Whether messages are missing because of it (an index can be wrong without loss).
+    /// True if messages are lost (a wrong index alone loses none).
     pub fn is_loss(&self) -> bool {
         !matches!(self, Self::Index { .. } | Self::Unsorted { .. })
+    }
+}
+
+/// Reason why a place in a file cannot be used.
+pub(super) enum Fault {
+    /// The operating system reports an error.
+    Io(BagError),
+    /// The content is malformed.
+    Malformed(String),
+}
+
+impl From<BagError> for Fault {
+    fn from(error: BagError) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Self::Malformed(what)
     }
 }
 
@@ -123,7 +143,7 @@ pub enum RecordError {
         /// Type it was to have.
         refused: String,
     },
-    /// A time before the epoch, which MCAP cannot say.
+    /// A time before the epoch, which MCAP cannot represent.
     #[error("{what}: time {time_ns} ns is before 1970")]
     NegativeTime {
         /// Topic or attachment.

@@ -1,9 +1,9 @@
-//! The fields of a record's body, one after another. The mcap crate's own parser reserves whatever length a string
-//! claims, up to 4 GiB; here nothing is taken that the body does not hold.
+//! The fields of a record's body, one after another. The mcap crate's parser reserves the length that a string
+//! states, up to 4 GiB; this one never reads or reserves more than the body holds.
 
 use std::collections::BTreeMap;
 
-/// What is left of a body.
+/// The unread rest of a record's body.
 pub(super) struct Fields<'a>(&'a [u8]);
 
 impl<'a> Fields<'a> {

@@ -1,5 +1,5 @@
 //! The outer shape of an MCAP file: records one after another, each an opcode, a length and a body. Lengths are
-//! checked against the file and the limit here, so that nobody else has to.
+//! checked against the file size and the limit here, and nowhere else.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use mcap::MAGIC;
 use mcap::records::op;
 
-use super::BagError;
+use super::{BagError, error::Fault};
 
 /// Bytes of a record before its body: the opcode and the length.
 pub(super) const PREFIX_BYTES: u64 = 9;
@@ -37,7 +37,7 @@ impl Source {
         Ok(Self { file, path: path.into(), len_bytes, limit_bytes: limit_bytes as u64 })
     }
 
-    /// Refuses what does not begin as an MCAP file does.
+    /// Rejects a file that does not start with the MCAP magic.
     pub(super) fn check_magic(&mut self) -> Result<(), BagError> {
         let not_mcap =
             |path: &Path, why: &str| BagError::NotMcap { path: path.into(), why: why.into() };
@@ -74,38 +74,30 @@ impl Source {
         Ok(bytes)
     }
 
-    /// The record at `offset`; `None` at the end of the file; in the inner error what is wrong with it.
-    pub(super) fn record_at(
-        &mut self,
-        offset: u64,
-    ) -> Result<Result<Option<RecordSpan>, String>, BagError> {
+    /// Returns the record at `offset`, `None` at the end of the file.
+    pub(super) fn record_at(&mut self, offset: u64) -> Result<Option<RecordSpan>, Fault> {
         let remaining = self.len_bytes.saturating_sub(offset);
         if remaining == 0 {
-            return Ok(Ok(None));
+            return Ok(None);
         }
         if remaining < PREFIX_BYTES {
-            return Ok(Err(format!("the file ends after {remaining} bytes of a record")));
+            return Err(format!("the file ends after {remaining} bytes of a record").into());
         }
         let prefix = self.read_padded::<{ PREFIX_BYTES as usize }>(offset)?;
         let (opcode, body_bytes) = (prefix[0], u64_at(&prefix, 1));
         let is_known = matches!(opcode, op::HEADER..=op::DATA_END | 0x80..);
         if !is_known {
-            return Ok(Err(format!("no record begins with {opcode:#04x}")));
+            return Err(format!("no record begins with {opcode:#04x}").into());
         }
-        let Some(end) =
-            offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes))
-        else {
-            return Ok(Err(format!("a record of {body_bytes} bytes")));
-        };
-        Ok(Ok(Some(RecordSpan { opcode, offset, end })))
+        let end = offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes));
+        let end = end.ok_or_else(|| format!("a record of {body_bytes} bytes"))?;
+        Ok(Some(RecordSpan { opcode, offset, end }))
     }
 
-    /// The header of the chunk at `offset`, when the bytes there are one.
-    pub(super) fn chunk_at(
-        &mut self,
-        offset: u64,
-    ) -> Result<Result<ChunkHeader, String>, BagError> {
-        Ok(ChunkHeader::parse(&self.read_padded::<{ CHUNK_START_BYTES as usize }>(offset)?, offset))
+    /// Reads the header of the chunk at `offset`.
+    pub(super) fn chunk_at(&mut self, offset: u64) -> Result<ChunkHeader, Fault> {
+        let start = self.read_padded::<{ CHUNK_START_BYTES as usize }>(offset)?;
+        Ok(ChunkHeader::parse(&start, offset)?)
     }
 
     /// Body of a record other than a chunk.
@@ -117,7 +109,7 @@ impl Source {
         Ok(body)
     }
 
-    /// Refuses a length that the file does not hold or that is beyond the limit.
+    /// Rejects a length beyond the end of the file or the limit.
     pub(super) fn check_length(
         &self,
         span: &RecordSpan,
@@ -203,7 +195,7 @@ impl ChunkHeader {
             return Err(format!("{uncompressed_bytes} uncompressed bytes in {compressed_bytes}"));
         }
         let end = offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes));
-        let Some(end) = end else { return Err(format!("a chunk of {body_bytes} bytes")) };
+        let end = end.ok_or_else(|| format!("a chunk of {body_bytes} bytes"))?;
         Ok(Self {
             span: RecordSpan { opcode: op::CHUNK, offset, end },
             start_time: u64_at(start, 9),

@@ -1,4 +1,4 @@
-//! What a bag holds, for people and for scripts.
+//! Describes the contents of a bag, for users and scripts.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,6 +8,7 @@ use mcap::records::op;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use super::error::Fault;
 use super::format::{PREFIX_BYTES, Source, u64_at};
 use super::layout::{Layout, PartKind};
 use super::record::OWN_RECORD;
@@ -15,16 +16,16 @@ use super::recover::DamagedRange;
 use super::statistics::Statistics;
 use super::{BagError, BagReader, Filter, Topic};
 
-/// How much of a bag is read to describe it.
+/// Amount of a bag that is read to describe it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// Its index; all of it where the index does not do.
+    /// The index; all messages if the index is unusable.
     Index,
-    /// All of it.
+    /// All messages.
     Messages,
 }
 
-/// Everything that `info` tells. The field names are those of `info --json`.
+/// Everything that `info` reports. The field names are those of `info --json`.
 #[derive(Debug, Serialize)]
 pub struct BagInfo {
     /// The bag.
@@ -47,11 +48,11 @@ pub struct BagInfo {
     pub attachments: Vec<AttachmentInfo>,
     /// Metadata records by name, without rosbag2's own.
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
-    /// Whether every message was read and its checksum tested; otherwise the index was believed.
+    /// True if every message was read and its checksum verified; false if the index was trusted.
     pub verified: bool,
-    /// What cannot be read. Empty when not verified and the index is sound.
+    /// Unreadable ranges. Empty if not verified and the index is valid.
     pub damaged: Vec<DamagedRange>,
-    /// What else is worth saying.
+    /// Further notes for the user.
     pub notes: Vec<String>,
 }
 
@@ -62,7 +63,7 @@ pub struct FileInfo {
     pub path: PathBuf,
     /// Its length.
     pub bytes: u64,
-    /// Whether it has a sound index.
+    /// True if it has a valid index.
     pub indexed: bool,
     /// Compressions of its chunks: `none`, `lz4`, `zstd`.
     pub compression: Vec<String>,
@@ -112,12 +113,12 @@ pub struct AttachmentInfo {
 /// # Errors
 /// A bag that cannot be read further: the operating system's refusal.
 pub fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, BagError> {
-    let mut found = Found { notes: bag.notes().to_vec(), ..Found::default() };
+    let mut problems = Problems { notes: bag.notes().to_vec(), ..Problems::default() };
     let by_index = if depth == Depth::Index { by_index(bag)? } else { None };
     let read = if by_index.is_some() { Depth::Index } else { Depth::Messages };
     let statistics = match by_index {
         Some(statistics) => statistics,
-        None => by_reading(bag, &mut found)?,
+        None => by_reading(bag, &mut problems)?,
     };
     let bounds = statistics.values().filter_map(|topic| topic.bounds_ns);
     let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
@@ -127,8 +128,8 @@ pub fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, B
     for (path, layout) in bag.layouts() {
         files.push(file_info(path, layout)?);
     }
-    let attachments = attachments(bag, &mut found)?;
-    let metadata = metadata(bag, &mut found)?;
+    let attachments = attachments(bag, &mut problems)?;
+    let metadata = metadata(bag, &mut problems)?;
     Ok(BagInfo {
         path: path.into(),
         bytes: files.iter().map(|file| file.bytes).sum(),
@@ -141,20 +142,20 @@ pub fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, B
         attachments,
         metadata,
         verified: read == Depth::Messages,
-        damaged: found.damaged,
-        notes: found.notes,
+        damaged: problems.damaged,
+        notes: problems.notes,
     })
 }
 
-/// What was found wrong on the way.
+/// Problems met while reading.
 #[derive(Default)]
-struct Found {
+struct Problems {
     damaged: Vec<DamagedRange>,
     notes: Vec<String>,
 }
 
-impl Found {
-    fn take(&mut self, error: BagError) -> Result<(), BagError> {
+impl Problems {
+    fn add(&mut self, error: BagError) -> Result<(), BagError> {
         match DamagedRange::of(&error) {
             Some(range) => self.damaged.push(range),
             None if error.is_loss() => return Err(error),
@@ -166,7 +167,7 @@ impl Found {
 
 type ByTopic = BTreeMap<Arc<Topic>, Statistics>;
 
-fn by_reading(bag: &BagReader, found: &mut Found) -> Result<ByTopic, BagError> {
+fn by_reading(bag: &BagReader, problems: &mut Problems) -> Result<ByTopic, BagError> {
     let mut statistics = ByTopic::new();
     let mut messages = bag.messages(&Filter::all());
     while let Some(item) = messages.next() {
@@ -176,13 +177,13 @@ fn by_reading(bag: &BagReader, found: &mut Found) -> Result<ByTopic, BagError> {
                 topic.add_message(message.log_time_ns, message.sequence, message.data.len());
                 messages.recycle(message.data);
             }
-            Err(error) => found.take(error)?,
+            Err(error) => problems.add(error)?,
         }
     }
     Ok(statistics)
 }
 
-/// From the message indexes, without opening a chunk; `None` where they do not do.
+/// From the message indexes, without opening a chunk; `None` if they are unusable.
 fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
     let mut statistics = ByTopic::new();
     for (path, layout) in bag.layouts() {
@@ -219,7 +220,11 @@ fn message_index(
     channel: u16,
     offset: u64,
 ) -> Result<Option<Vec<i64>>, BagError> {
-    let Ok(Some(span)) = source.record_at(offset)? else { return Ok(None) };
+    let span = match source.record_at(offset) {
+        Ok(Some(span)) => span,
+        Err(Fault::Io(error)) => return Err(error),
+        Ok(None) | Err(Fault::Malformed(_)) => return Ok(None),
+    };
     if span.opcode != op::MESSAGE_INDEX
         || source.check_length(&span, span.end - span.offset - PREFIX_BYTES).is_err()
     {
@@ -230,7 +235,7 @@ fn message_index(
     if head[..2] != channel.to_le_bytes() || entries.len() % 16 != 0 {
         return Ok(None);
     }
-    // A time beyond 2262 is a fault that the reader of the messages tells.
+    // A time beyond 2262 is reported when the messages are read.
     let times = entries.chunks_exact(16).map(|entry| i64::try_from(u64_at(entry, 0)).ok());
     let mut times: Option<Vec<_>> = times.collect();
     if let Some(times) = &mut times {
@@ -265,7 +270,7 @@ fn file_info(path: &Path, layout: &Layout) -> Result<FileInfo, BagError> {
     Ok(FileInfo { path: path.into(), bytes, indexed: layout.is_indexed, compression })
 }
 
-fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>, BagError> {
+fn attachments(bag: &BagReader, problems: &mut Problems) -> Result<Vec<AttachmentInfo>, BagError> {
     let mut infos = Vec::new();
     for attachment in bag.attachments() {
         match attachment {
@@ -275,7 +280,7 @@ fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>
                 name: attachment.name,
                 media_type: attachment.media_type,
             }),
-            Err(error) => found.take(error)?,
+            Err(error) => problems.add(error)?,
         }
     }
     Ok(infos)
@@ -283,14 +288,14 @@ fn attachments(bag: &BagReader, found: &mut Found) -> Result<Vec<AttachmentInfo>
 
 fn metadata(
     bag: &BagReader,
-    found: &mut Found,
+    problems: &mut Problems,
 ) -> Result<BTreeMap<String, BTreeMap<String, String>>, BagError> {
     let mut records = BTreeMap::new();
     for record in bag.metadata() {
         match record {
             Ok(record) if record.name == OWN_RECORD => {}
             Ok(record) => drop(records.insert(record.name, record.entries)),
-            Err(error) => found.take(error)?,
+            Err(error) => problems.add(error)?,
         }
     }
     Ok(records)

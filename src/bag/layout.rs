@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::channels::Channels;
+use super::error::Fault;
 use super::format::{RecordSpan, Source};
 use super::summary::Summary;
 use super::{BagError, ReadOptions, scan, summary};
@@ -17,7 +18,7 @@ pub(super) struct Layout {
     pub(super) metadata: Vec<RecordSpan>,
     /// Number of messages a channel, where known.
     pub(super) counts: Option<BTreeMap<u16, u64>>,
-    /// The same as the file itself states it.
+    /// The same, as stated by the file.
     pub(super) stated_counts: Option<BTreeMap<u16, u64>>,
     /// From the file's own index; otherwise found by walking.
     pub(super) is_indexed: bool,
@@ -25,7 +26,7 @@ pub(super) struct Layout {
     pub(super) compressions: Vec<String>,
     /// Profile in the header: `ros2`.
     pub(super) profile: String,
-    /// What had to be said.
+    /// Notes for the user.
     pub(super) notes: Vec<String>,
 }
 
@@ -58,11 +59,15 @@ impl Layout {
     /// The layout of a file, by its index when that can and may be used.
     pub(super) fn of(source: &mut Source, options: &ReadOptions) -> Result<Self, BagError> {
         source.check_magic()?;
-        let summary = summary::read(source)?;
+        let summary = match summary::read(source) {
+            Ok(summary) => Ok(summary),
+            Err(Fault::Malformed(why)) => Err(why),
+            Err(Fault::Io(error)) => return Err(error),
+        };
         let known = summary.as_ref().ok();
         let seed = known.map(|summary| summary.channels.clone()).unwrap_or_default();
         let statistics = known.and_then(|summary| summary.statistics.as_ref());
-        let stated_counts = statistics.map(|statistics| statistics.channel_counts.clone());
+        let stated_counts = statistics.map(|statistics| statistics.channel_message_counts.clone());
         let mut layout = match summary.and_then(Self::by_index) {
             Ok(layout) if options.use_index => layout,
             Ok(_) => scan::scan(source, seed)?,
@@ -106,7 +111,7 @@ impl Layout {
             }
         }
         if let Some(statistics) = summary.statistics {
-            layout.counts = Some(statistics.channel_counts);
+            layout.counts = Some(statistics.channel_message_counts);
         }
         layout.sort();
         Ok(layout)

@@ -8,6 +8,7 @@ use mcap::records::op;
 
 use super::channels::Channels;
 use super::chunk::ChunkDecoder;
+use super::error::Fault;
 use super::format::{ChunkHeader, RecordSpan, Source};
 use super::layout::{Layout, Part, PartKind};
 use super::plain::PlainReader;
@@ -16,12 +17,12 @@ use super::{BagError, RawMessage, ReadOptions, scan};
 
 /// Buffers of delivered messages that are kept for the next ones.
 const SPARE_BUFFERS: usize = 8;
-/// Kinds of faults in one chunk that are told.
+/// Maximum number of distinct faults reported per chunk.
 const MAX_FAULTS: usize = 8;
 
 /// Iterator over the messages of a bag: file after file, within a file in order of `log_time_ns`, ties in order of
-/// place. An error tells of one damaged place and stands where the messages are missing; the iteration goes on
-/// behind it.
+/// place. An error reports one damaged place, in the position of the missing messages; iteration continues
+/// after it.
 pub struct Messages {
     files: VecDeque<(std::path::PathBuf, Arc<Layout>)>,
     filter: Filter,
@@ -79,16 +80,32 @@ impl Iterator for Messages {
     }
 }
 
-/// What waits for its turn: a message, or an error at its place.
+/// Position of an item in the order of output: the fields are compared one after another.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Turn {
+    /// Nanoseconds since the epoch.
+    time: u64,
+    /// Start of the part of the file, bytes.
+    offset: u64,
+    /// Number in that part.
+    number: u64,
+}
+
+impl Turn {
+    const fn first(time: u64, offset: u64) -> Self {
+        Self { time, offset, number: 0 }
+    }
+}
+
+/// An item that waits for its turn: a message, or an error in the place of missing messages.
 struct Waiting {
-    /// Time, place of the chunk, number in the chunk.
-    key: (u64, u64, u64),
+    turn: Turn,
     item: Result<RawMessage, BagError>,
 }
 
 impl PartialEq for Waiting {
     fn eq(&self, other: &Self) -> bool {
-        self.key == other.key
+        self.turn == other.turn
     }
 }
 impl Eq for Waiting {}
@@ -99,7 +116,7 @@ impl PartialOrd for Waiting {
 }
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.key.cmp(&other.key)
+        self.turn.cmp(&other.turn)
     }
 }
 
@@ -116,7 +133,7 @@ struct FileMessages {
     read_offsets: BTreeSet<u64>,
     waiting: BinaryHeap<Reverse<Waiting>>,
     waiting_bytes: usize,
-    /// Messages found so far by channel, and what the file says there are.
+    /// Messages found so far and messages stated by the file, by channel.
     found: BTreeMap<u16, u64>,
     expected: Option<BTreeMap<u16, u64>>,
     may_rescan: bool,
@@ -141,7 +158,7 @@ impl FileMessages {
             source,
             channels: layout.channels.clone(),
             parts: layout.parts.iter().filter(takes_any).cloned().collect(),
-            // Of a part of the file nobody knows how many there should be.
+            // The file states counts for its whole length only.
             expected: layout.stated_counts.clone().filter(|_| filter.start_time() == 0),
             filter,
             read_offsets: BTreeSet::new(),
@@ -173,11 +190,11 @@ impl FileMessages {
         }
     }
 
-    /// Whether the next part may hold something earlier than all that waits.
+    /// True if the next part may hold a message earlier than all waiting ones.
     fn must_read_first(&mut self) -> bool {
         let Some(part) = self.parts.front() else { return false };
         let Some(Reverse(first)) = self.waiting.peek() else { return true };
-        if (part.start_time, part.offset) >= (first.key.0, first.key.1) {
+        if (part.start_time, part.offset) >= (first.turn.time, first.turn.offset) {
             return false;
         }
         let limit_bytes = usize::try_from(self.source.limit_bytes).unwrap_or(usize::MAX);
@@ -190,17 +207,17 @@ impl FileMessages {
                 offset: part.offset,
                 limit_bytes,
             };
-            self.wait((first.key.0, first.key.1, 0), Err(error));
+            self.wait(Turn { number: 0, ..first.turn }, Err(error));
         }
         false
     }
 
-    fn wait(&mut self, key: (u64, u64, u64), item: Result<RawMessage, BagError>) {
+    fn wait(&mut self, turn: Turn, item: Result<RawMessage, BagError>) {
         if let Ok(message) = &item {
             self.waiting_bytes += message.data.len();
         }
         self.has_loss |= item.as_ref().is_err_and(BagError::is_loss);
-        self.waiting.push(Reverse(Waiting { key, item }));
+        self.waiting.push(Reverse(Waiting { turn, item }));
     }
 
     /// Reads the next part. An error of the operating system ends the file.
@@ -210,7 +227,7 @@ impl FileMessages {
             PartKind::Damage(what) => {
                 let span = RecordSpan { opcode: 0, offset: part.offset, end: part.end };
                 let error = self.source.damaged(&span, what.clone());
-                self.wait((part.start_time, part.offset, 0), Err(error));
+                self.wait(Turn::first(part.start_time, part.offset), Err(error));
                 Ok(())
             }
             PartKind::Loose => self.read_loose(part),
@@ -224,13 +241,16 @@ impl FileMessages {
     }
 
     fn read_chunk(&mut self, part: &Part) -> Result<(), BagError> {
-        let chunk = match self.source.chunk_at(part.offset)? {
+        let chunk = match self.source.chunk_at(part.offset) {
             Ok(chunk) if !self.may_rescan || chunk.span.end == part.end => chunk,
             Ok(_) => {
                 return self
                     .rescan(format!("the chunk at byte {} has another length", part.offset));
             }
-            Err(_) => return self.rescan(format!("there is no chunk at byte {}", part.offset)),
+            Err(Fault::Io(error)) => return Err(error),
+            Err(Fault::Malformed(_)) => {
+                return self.rescan(format!("there is no chunk at byte {}", part.offset));
+            }
         };
         if !self.read_offsets.insert(part.offset) {
             return Ok(());
@@ -274,7 +294,8 @@ impl FileMessages {
             .collect::<Vec<_>>();
         let errors = faults.into_iter().chain(decoded.err());
         for (number, error) in errors.enumerate() {
-            self.wait((last_time, part.offset, u64::MAX / 2 + number as u64), Err(error));
+            let number = u64::MAX / 2 + number as u64;
+            self.wait(Turn { time: last_time, offset: part.offset, number }, Err(error));
         }
     }
 
@@ -282,14 +303,19 @@ impl FileMessages {
     fn wait_all(&mut self, offset: u64, messages: Vec<(u16, RawMessage)>) {
         for (number, (channel, message)) in messages.into_iter().enumerate() {
             *self.found.entry(channel).or_default() += 1;
-            self.wait((message.log_time_ns as u64, offset, number as u64), Ok(message));
+            let (time, number) = (message.log_time_ns as u64, number as u64);
+            self.wait(Turn { time, offset, number }, Ok(message));
         }
     }
 
     /// Reads one message of a run outside chunks, and puts the rest back.
     fn read_loose(&mut self, mut part: Part) -> Result<(), BagError> {
         self.read_offsets.insert(part.offset);
-        let Ok(Some(span)) = self.source.record_at(part.offset)? else { return Ok(()) };
+        let span = match self.source.record_at(part.offset) {
+            Ok(Some(span)) => span,
+            Err(Fault::Io(error)) => return Err(error),
+            Ok(None) | Err(Fault::Malformed(_)) => return Ok(()),
+        };
         let body = self.source.body(&span)?;
         let mut taker =
             Taker { channels: &self.channels, filter: &self.filter, spare: &mut self.spare };
@@ -297,12 +323,12 @@ impl FileMessages {
             Ok(Some((channel, message))) => {
                 *self.found.entry(channel).or_default() += 1;
                 part.start_time = message.log_time_ns as u64;
-                self.wait((part.start_time, part.offset, 0), Ok(message));
+                self.wait(Turn::first(part.start_time, part.offset), Ok(message));
             }
             Ok(None) => {}
             Err(what) => {
                 let error = self.source.damaged(&span, what);
-                self.wait((part.start_time, part.offset, 0), Err(error));
+                self.wait(Turn::first(part.start_time, part.offset), Err(error));
             }
         }
         part.offset = span.end;
@@ -331,7 +357,7 @@ impl FileMessages {
         Err(BagError::Index { path: self.source.path.clone(), what })
     }
 
-    /// At the end: fewer messages than the file says there are, once. The index may be at fault, or the file.
+    /// At the end of the file: reports once if fewer messages were found than stated. The index or the file may be wrong.
     fn missing(&mut self) -> Option<BagError> {
         let expected = self.expected.as_ref()?;
         let (channel, expected_count, found_count) =

@@ -19,7 +19,7 @@ pub struct MetadataFile {
     pub rosbag2_bagfile_information: BagInformation,
 }
 
-/// What a bag holds, field by field as rosbag2 orders them.
+/// Contents of a bag, in rosbag2's field order.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the fields are rosbag2's")]
 pub struct BagInformation {
@@ -108,7 +108,7 @@ pub struct FileInformation {
     pub message_count: u64,
 }
 
-/// What a recorder knows of a file that it has written.
+/// Summary of a file written by the recorder.
 #[derive(Debug)]
 pub(super) struct Recorded {
     /// File name.
@@ -175,7 +175,10 @@ impl BagInformation {
             duration,
             starting_time,
             message_count: files.iter().map(|file| file.message_count).sum(),
-            topics_with_message_count: topics.into_iter().map(TopicCount::of).collect(),
+            topics_with_message_count: topics
+                .into_iter()
+                .map(|(topic, count)| TopicCount::of(topic, count))
+                .collect(),
             compression_format: String::new(),
             compression_mode: String::new(),
             relative_file_paths: files.iter().map(|file| file.path.clone()).collect(),
@@ -198,7 +201,7 @@ impl BagInformation {
 }
 
 impl TopicCount {
-    fn of((topic, message_count): (&Topic, u64)) -> Self {
+    fn of(topic: &Topic, message_count: u64) -> Self {
         Self {
             topic_metadata: TopicMetadata {
                 name: topic.name.clone(),

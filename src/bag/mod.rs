@@ -41,7 +41,7 @@ pub use record::{Compression, RecordOptions, RecordSummary, Recorder, Times, Top
 pub use split::{SplitLimits, SplitRecorder, SplitSummary};
 pub use take::Filter;
 
-/// A topic of a recording, and all that a reader needs to understand it.
+/// A topic of a recording, with everything needed to decode its messages.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Topic {
     /// Fully resolved name, as in `/camera/image_raw`.
@@ -74,13 +74,13 @@ impl Topic {
         }
     }
 
-    /// Whether a late reader gets the last message: transient local, in the words of ROS 2.
+    /// True if late subscribers get the last message (ROS 2: transient local).
     pub fn is_latched(&self) -> bool {
         let profiles = qos::parse(&self.qos).unwrap_or_default();
         profiles.iter().any(|profile| profile.durability == Durability::TransientLocal)
     }
 
-    /// Whether the messages are what ROS 2 writes; tells why not.
+    /// Checks that the messages are CDR, as ROS 2 writes them.
     ///
     /// # Errors
     /// Messages that are not CDR, as in recordings of ROS 1.

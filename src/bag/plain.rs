@@ -22,7 +22,7 @@ pub(super) struct PlainReader {
 
 impl PlainReader {
     /// The messages of a chunk that is sound, holds nothing but messages of known channels, and whose checksum fits.
-    /// `None` for any other: the decoder of all chunks then says what there is to say.
+    /// `None` for any other: the general decoder then reads it and reports the faults.
     pub(super) fn read(
         &mut self,
         source: &mut Source,
@@ -66,7 +66,7 @@ struct Stream<'a> {
     from: u64,
     unread_bytes: usize,
     block: &'a mut Vec<u8>,
-    /// What of the block is still to be taken.
+    /// Range of the block that has not been taken yet.
     held: std::ops::Range<usize>,
     hasher: Option<crc32fast::Hasher>,
 }

@@ -4,17 +4,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::error::Fault;
 use super::format::{RecordSpan, Source};
 use super::layout::{Layout, PartKind};
 use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, place};
 
-/// How a bag is read.
+/// Options for reading a bag.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadOptions {
     /// Longest record and longest chunk (compressed or not) that is taken into memory, bytes. Longer ones are damage.
     /// The default holds a message of 64 MiB and what shares its chunk.
     pub record_limit_bytes: usize,
-    /// Whether a sound index is used. Without it the whole file is walked through.
+    /// True to use a valid index; otherwise the whole file is scanned.
     pub use_index: bool,
 }
 
@@ -66,7 +67,7 @@ impl BagReader {
         &self.topics
     }
 
-    /// What was out of the ordinary in opening the bag, for the user.
+    /// Notes for the user about unusual findings when the bag was opened.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -76,7 +77,7 @@ impl BagReader {
         self.files.iter().map(|(path, _)| path.as_path())
     }
 
-    /// Whether every file is read by its index.
+    /// True if every file is read through its index.
     pub fn is_indexed(&self) -> bool {
         self.files.iter().all(|(_, layout)| layout.is_indexed)
     }
@@ -131,10 +132,11 @@ impl BagReader {
         self.files.iter().flat_map(move |(path, layout)| {
             spans(layout).iter().map(move |span| {
                 let mut source = Source::open(path, self.options.record_limit_bytes)?;
-                match source.record_at(span.offset)? {
+                match source.record_at(span.offset) {
                     Ok(Some(found)) if found == *span => {
                         parse(&source.body(span)?).map_err(|what| source.damaged(span, what))
                     }
+                    Err(Fault::Io(error)) => Err(error),
                     _ => {
                         Err(source
                             .damaged(span, "the index names a record that is not there".into()))

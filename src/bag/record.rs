@@ -27,7 +27,7 @@ const MAX_TOPICS: usize = 65_534;
 pub(super) const OWN_RECORD: &str = "rosbag2";
 const IDENTITY: &str = concat!("laser_profiler ", env!("CARGO_PKG_VERSION"));
 
-/// How chunks are compressed.
+/// Compression of chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Compression {
     /// Not at all: for images, which disks take faster than processors compress.
@@ -39,12 +39,12 @@ pub enum Compression {
     Zstd,
 }
 
-/// How a bag is written.
+/// Options for writing a bag.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RecordOptions {
     /// Compression of the chunks.
     pub compression: Compression,
-    /// Whether a bag that is there already is replaced. Files that are not the bag's stay.
+    /// True to replace an existing bag. Files that do not belong to the bag are kept.
     pub force: bool,
 }
 
@@ -59,11 +59,11 @@ pub struct Times {
     pub log_ns: i64,
     /// Sent, nanoseconds since the epoch.
     pub publish_ns: i64,
-    /// Counter of the topic, so that gaps show; 0 where nobody counts.
+    /// Counter of the topic, so that gaps are visible; 0 without a counter.
     pub sequence: u32,
 }
 
-/// What was written.
+/// Summary of the written bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordSummary {
     /// The directory.

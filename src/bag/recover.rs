@@ -47,16 +47,16 @@ impl DamagedRange {
     }
 }
 
-/// How a bag is recovered.
+/// Options for recovering a bag.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RecoverOptions {
     /// Compression of the new bag; the input's when `None`.
     pub compression: Option<Compression>,
-    /// Whether a bag that is there already is replaced.
+    /// True to replace an existing bag.
     pub force: bool,
 }
 
-/// What was recovered, and what was not.
+/// Report of what was recovered and what was lost.
 #[derive(Debug)]
 pub struct Recovery {
     /// The new bag.
@@ -65,9 +65,9 @@ pub struct Recovery {
     pub num_attachments: u64,
     /// Metadata records in it, without the recorder's own.
     pub num_metadata: u64,
-    /// What was passed over. Messages in there are lost.
+    /// Skipped ranges. Messages in them are lost.
     pub damaged: Vec<DamagedRange>,
-    /// What else is worth saying.
+    /// Further notes for the user.
     pub notes: Vec<String>,
 }
 

@@ -1,11 +1,13 @@
-//! Walking through a file without its index, and finding the way again behind damage.
+//! Scans a file without its index and resynchronizes after damage.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use mcap::records::op;
 
 use super::channels::Channels;
 use super::chunk::ChunkDecoder;
+use super::error::Fault;
 use super::fields::Fields;
 use super::format::{
     CHUNK_START_BYTES, ChunkHeader, MessageHeader, PREFIX_BYTES, RecordSpan, Source, u32_at,
@@ -22,7 +24,12 @@ const DATA_END: [u8; PREFIX_BYTES as usize] = [op::DATA_END, 4, 0, 0, 0, 0, 0, 0
 
 /// Profile in the file's header record; empty when there is no such record.
 pub(super) fn profile(source: &mut Source) -> Result<String, BagError> {
-    if let Ok(Some(span)) = source.record_at(mcap::MAGIC.len() as u64)?
+    let first = match source.record_at(mcap::MAGIC.len() as u64) {
+        Err(Fault::Io(error)) => return Err(error),
+        Err(Fault::Malformed(_)) => None,
+        Ok(first) => first,
+    };
+    if let Some(span) = first
         && span.opcode == op::HEADER
         && source.check_length(&span, span.end - span.offset).is_ok()
     {
@@ -60,7 +67,7 @@ struct Scan<'a> {
     decoder: ChunkDecoder,
     layout: Layout,
     counts: BTreeMap<u16, u64>,
-    /// The last record, when nothing but what follows tells whether its length is right.
+    /// The last record, if only the next one can confirm its length.
     suspect: Option<Suspect>,
     unknown_bytes: u64,
 }
@@ -74,19 +81,21 @@ struct Suspect {
 impl Scan<'_> {
     /// Takes what lies at `offset`; where to go on, `None` behind the last.
     fn step(&mut self, offset: u64) -> Result<Option<u64>, BagError> {
-        let span = match self.source.record_at(offset)? {
+        let span = match self.source.record_at(offset) {
             Ok(Some(span)) => span,
             Ok(None) => {
                 let what = "the file was not finished: what was not yet written out is missing";
                 self.damage(offset, offset, what.into());
                 return Ok(None);
             }
-            Err(what) => return self.resume_behind(offset, what),
+            Err(Fault::Malformed(what)) => return self.resume_behind(offset, what),
+            Err(Fault::Io(error)) => return Err(error),
         };
         if span.opcode == op::CHUNK {
-            return match self.source.chunk_at(offset)? {
+            return match self.source.chunk_at(offset) {
                 Ok(chunk) => self.chunk(&chunk),
-                Err(what) => self.resume_behind(offset, what),
+                Err(Fault::Malformed(what)) => self.resume_behind(offset, what),
+                Err(Fault::Io(error)) => Err(error),
             };
         }
         if let Err(BagError::Damaged { what, .. }) = self.source.check_length(&span, 0) {
@@ -131,7 +140,7 @@ impl Scan<'_> {
                         part.end = span.end;
                         part.end_time = part.end_time.max(header.log_time);
                     }
-                    _ => self.part(PartKind::Loose, span, (header.log_time, header.log_time)),
+                    _ => self.part(PartKind::Loose, span, header.log_time..=header.log_time),
                 }
             }
             op::SCHEMA | op::CHANNEL => {
@@ -182,19 +191,19 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// Opens a chunk for its channels, counts and times. What is wrong inside is told when its messages are read.
+    /// Opens a chunk for its channels, counts and times. Faults inside are reported when its messages are read.
     fn chunk(&mut self, chunk: &ChunkHeader) -> Result<Option<u64>, BagError> {
-        let mut times: Option<(u64, u64)> = None;
+        let mut times: Option<RangeInclusive<u64>> = None;
         let (channels, counts) = (&mut self.layout.channels, &mut self.counts);
         let decoded = self.decoder.decode(self.source, chunk, &mut |opcode, body| {
             if opcode != op::MESSAGE {
-                // A contradiction is told by the reader of the messages.
-                let _told_later = channels.add(opcode, body);
+                // A contradiction is reported when the messages are read.
+                let _reported_later = channels.add(opcode, body);
             } else if let Some((header, _)) = MessageHeader::split(body) {
                 *counts.entry(header.channel).or_default() += 1;
                 let time = header.log_time;
-                let (first, last) = times.unwrap_or((time, time));
-                times = Some((first.min(time), last.max(time)));
+                let (first, last) = times.take().map_or((time, time), RangeInclusive::into_inner);
+                times = Some(first.min(time)..=last.max(time));
             }
         });
         if let Err(error @ BagError::Io { .. }) = decoded {
@@ -204,12 +213,13 @@ impl Scan<'_> {
         if !self.layout.compressions.contains(&chunk.compression) {
             self.layout.compressions.push(chunk.compression.clone());
         }
-        let times = times.unwrap_or((chunk.start_time, chunk.start_time));
+        let times = times.unwrap_or(chunk.start_time..=chunk.start_time);
         self.part(PartKind::Chunk, &chunk.span, times);
         Ok((chunk.span.end <= self.source.len_bytes).then_some(chunk.span.end))
     }
 
-    fn part(&mut self, kind: PartKind, span: &RecordSpan, (start_time, end_time): (u64, u64)) {
+    fn part(&mut self, kind: PartKind, span: &RecordSpan, times: RangeInclusive<u64>) {
+        let (start_time, end_time) = times.into_inner();
         let (offset, end, message_indexes) = (span.offset, span.end, Vec::new());
         let part = Part { kind, offset, end, start_time, end_time, message_indexes };
         self.layout.parts.push(part);
@@ -219,7 +229,7 @@ impl Scan<'_> {
     fn damage(&mut self, offset: u64, end: u64, what: String) {
         let start_time = self.layout.parts.last().map_or(0, |part| part.start_time);
         let span = RecordSpan { opcode: 0, offset, end };
-        self.part(PartKind::Damage(what), &span, (start_time, start_time));
+        self.part(PartKind::Damage(what), &span, start_time..=start_time);
     }
 
     /// Notes damage from `offset` to the next place where a chunk or the end of the data begins.

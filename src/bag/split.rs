@@ -10,7 +10,7 @@ use super::{
     Attachment, Compression, MetadataRecord, RecordError, Recorder, Times, Topic, TopicId,
 };
 
-/// What the file needs for a message beside its bytes: the record's header and the entry in the index.
+/// File overhead of a message, bytes: the record's header and the index entry.
 const MESSAGE_OVERHEAD_BYTES: u64 = 31 + 16;
 
 /// When a file of the bag is closed and the next begun. 0 is no limit.
@@ -23,7 +23,7 @@ pub struct SplitLimits {
     pub duration_ns: u64,
 }
 
-/// What was written.
+/// Summary of the written bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SplitSummary {
     /// The directory.
@@ -54,7 +54,7 @@ pub struct SplitRecorder {
     closed_bytes: u64,
 }
 
-/// What explains a file.
+/// Records at the start of every file that describe the messages.
 #[derive(Default)]
 struct Head {
     record: Option<MetadataRecord>,

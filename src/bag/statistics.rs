@@ -1,6 +1,6 @@
 //! Counts, rates and gaps of one topic, from times in their order.
 
-/// What is known of a topic's messages.
+/// Statistics of a topic's messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Number of messages.

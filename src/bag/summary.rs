@@ -1,25 +1,27 @@
-//! The index at the end of a finished file, believed only when its checksum fits.
+//! The index at the end of a finished file, used only if its checksum matches.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
-use mcap::records::op;
+use mcap::records::{Record, Statistics, op};
 
 use super::BagError;
 use super::channels::Channels;
+use super::error::Fault;
 use super::fields::Fields;
 use super::format::{PREFIX_BYTES, RecordSpan, Source, u32_at, u64_at};
 
 /// A footer record and the magic behind it.
 const END_BYTES: u64 = PREFIX_BYTES + 20 + 8;
 
-/// What a file says of itself at its end.
+/// The summary section of a file.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
     pub(super) channels: Channels,
     pub(super) chunks: Vec<ChunkIndex>,
     pub(super) attachments: Vec<RecordSpan>,
     pub(super) metadata: Vec<RecordSpan>,
-    pub(super) statistics: Option<FileStatistics>,
+    pub(super) statistics: Option<Statistics>,
 }
 
 /// Where a chunk lies and what is in it.
@@ -32,35 +34,26 @@ pub(super) struct ChunkIndex {
     pub(super) compression: String,
 }
 
-/// Numbers of messages.
-#[derive(Debug)]
-pub(super) struct FileStatistics {
-    pub(super) message_count: u64,
-    pub(super) channel_counts: BTreeMap<u16, u64>,
-}
-
-/// The file's summary; in the inner error why there is none to use.
-pub(super) fn read(source: &mut Source) -> Result<Result<Summary, String>, BagError> {
-    let (mut offset, end) = match find(source)? {
-        Ok(range) => range,
-        Err(why) => return Ok(Err(why)),
-    };
+/// Reads the file's summary.
+pub(super) fn read(source: &mut Source) -> Result<Summary, Fault> {
+    let Range { start: mut offset, end } = find(source)?;
     let mut summary = Summary::default();
     while offset < end {
-        let span = match source.record_at(offset)? {
+        let span = match source.record_at(offset) {
             Ok(Some(span)) if span.end <= end => span,
-            _ => return Ok(Err(format!("the summary is unreadable at byte {offset}"))),
+            Err(Fault::Io(error)) => return Err(error.into()),
+            _ => return Err(format!("the summary is unreadable at byte {offset}").into()),
         };
         let body = match source.body(&span) {
-            Err(BagError::Damaged { what, .. }) => return Ok(Err(what)),
+            Err(BagError::Damaged { what, .. }) => return Err(what.into()),
             body => body?,
         };
-        if let Err(why) = summary.add(span.opcode, &body) {
-            return Ok(Err(format!("the summary is unreadable at byte {offset}: {why}")));
-        }
+        summary
+            .add(span.opcode, &body)
+            .map_err(|why| format!("the summary is unreadable at byte {offset}: {why}"))?;
         offset = span.end;
     }
-    Ok(Ok(summary))
+    Ok(summary)
 }
 
 impl Summary {
@@ -76,9 +69,10 @@ impl Summary {
             op::METADATA_INDEX => {
                 self.metadata.push(span(&mut fields, op::METADATA).ok_or_else(ill_formed)?);
             }
-            op::STATISTICS => {
-                self.statistics = Some(statistics(&mut fields).ok_or_else(ill_formed)?);
-            }
+            op::STATISTICS => match mcap::parse_record(opcode, body) {
+                Ok(Record::Statistics(statistics)) => self.statistics = Some(statistics),
+                _ => return Err(ill_formed()),
+            },
             _ => {}
         }
         Ok(())
@@ -98,33 +92,26 @@ fn chunk_index(fields: &mut Fields<'_>) -> Option<ChunkIndex> {
     Some(ChunkIndex { span, start_time, end_time, message_indexes, compression: fields.string()? })
 }
 
-fn statistics(fields: &mut Fields<'_>) -> Option<FileStatistics> {
-    let message_count = fields.u64()?;
-    // Numbers of schemas, channels, attachments, metadata records and chunks; first and last time.
-    fields.bytes(2 + 4 + 4 + 4 + 4 + 8 + 8)?;
-    Some(FileStatistics { message_count, channel_counts: fields.channel_map()? })
-}
-
-/// First byte of the summary and of the footer behind it, when footer, magic and checksum are right.
-fn find(source: &mut Source) -> Result<Result<(u64, u64), String>, BagError> {
-    let unfinished = || Ok(Err("it was not finished".into()));
-    let Some(footer_offset) = source.len_bytes.checked_sub(END_BYTES) else { return unfinished() };
+/// Returns where the summary lies, up to the footer, if footer, magic and checksum are right.
+fn find(source: &mut Source) -> Result<Range<u64>, Fault> {
+    let unfinished = || "it was not finished".to_owned();
+    let footer_offset = source.len_bytes.checked_sub(END_BYTES).ok_or_else(unfinished)?;
     let mut end = [0; END_BYTES as usize];
     source.read_exact_at(footer_offset, &mut end)?;
     if !end.ends_with(mcap::MAGIC) || end[0] != op::FOOTER || u64_at(&end, 1) != 20 {
-        return unfinished();
+        return Err(unfinished().into());
     }
     let (summary_start, saved) = (u64_at(&end, 9), u32_at(&end, 25));
     if summary_start == 0 {
-        return Ok(Err("it has no summary".into()));
+        return Err("it has no summary".to_owned().into());
     }
     if summary_start > footer_offset {
-        return Ok(Err(format!("the footer puts the summary at byte {summary_start}")));
+        return Err(format!("the footer puts the summary at byte {summary_start}").into());
     }
     if saved != 0 && saved != checksum(source, summary_start, footer_offset + PREFIX_BYTES + 16)? {
-        return Ok(Err("the checksum of the summary does not fit".into()));
+        return Err("the checksum of the summary does not fit".to_owned().into());
     }
-    Ok(Ok((summary_start, footer_offset)))
+    Ok(summary_start..footer_offset)
 }
 
 fn checksum(source: &mut Source, start: u64, end: u64) -> Result<u32, BagError> {

@@ -1,4 +1,4 @@
-//! Which messages a reader hands out, and as what.
+//! Selects messages and converts records into them.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use super::RawMessage;
 use super::channels::Channels;
 use super::format::MessageHeader;
 
-/// Which messages are read.
+/// Selection of the messages to read.
 #[derive(Clone, Debug, Default)]
 pub struct Filter {
     topics: Option<BTreeSet<String>>,
@@ -21,7 +21,7 @@ impl Filter {
         Self::default()
     }
 
-    /// These topics. Chunks without them are not opened when the file's index tells so.
+    /// These topics. Chunks without them are skipped if the index lists their channels.
     pub fn topics<Name: Into<String>>(names: impl IntoIterator<Item = Name>) -> Self {
         Self { topics: Some(names.into_iter().map(Into::into).collect()), start_time: 0 }
     }
@@ -41,7 +41,7 @@ impl Filter {
     }
 }
 
-/// What a message is taken by, and the buffers that it may use.
+/// Selects messages and reuses buffers for them.
 pub(super) struct Taker<'a> {
     pub(super) channels: &'a Channels,
     pub(super) filter: &'a Filter,
@@ -52,7 +52,7 @@ impl Taker<'_> {
     /// The message in a record's body with its channel, when the filter takes it.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// A malformed message record; the text describes the fault.
     pub(super) fn take(&mut self, body: &[u8]) -> Result<Option<(u16, RawMessage)>, String> {
         let Some((header, data)) = MessageHeader::split(body) else {
             return Err("a message record shorter than its header".into());
@@ -68,7 +68,7 @@ impl Taker<'_> {
     /// A message with that header, when the filter takes it. Its data is whatever the buffer held before.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// A malformed message record; the text describes the fault.
     pub(super) fn empty(&mut self, header: &MessageHeader) -> Result<Option<RawMessage>, String> {
         let Some(topic) = self.channels.get(header.channel) else {
             let channel = header.channel;

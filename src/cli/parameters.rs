@@ -10,7 +10,7 @@ use serde_json::{Value as Json, json};
 use super::{Outcome, output};
 use crate::ros::{
     parameters::Parameters,
-    table::{Kind, Parameter, camera::CAMERA, node::NODE},
+    table::{CAMERA, Kind, NODE, Parameter},
 };
 
 const HELP: &str = "\

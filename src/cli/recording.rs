@@ -58,11 +58,12 @@ impl Recording {
             .collect();
         // One name and type may stand there twice, with different QoS.
         topics.dedup();
-        let topic = input::choose(&topics, &settings.names, &camera.name, camera.image_transport)
-            .map_err(|error| {
-            let told = format!("{}: {error}", path.display());
-            if error.is_usage() { usage(told) } else { anyhow!(told) }
-        })?;
+        let topic =
+            input::choose(&topics, &settings.names, &camera.name, camera.chosen_transport())
+                .map_err(|error| {
+                    let told = format!("{}: {error}", path.display());
+                    if error.is_usage() { usage(told) } else { anyhow!(told) }
+                })?;
         for found in bag.topics().iter().filter(|found| found.name == topic.name) {
             found.require_cdr()?;
         }

@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use super::ViewError;
 
-/// Where viewers look first.
+/// Default address of the server, and the one that viewers try first.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 
 /// An address that only this machine reaches.
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_else_reaches_it() {
+    fn addresses_other_than_loopback_are_rejected() {
         for text in ["0.0.0.0:8765", "192.168.0.7:1", "[::]:8765", "8.8.8.8:8765"] {
             let error = Address::parse(text).unwrap_err();
             assert!(error.is_usage() && error.to_string().contains("ssh -L"), "{error}");
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_address_is_told_what_one_is() {
+    fn a_malformed_address_is_rejected_with_the_expected_form() {
         for text in ["", "host", "127.0.0.1", "127.0.0.1:", "127.0.0.1:70000", ":80", "-1"] {
             let error = Address::parse(text).unwrap_err();
             assert!(error.is_usage() && error.to_string().contains("HOST:PORT"), "{error}");

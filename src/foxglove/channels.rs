@@ -1,4 +1,4 @@
-//! Topics as viewers see them. What nobody wants costs a look at a list.
+//! Topics that viewers can subscribe to. Messages without subscribers are neither encoded nor sent.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -12,7 +12,7 @@ use foxglove::{ChannelBuilder, Context, PartialMetadata, RawChannel, Schema, Sin
 
 use super::ViewError;
 
-/// What viewers must know of a topic.
+/// Description of a topic for viewers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ChannelDescription {
     /// Absolute name.
@@ -35,12 +35,12 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Whether some viewer wants it now.
+    /// True if a viewer is subscribed.
     pub fn is_wanted(&self) -> bool {
         self.raw.has_sinks()
     }
 
-    /// Hands CDR bytes to those who want them. `time_ns`: when they were received, nanoseconds since the epoch.
+    /// Sends CDR bytes to the subscribed viewers. `time_ns`: receive time, nanoseconds since the epoch.
     pub fn send(&self, data: &Arc<[u8]>, time_ns: i64) {
         let time = time_of(time_ns);
         if self.topic.num_kept > 0 {
@@ -101,7 +101,7 @@ impl Channels {
         Self { context: Context::new(), by_id: Mutex::default(), num_sent: Arc::default() }
     }
 
-    /// Serves a topic. Publishers of the same topic share its channel: cameras that tell of themselves on `/diagnostics`.
+    /// Serves a topic. Publishers of the same topic share its channel: all cameras publish on `/diagnostics`.
     pub(super) fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
         let mut by_id = self.lock();
         by_id.retain(|_, channel| channel.strong_count() > 0);
@@ -122,7 +122,7 @@ impl Channels {
         Ok(channel)
     }
 
-    /// Gives a viewer what was said before it came.
+    /// Sends a new subscriber the messages that were kept for it.
     pub(super) fn resend(&self, id: u64, viewer: Option<SinkId>) {
         let channel = self.lock().get(&id).and_then(Weak::upgrade);
         if let Some(channel) = channel {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn publishers_of_one_topic_share_it_and_the_last_takes_it_away() {
+    fn publishers_of_one_topic_share_a_channel_until_the_last_is_dropped() {
         let channels = Channels::new();
         let first = channels.open(topic("/a")).unwrap();
         let second = channels.open(topic("/a")).unwrap();
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_messages_are_kept_and_nothing_is_sent_to_nobody() {
+    fn the_last_messages_are_kept_and_none_is_sent_without_subscribers() {
         let channels = Channels::new();
         let channel = channels.open(topic("/a")).unwrap();
         for number in 1..=3 {

@@ -1,4 +1,4 @@
-//! What viewers do, as the server hears of it. Called between their messages: nothing here waits.
+//! Handles viewer events. The server calls these between messages, so nothing here may block.
 
 use std::sync::{Arc, Weak};
 
@@ -6,13 +6,13 @@ use foxglove::websocket::{
     ChannelView, Client, PlaybackControlRequest, PlaybackState, ServerListener,
 };
 
-use super::server::Shared;
+use super::server::ServerState;
 
-/// Hears of viewers.
-pub(super) struct Listener(pub(super) Weak<Shared>);
+/// Receives viewer events.
+pub(super) struct Listener(pub(super) Weak<ServerState>);
 
 impl Listener {
-    fn shared(&self) -> Option<Arc<Shared>> {
+    fn shared(&self) -> Option<Arc<ServerState>> {
         self.0.upgrade()
     }
 }
@@ -20,7 +20,7 @@ impl Listener {
 impl ServerListener for Listener {
     fn on_client_connect(&self) {
         if let Some(shared) = self.shared() {
-            shared.tell_notes();
+            shared.publish_notes();
             shared.desk.on_viewer();
         }
     }

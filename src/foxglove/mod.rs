@@ -1,7 +1,7 @@
 //! Live view: this process as a server that Foxglove connects to, over its WebSocket protocol.
 //!
-//! Edge: sockets and threads. It hands on bytes that others made and asks a [`Desk`] for what viewers want; it knows
-//! neither the node nor recordings. Nobody ever waits for a viewer: what one cannot take in time is lost to it alone.
+//! Edge: sockets and threads. It forwards encoded messages and passes viewer requests to a [`Desk`]; it depends on
+//! neither the node nor recordings. A slow viewer never blocks others: messages are dropped for that viewer only.
 
 mod address;
 mod channels;
@@ -21,21 +21,21 @@ pub use services::ServiceDescription;
 
 use thiserror::Error;
 
-/// Why there is no view.
+/// Errors of starting the view.
 #[derive(Debug, Error)]
 pub enum ViewError {
     /// An address that is none.
     #[error("--view={0:?}: must be HOST:PORT or PORT, as in {DEFAULT_ADDRESS}")]
     Address(String),
-    /// An address that others could reach.
+    /// An address that other machines could reach.
     #[error(
-        "--view={0}: the view is for this machine only, because nobody who connects is asked who he is: give a loopback \
-         address (127.0.0.1, [::1] or localhost), and from elsewhere come through ssh -L {1}:127.0.0.1:{1}"
+        "--view={0}: must be a loopback address (127.0.0.1, [::1] or localhost), because the server has no client \
+         authentication; for remote access use an SSH tunnel: ssh -L {1}:127.0.0.1:{1}"
     )]
     NotLoopback(std::net::IpAddr, u16),
-    /// Somebody else has the port.
+    /// The port is in use.
     #[error(
-        "--view: port {} of {} is taken, by another view perhaps: end that, or choose a port by --view={}:PORT",
+        "--view: port {} of {} is already in use, perhaps by another view: stop it, or choose another port with --view={}:PORT",
         .0.port(), .0.ip(), .0.ip()
     )]
     PortTaken(std::net::SocketAddr),
@@ -54,13 +54,13 @@ pub enum ViewError {
 }
 
 impl ViewError {
-    /// Whether what was asked for is to blame.
+    /// True if the command line is wrong.
     pub const fn is_usage(&self) -> bool {
         matches!(self, Self::Address(_) | Self::NotLoopback(..))
     }
 }
 
-/// What viewers may ask for. Called on a thread of the server's; the answers to playback must come at once.
+/// Requests of viewers. Called on a server thread; playback requests must return immediately.
 pub trait Desk: Send + Sync + 'static {
     /// The named parameters, all of them where no name is given. Names that do not exist are left out.
     fn parameters(&self, names: &[String]) -> Vec<Parameter>;

@@ -13,7 +13,7 @@ use foxglove::websocket::{
     AnyClient, GetParametersResponder, Parameter, ParameterHandler, SetParametersResponder,
 };
 
-use super::server::Shared;
+use super::server::ServerState;
 
 /// Requests that may wait: a slider that is dragged sends some sixty a second.
 const MAX_WAITING: usize = 256;
@@ -28,7 +28,7 @@ enum Request {
 
 impl Parameters {
     /// Starts the thread that answers; it ends with the last of the senders.
-    pub(super) fn start(shared: Weak<Shared>) -> io::Result<Self> {
+    pub(super) fn start(shared: Weak<ServerState>) -> io::Result<Self> {
         let (sender, requests) = sync_channel(MAX_WAITING);
         thread::Builder::new()
             .name("view parameters".to_owned())
@@ -36,10 +36,10 @@ impl Parameters {
         Ok(Self(sender))
     }
 
-    /// A viewer that asks faster than the node answers is told so.
+    /// Queues a request; replies with an error if the queue is full.
     fn ask(&self, client: &AnyClient, request: Request) {
         if let Err(unasked) = self.0.try_send(request) {
-            client.send_error(format!("{MAX_WAITING} requests wait already: ask again"));
+            client.send_error(format!("{MAX_WAITING} requests are already queued: try again"));
             drop(unasked);
         }
     }
@@ -68,7 +68,7 @@ impl ParameterHandler for Parameters {
     }
 }
 
-fn answer_all(requests: &Receiver<Request>, shared: &Weak<Shared>) {
+fn answer_all(requests: &Receiver<Request>, shared: &Weak<ServerState>) {
     for request in requests {
         let Some(shared) = shared.upgrade() else { return };
         match request {
@@ -81,7 +81,7 @@ fn answer_all(requests: &Receiver<Request>, shared: &Weak<Shared>) {
                 // What is in force, accepted or not: a panel must not show what was refused.
                 let in_force = shared.desk.parameters(&names);
                 responder.respond(in_force.clone());
-                shared.tell_parameters(in_force);
+                shared.publish_parameters(in_force);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The server and what it tells its viewers.
+//! The WebSocket server and the messages it publishes to viewers.
 
 use std::{
     collections::BTreeMap,
@@ -22,17 +22,17 @@ use super::{
     listener::Listener, parameters::Parameters, services,
 };
 
-/// Messages that wait for a viewer; the oldest give way. Of small pictures some 50 MB.
+/// Messages queued per viewer; the oldest are dropped first. About 50 MB of previews.
 const BACKLOG_MESSAGES: usize = 256;
 /// Threads of all connections.
 const NUM_THREADS: usize = 2;
-/// How long viewers are given to hear that the server ends.
-const FAREWELL: Duration = Duration::from_millis(500);
+/// Timeout for closing the viewers' connections.
+const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// What kind of server it is.
+/// Settings of the server.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// How viewers call it.
+    /// Name shown in viewers.
     pub name: String,
     /// Times of the first and the last message of what is played, nanoseconds since the epoch; `None`: it is live.
     pub time_range_ns: Option<(i64, i64)>,
@@ -40,17 +40,17 @@ pub struct Settings {
 
 /// A server that viewers connect to, until it is dropped.
 pub struct Server {
-    shared: Arc<Shared>,
+    shared: Arc<ServerState>,
     address: SocketAddr,
     runtime: Option<Runtime>,
 }
 
-/// What the server's threads share.
-pub(super) struct Shared {
+/// State shared by the server's threads.
+pub(super) struct ServerState {
     pub(super) desk: Arc<dyn Desk>,
     pub(super) channels: Channels,
     handle: RwLock<Option<WebSocketServerHandle>>,
-    /// What every viewer is told, by its key.
+    /// Warnings shown to every viewer, by key.
     notes: Mutex<BTreeMap<String, String>>,
     is_graph_wanted: AtomicBool,
 }
@@ -72,7 +72,7 @@ impl Server {
             .enable_all()
             .build()
             .map_err(io)?;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(ServerState {
             desk,
             channels: Channels::new(),
             handle: RwLock::default(),
@@ -115,7 +115,7 @@ impl Server {
         self.shared.channels.open(topic)
     }
 
-    /// Messages handed to viewers so far: none where nobody wanted any.
+    /// Number of messages sent to viewers so far.
     pub fn num_sent(&self) -> u64 {
         self.shared.channels.num_sent()
     }
@@ -143,51 +143,51 @@ impl Server {
         let mut notes = self.shared.notes.lock().unwrap_or_else(PoisonError::into_inner);
         notes.insert(key.to_owned(), text.to_owned());
         drop(notes);
-        self.shared.tell_notes();
+        self.shared.publish_notes();
     }
 
-    /// Tells the time of what is played, nanoseconds since the epoch.
-    pub fn tell_time(&self, time_ns: i64) {
+    /// Publishes the playback time, nanoseconds since the epoch.
+    pub fn publish_time(&self, time_ns: i64) {
         self.shared.with(|handle| handle.broadcast_time(time_ns.max(0) as u64));
     }
 
-    /// Tells how it is played.
-    pub fn tell_playback(&self, state: PlaybackState) {
+    /// Publishes the playback state.
+    pub fn publish_playback(&self, state: PlaybackState) {
         self.shared.with(|handle| handle.broadcast_playback_state(state));
     }
 
-    /// Tells those who watch them what parameters are in force.
-    pub fn tell_parameters(&self) {
-        self.shared.tell_parameters(self.shared.desk.parameters(&[]));
+    /// Publishes the current parameter values to the viewers that subscribed to them.
+    pub fn publish_parameters(&self) {
+        self.shared.publish_parameters(self.shared.desk.parameters(&[]));
     }
 
-    /// Whether some viewer has asked who speaks to whom.
+    /// True if a viewer has subscribed to the connection graph.
     pub fn is_graph_wanted(&self) -> bool {
         self.shared.is_graph_wanted.load(Ordering::Relaxed)
     }
 
-    /// Tells who speaks to whom.
-    pub fn tell_graph(&self, graph: ConnectionGraph) {
-        let told = self.shared.with(|handle| handle.publish_connection_graph(graph));
-        if let Some(Err(error)) = told {
-            tracing::debug!("the view has no graph: {error}");
+    /// Publishes the connection graph.
+    pub fn publish_graph(&self, graph: ConnectionGraph) {
+        let published = self.shared.with(|handle| handle.publish_connection_graph(graph));
+        if let Some(Err(error)) = published {
+            tracing::debug!("cannot publish the connection graph: {error}");
         }
     }
 }
 
-impl Shared {
+impl ServerState {
     fn with<T>(&self, act: impl FnOnce(&WebSocketServerHandle) -> T) -> Option<T> {
         self.handle.read().unwrap_or_else(PoisonError::into_inner).as_ref().map(act)
     }
 
-    pub(super) fn tell_notes(&self) {
+    pub(super) fn publish_notes(&self) {
         let notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner).clone();
         for (key, text) in notes {
             self.with(|handle| handle.publish_status(Status::warning(text).with_id(key)));
         }
     }
 
-    pub(super) fn tell_parameters(&self, parameters: Vec<Parameter>) {
+    pub(super) fn publish_parameters(&self, parameters: Vec<Parameter>) {
         self.with(|handle| handle.publish_parameter_values(parameters));
     }
 
@@ -203,8 +203,8 @@ impl Drop for Server {
         if let Some(handle) = handle {
             let farewell = handle.stop();
             runtime.block_on(async {
-                // Viewers that do not listen any more are left alone.
-                _ = tokio::time::timeout(FAREWELL, farewell.wait()).await;
+                // Viewers that do not respond are dropped.
+                _ = tokio::time::timeout(CLOSE_TIMEOUT, farewell.wait()).await;
             });
         }
         runtime.shutdown_background();

@@ -5,7 +5,7 @@ use foxglove::{
     websocket::service::{Request, Service, ServiceSchema},
 };
 
-/// What viewers must know of a service.
+/// Description of a service for viewers.
 #[derive(Clone, Copy, Debug)]
 pub struct ServiceDescription<'a> {
     /// Absolute name, as in `/laser_profiler/start_scan`.
@@ -39,6 +39,6 @@ pub(super) fn service(
             // ROS puts one byte into messages that would be empty; not every viewer knows.
             bytes.push(0);
         }
-        on_request(&bytes).ok_or("the request is not what the type's text says, in CDR")
+        on_request(&bytes).ok_or("the request is not valid CDR of its type")
     })
 }

@@ -287,7 +287,7 @@ pub struct StartScanRequest<'a> {
     /// Name of the part.
     #[serde(borrow, with = "text")]
     pub part_id: Cow<'a, str>,
-    /// Metres of travel; 0: until it is stopped.
+    /// Travel after the axis's scale, metres; 0: until it is stopped. Only 0 on a revolute axis without measured poses.
     pub length: f64,
 }
 

@@ -15,7 +15,7 @@ use crate::{
     bag::RawMessage,
     ros::camera_params::{CameraParams, Moved},
     scanner::{
-        axis::{AxisKind, RawPosition},
+        axis::{Axis, AxisKind, RawPosition},
         calibration::Calibration,
         motion::{
             Position,
@@ -74,6 +74,8 @@ pub struct Positions {
     params: MotionParams,
     moved: Moved,
     kind: AxisKind,
+    /// The calibrated axis.
+    axis: Option<Axis>,
     known: Known,
     counter: Counter,
     /// Scale of the first encoder sample, metres a count.
@@ -135,11 +137,13 @@ pub fn of_camera(
     {
         return Err(AxisError::NoCamera(calibration.frame_id().to_owned()));
     }
-    Ok(Positions::new(params, &camera.moved, kind))
+    let positions = Positions::new(params, &camera.moved, kind);
+    let axis = calibration.and_then(Calibration::axis).copied();
+    Ok(positions.map(|positions| Positions { axis, ..positions }))
 }
 
 impl Positions {
-    /// Creates a store without samples; `None` where positions are not measured.
+    /// Creates a store without samples on an axis without scale; `None` where positions are not measured.
     pub fn new(params: &MotionParams, moved: &Moved, kind: AxisKind) -> Option<Self> {
         let known = match params.source {
             MotionSource::None | MotionSource::Constant => return None,
@@ -152,8 +156,9 @@ impl Positions {
             params: *params,
             moved: moved.clone(),
             kind,
+            axis: None,
             known,
-            counter: Counter::new(params.encoder_bits),
+            counter: Counter::new(params.encoder_bits.unwrap_or(0)),
             scale: None,
             camera_frame: String::new(),
             joints: Vec::new(),
@@ -174,7 +179,7 @@ impl Positions {
         match &mut self.known {
             Known::Axis(track) => {
                 *track = Track::new(limits(params), MAX_SAMPLES);
-                self.counter = Counter::new(params.encoder_bits);
+                self.counter = Counter::new(params.encoder_bits.unwrap_or(0));
                 self.scale = None;
             }
             Known::Frames(tree) => tree.set_limits(limits(params)),
@@ -193,7 +198,7 @@ impl Positions {
         self.given_up = None;
     }
 
-    /// Maximum number of frames that wait at a time.
+    /// Maximum number of waiting frames.
     pub const fn max_wait_frames(&self) -> usize {
         self.params.max_wait_frames as usize
     }
@@ -277,7 +282,7 @@ impl Positions {
                     tracing::warn!("{advice}");
                 }
                 found.map(|found| Position {
-                    value: RawPosition(found.value.position),
+                    value: found.value.position,
                     counts: found.value.counts,
                     doubts: found.doubts,
                     is_exact: found.is_exact,
@@ -378,7 +383,10 @@ impl Positions {
 }
 
 fn limits(params: &MotionParams) -> Limits {
-    Limits { max_gap_ns: (params.max_gap_s * 1e9).round() as i64, max_step: params.max_step }
+    Limits {
+        max_gap_ns: (params.max_gap_s.unwrap_or(0.0) * 1e9).round() as i64,
+        max_step: params.max_step.unwrap_or(0.0),
+    }
 }
 
 #[cfg(test)]

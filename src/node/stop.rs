@@ -7,10 +7,10 @@ use std::{
 
 /// A flag that is raised once. Clones share it.
 #[derive(Clone, Debug, Default)]
-pub struct Stop(Arc<Shared>);
+pub struct Stop(Arc<StopFlag>);
 
 #[derive(Debug, Default)]
-struct Shared {
+struct StopFlag {
     is_raised: Mutex<bool>,
     raised: Condvar,
 }

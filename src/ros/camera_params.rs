@@ -6,56 +6,96 @@ pub use motion::Moved;
 
 use std::path::PathBuf;
 
+use laser_triangulation::{named_enum, parameter_group, parameters::Parameter};
+
 use crate::{
     msg::convert::cloud,
     scanner::{
         calibration::Calibration,
-        params::{
-            Background, Channel, Exposure, ExtractionParams, GravityWindow, Method, NoiseSource,
-            Params, PeakSelection, RegionOfInterest, StripeDirection, Threshold,
-        },
+        params::{Background, Params},
         scan::MAX_SLICE_POINTS,
     },
 };
 
-use super::{
-    node_params::ImageTransport,
-    parameters::{ParameterError, Section},
-};
+use super::parameters::{ParameterError, Section};
 
-/// Everything that decides what the frames of one camera give.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CameraParams {
-    /// Its name among several; empty: the node has only this one.
-    pub name: String,
-    /// How images arrive; `None` when nobody set it, and the default may give way to what a recording holds.
-    pub image_transport: Option<ImageTransport>,
-    /// Largest decoded image accepted, bytes.
-    pub max_frame_bytes: u64,
-    /// The calibration; `None`: centrelines only.
-    pub calibration_file: Option<PathBuf>,
-    /// The frame without laser; `None`: there is none.
-    pub background_file: Option<PathBuf>,
-    /// Largest message of the point cloud, bytes; 0: any. Live, what the transport carries stands here in its place.
-    pub points_max_bytes: u64,
-    /// What is moved, by name.
-    pub moved: Moved,
-    /// The measurement, without a limit to a slice's points: see [`scanner_for`](Self::scanner_for).
-    pub scanner: Params,
+const MIB: i64 = 1 << 20;
+
+/// Parameters of the node that stand between those of the measurement, and the one that each follows; others stand first.
+const FOLLOWS: [(&str, &str); 6] = [
+    ("extraction.background_file", "extraction.background_window"),
+    ("calibration_file", "extraction.shot_gain"),
+    ("motion.joint", "motion.velocity"),
+    ("motion.part_frame", "motion.exposure_offset"),
+    ("motion.sensor_frame", "motion.part_frame"),
+    ("points.max_bytes", "slice.profiles"),
+];
+
+named_enum! {
+    /// Type of the images.
+    ImageTransport {
+        /// `sensor_msgs/Image`.
+        Raw = "raw",
+        /// `sensor_msgs/CompressedImage`.
+        Compressed = "compressed",
+    }
+}
+
+parameter_group! {
+    /// Everything that decides the results of one camera.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct CameraParams {
+        /// Name among several cameras; empty for a single camera without a name.
+        name: String = String::new() => computed,
+        /// Which image topic is taken: image_raw itself, or image_raw/compressed. When this is not set, replay takes
+        /// what the recording holds. Lossy compression (JPEG) moves the centreline by some hundredths of a pixel.
+        image_transport: ImageTransport = ImageTransport::Raw => ["image_transport"],
+        /// True if a file or option sets `image_transport`.
+        is_transport_set: bool = false => computed,
+        /// Largest image that is accepted, decoded; a larger one is rejected as malformed. Bounds the memory against
+        /// damaged or hostile input. Raise it only for cameras with larger frames.
+        max_frame_bytes: u64 = 64 << 20 => ["max_frame_bytes", MIB..=1024 * MIB, "bytes"],
+        /// Calibration of camera and laser plane. Empty: centrelines only, no metric profile. A relative path starts
+        /// from the parameter file that sets it, or from the working directory when set by -p.
+        calibration_file: Option<PathBuf> = None => ["calibration_file"],
+        /// Picture for background: reference, of the camera's size and depth: PNG, 8 or 16 bits, as laser_profiler
+        /// ambient makes. A relative path starts from the parameter file that sets it, or from the working directory
+        /// when set by -p.
+        background_file: Option<PathBuf> = None => ["extraction.background_file"],
+        /// Largest message of the point cloud: a slice ends before its own would be larger, but holds one profile at
+        /// least. 0: what the transport carries to every peer with stock settings, 96 KiB on DDS and any size
+        /// elsewhere.
+        points_max_bytes: Option<u64> = None => ["points.max_bytes", 0..=1024 * MIB, "bytes"],
+        /// Names in the messages of the motion.
+        moved: Moved = Moved::default() => group,
+        /// The measurement, without a limit to the points of a slice: see [`scanner_for`](Self::scanner_for).
+        scanner: Params = Params::default() => computed,
+    }
 }
 
 impl CameraParams {
+    /// Returns the parameters in the order of a parameter file: those of the measurement, and between them those of the
+    /// node.
+    pub(super) fn table() -> Vec<Parameter> {
+        let mut rows = Params::parameters();
+        for (index, row) in Self::parameters().into_iter().enumerate() {
+            let follows = FOLLOWS.iter().find(|(name, _)| *name == row.name);
+            let found =
+                follows.and_then(|(_, before)| rows.iter().position(|row| row.name == *before));
+            rows.insert(found.map_or(index, |place| place + 1), row);
+        }
+        rows
+    }
+
     pub(super) fn new(name: &str, values: Section<'_>) -> Result<Self, ParameterError> {
-        let transport = values.choice("image_transport", ImageTransport::from_name)?;
+        let value = |name: &str| values.value(name);
         let params = Self {
             name: name.to_owned(),
-            image_transport: values.is_set("image_transport").then_some(transport),
-            max_frame_bytes: values.unsigned("max_frame_bytes")?,
-            calibration_file: values.file("calibration_file")?,
-            background_file: values.file("extraction.background_file")?,
-            points_max_bytes: values.unsigned("points.max_bytes")?,
-            moved: motion::moved(values)?,
-            scanner: scanner(values)?,
+            is_transport_set: values.is_set("image_transport"),
+            calibration_file: values.file("calibration_file"),
+            background_file: values.file("extraction.background_file"),
+            scanner: Params::from_values(&value)?,
+            ..Self::from_values(&value)?
         };
         params.check()?;
         Ok(params)
@@ -64,8 +104,10 @@ impl CameraParams {
     /// The measurement with slices whose message, in the frame `frame_id`, fits into `points_max_bytes`.
     pub fn scanner_for(&self, frame_id: &str) -> Params {
         let slice_max_points = match self.points_max_bytes {
-            0 => MAX_SLICE_POINTS,
-            bytes => cloud::points_within(usize::try_from(bytes).unwrap_or(usize::MAX), frame_id),
+            None => MAX_SLICE_POINTS,
+            Some(bytes) => {
+                cloud::points_within(usize::try_from(bytes).unwrap_or(usize::MAX), frame_id)
+            }
         };
         Params { slice_max_points, ..self.scanner }
     }
@@ -87,9 +129,9 @@ impl CameraParams {
         !frame.is_empty() && self.moved.sensor_frame == frame
     }
 
-    /// How images arrive live: raw, unless it was set.
-    pub fn live_transport(&self) -> ImageTransport {
-        self.image_transport.unwrap_or(ImageTransport::Raw)
+    /// Returns the type of the images, if a file or option sets it; otherwise a recording decides.
+    pub fn chosen_transport(&self) -> Option<ImageTransport> {
+        self.is_transport_set.then_some(self.image_transport)
     }
 
     /// The full name of a parameter of this camera.
@@ -126,56 +168,4 @@ impl CameraParams {
         }
         Ok(())
     }
-}
-
-fn scanner(values: Section<'_>) -> Result<Params, ParameterError> {
-    let number = |name| values.unsigned(name).map(|value| value as u32);
-    Ok(Params {
-        channel: values.choice("channel", Channel::from_name)?,
-        stripe_direction: values.choice("stripe_direction", StripeDirection::from_name)?,
-        full_scale: number("full_scale")?,
-        roi: RegionOfInterest {
-            x_offset: number("roi.x_offset")?,
-            y_offset: number("roi.y_offset")?,
-            width: number("roi.width")?,
-            height: number("roi.height")?,
-        },
-        exposure: values.choice("exposure", Exposure::from_name)?,
-        extraction: extraction(values)?,
-        motion: motion::params(values)?,
-        slice_profiles: number("slice.profiles")?,
-        slice_max_points: MAX_SLICE_POINTS,
-        scan_max_profiles: number("scan.max_profiles")?,
-    })
-}
-
-fn extraction(values: Section<'_>) -> Result<ExtractionParams, ParameterError> {
-    let float = |name: &str| values.float(&format!("extraction.{name}"));
-    let number =
-        |name: &str| values.unsigned(&format!("extraction.{name}")).map(|value| value as u32);
-    Ok(ExtractionParams {
-        method: values.choice("extraction.method", Method::from_name)?,
-        window: values.choice("extraction.window", GravityWindow::from_name)?,
-        blur_radius: number("blur_radius")?,
-        segment_threshold: float("segment_threshold")?,
-        min_segment_area: number("min_segment_area")?,
-        width_threshold: float("width_threshold")?,
-        peak_selection: values.choice("extraction.peak_selection", PeakSelection::from_name)?,
-        background: values.choice("extraction.background", Background::from_name)?,
-        background_window_px: number("background_window")?,
-        threshold: values.choice("extraction.threshold", Threshold::from_name)?,
-        threshold_sigmas: float("threshold_sigmas")?,
-        min_contrast: float("min_contrast")?,
-        min_width_px: number("min_width")?,
-        max_width_px: number("max_width")?,
-        min_snr: float("min_snr")?,
-        max_stripes: number("max_stripes")?,
-        max_step_px: float("max_step")?,
-        tracking_margin_px: number("tracking_margin")?,
-        smoothing_columns: number("smoothing_columns")?,
-        ridge_sigma_px: float("ridge_sigma")?,
-        noise: values.choice("extraction.noise", NoiseSource::from_name)?,
-        read_noise: float("read_noise")?,
-        shot_gain: float("shot_gain")?,
-    })
 }

@@ -2,23 +2,19 @@
 
 use std::path::PathBuf;
 
-use laser_triangulation::named_enum;
+use laser_triangulation::{named_enum, parameter_group};
 
+pub use super::camera_params::ImageTransport;
 use super::{
     camera_params::CameraParams,
-    parameters::{ParameterError, Parameters, Section},
+    parameters::{ParameterError, Parameters},
     qos_overrides::QosOverrides,
 };
 
-named_enum! {
-    /// How images arrive.
-    ImageTransport {
-        /// `sensor_msgs/Image`.
-        Raw = "raw",
-        /// `sensor_msgs/CompressedImage`.
-        Compressed = "compressed",
-    }
-}
+const MIB: i64 = 1 << 20;
+const MAX_SECONDS: i64 = 366 * 24 * 3600;
+const MAX_FILE_BYTES: i64 = 1 << 50;
+const MAX_MEMORY_BYTES: i64 = 1 << 40;
 
 named_enum! {
     /// How the results' recording is compressed.
@@ -44,80 +40,70 @@ named_enum! {
     }
 }
 
-/// Everything that the node can be told.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NodeParams {
-    /// Whether the node configures and activates itself.
-    pub autostart: bool,
-    /// Whether the time is that of `/clock`.
-    pub use_sim_time: bool,
-    /// How services are spoken on DDS.
-    pub service_mapping: ServiceMapping,
-    /// How the live node records.
-    pub recording: RecordingParams,
-    /// Changes to the quality of service of topics.
-    pub qos_overrides: QosOverrides,
-    /// The cameras, at least one.
-    pub cameras: Vec<CameraParams>,
-}
-
-/// How results, and images if wanted, are recorded.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RecordingParams {
-    /// Whether to record as long as the node is active.
-    pub enabled: bool,
-    /// Where bags are made.
-    pub directory: PathBuf,
-    /// Whether raw images are recorded too.
-    pub images: bool,
-    /// Compression of the results.
-    pub compression: Compression,
-    /// Size at which the next file begins, bytes; 0: never.
-    pub split_bytes: u64,
-    /// Duration after which the next file begins, seconds; 0: never.
-    pub split_seconds: u64,
-    /// Space left free on the disk, bytes.
-    pub min_free_bytes: u64,
-    /// Memory for messages that wait for the disk, bytes.
-    pub queue_bytes: u64,
-    /// How much of the past is kept for a snapshot, seconds; 0: nothing.
-    pub snapshot_seconds: u64,
-    /// Memory for that past, bytes.
-    pub snapshot_bytes: u64,
-}
-
-impl NodeParams {
-    /// Takes the checked values into types and checks what no single value can show.
-    ///
-    /// # Errors
-    /// Values that contradict one another.
-    pub fn new(values: &Parameters) -> Result<Self, ParameterError> {
-        let node = values.of_node();
-        let camera = |name: &String| CameraParams::new(name, values.of_camera(name));
-        Ok(Self {
-            autostart: node.flag("autostart")?,
-            use_sim_time: node.flag("use_sim_time")?,
-            service_mapping: node.choice("dds.service_mapping", ServiceMapping::from_name)?,
-            recording: RecordingParams::new(node)?,
-            qos_overrides: QosOverrides::of(values),
-            cameras: values.cameras().iter().map(camera).collect::<Result<_, _>>()?,
-        })
+parameter_group! {
+    /// Every parameter of the node.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct NodeParams {
+        /// Whether the node configures and activates itself. false: it waits for ~/change_state, as from a lifecycle
+        /// manager.
+        autostart: bool = true => ["autostart", read_only],
+        /// Whether the time is that of /clock, as a simulator or a player sends it, instead of the machine's.
+        use_sim_time: bool = false => ["use_sim_time"],
+        /// How services are spoken on DDS. auto: each request is answered as it was asked, Fast DDS and Cyclone DDS
+        /// side by side; enhanced: all as by Fast DDS; cyclone: all as by Cyclone DDS.
+        service_mapping: ServiceMapping = ServiceMapping::Auto => ["dds.service_mapping", read_only],
+        /// Recording of results and images.
+        recording: RecordingParams = RecordingParams::default() => group,
+        /// Changes to the quality of service of topics.
+        qos_overrides: QosOverrides = QosOverrides::default() => computed,
+        /// The cameras, at least one.
+        cameras: Vec<CameraParams> = vec![CameraParams::default()] => computed,
     }
 }
 
-impl RecordingParams {
-    fn new(node: Section<'_>) -> Result<Self, ParameterError> {
+parameter_group! {
+    /// Recording of results, and of images if wanted.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    pub struct RecordingParams {
+        /// Whether results are recorded as long as the node is active; ~/record switches it too.
+        enabled: bool = false => ["recording.enabled"],
+        /// Where recordings are made, each a directory laser_profiler_<UTC time>. A relative path starts from the
+        /// working directory.
+        directory: PathBuf = PathBuf::from(".") => ["recording.directory"],
+        /// Whether the raw images are recorded too, in a bag of their own beside the results. Needs a disk that takes
+        /// what the cameras give: 120 MB/s for 2592 x 2048 pixels at 22 frames/s.
+        images: bool = false => ["recording.images"],
+        /// Compression of the results' recording. zstd: level 1, some threefold; lz4: cheaper, larger; none: for the
+        /// fastest disk.
+        compression: Compression = Compression::Zstd => ["recording.compression"],
+        /// Size at which a recording goes on in its next file; 0: never. Some gigabytes suit most tools.
+        split_bytes: Option<u64> = None => ["recording.split_bytes", 0..=MAX_FILE_BYTES, "bytes"],
+        /// Duration after which a recording goes on in its next file; 0: never.
+        split_seconds: Option<u64> = None => ["recording.split_seconds", 0..=MAX_SECONDS, "s"],
+        /// Space that a recording leaves free on its disk: it ends before there is less. The topics go on.
+        min_free_bytes: u64 = 1 << 30 => ["recording.min_free_bytes", 0..=MAX_FILE_BYTES, "bytes"],
+        /// Memory for messages that wait for the disk; what does not fit is dropped and counted. Raise it for disks
+        /// that pause, at 120 MB/s for a large camera's images.
+        queue_bytes: u64 = 256 << 20 => ["recording.queue_bytes", MIB..=MAX_MEMORY_BYTES, "bytes"],
+        /// How much of the past is kept in memory, to be written when the snapshot service is called; 0: nothing.
+        snapshot_seconds: Option<u64> = None => ["recording.snapshot_seconds", 0..=MAX_SECONDS, "s"],
+        /// Memory for that past: the oldest goes first, even when it is younger than recording.snapshot_seconds.
+        snapshot_bytes: u64 = 256 << 20 => ["recording.snapshot_bytes", MIB..=MAX_MEMORY_BYTES, "bytes"],
+    }
+}
+
+impl NodeParams {
+    /// Converts the checked values into types and checks that they agree with each other.
+    ///
+    /// # Errors
+    /// Values that contradict each other.
+    pub fn new(values: &Parameters) -> Result<Self, ParameterError> {
+        let camera = |name: &String| CameraParams::new(name, values.of_camera(name));
+        let node = values.of_node();
         Ok(Self {
-            enabled: node.flag("recording.enabled")?,
-            directory: node.path("recording.directory")?,
-            images: node.flag("recording.images")?,
-            compression: node.choice("recording.compression", Compression::from_name)?,
-            split_bytes: node.unsigned("recording.split_bytes")?,
-            split_seconds: node.unsigned("recording.split_seconds")?,
-            min_free_bytes: node.unsigned("recording.min_free_bytes")?,
-            queue_bytes: node.unsigned("recording.queue_bytes")?,
-            snapshot_seconds: node.unsigned("recording.snapshot_seconds")?,
-            snapshot_bytes: node.unsigned("recording.snapshot_bytes")?,
+            qos_overrides: QosOverrides::of(values),
+            cameras: values.cameras().iter().map(camera).collect::<Result<_, _>>()?,
+            ..Self::from_values(&|name| node.value(name))?
         })
     }
 }
@@ -125,7 +111,7 @@ impl RecordingParams {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros::{table::Kind, value::Value};
+    use laser_triangulation::parameters::{Kind, Value};
 
     /// Some value other than the default, in range.
     fn other(kind: &Kind) -> Value {

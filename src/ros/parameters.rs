@@ -8,6 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use laser_triangulation::parameters::NotAllowed;
 use ros2args::names;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
@@ -17,10 +18,7 @@ use super::{
     names::NodeNames,
     parameter_file::{self, FileError, Setting},
     qos_overrides,
-    table::{
-        camera::CAMERA,
-        node::{CAMERAS, NODE},
-    },
+    table::{CAMERA, CAMERAS, NODE},
     value::Value,
 };
 pub use declared::Declared;
@@ -68,9 +66,12 @@ pub enum ParameterError {
         /// Who wanted to set it.
         origin: String,
     },
-    /// Values that contradict one another.
+    /// Values that contradict each other.
     #[error("{0}")]
     Conflict(String),
+    /// A value that its parameter does not allow.
+    #[error(transparent)]
+    NotAllowed(#[from] NotAllowed),
 }
 
 /// One value for every parameter that the node has: those of the node, then those of each camera, then
@@ -85,7 +86,7 @@ pub struct Parameters {
 /// The defaults of the table, for one camera without a name.
 impl Default for Parameters {
     fn default() -> Self {
-        let rows = NODE.iter().chain(CAMERA);
+        let rows = NODE.iter().chain(CAMERA.iter());
         let declared = rows.map(|row| Declared::new(row.name.to_owned(), row)).collect();
         Self { declared, cameras: vec![String::new()] }
     }

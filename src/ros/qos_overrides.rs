@@ -1,14 +1,11 @@
 //! `qos_overrides.<topic>.<publisher|subscription>.<policy>`: quality of service from parameters, named as rclcpp names it.
 
+use laser_triangulation::parameters::{Kind, Parameter, Value};
 use ros2args::names;
 
 use crate::msg::qos::{Durability, History, QosProfile, QosTime, Reliability};
 
-use super::{
-    parameters::Parameters,
-    table::{Kind, Parameter},
-    value::Value,
-};
+use super::parameters::Parameters;
 
 /// What all their names begin with.
 pub(super) const PREFIX: &str = "qos_overrides.";

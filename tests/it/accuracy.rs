@@ -291,7 +291,7 @@ fn a_gap_starts_another_stripe() {
 #[test]
 fn a_region_of_interest_keeps_the_images_pixels() {
     let scanner = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner;
-    let roi = RegionOfInterest { x_offset: 70, y_offset: 20, width: 66, height: 65 };
+    let roi = RegionOfInterest { x_offset: 70, y_offset: 20, width: Some(66), height: Some(65) };
     let calibration = Calibration::from_yaml(
         "{type: vertical_incidence, frame_id: laser_plane, image_distance_m: 0.026, object_distance_m: 0.3,
         beta_rad: 0.5, pixel_pitch_m: 4.8e-6, base_row_px: 60.0, center_column_px: 60.0, height_sign: -1}",

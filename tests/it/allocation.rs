@@ -3,6 +3,7 @@
 use laser_profiler::{
     ros::{node_params::NodeParams, parameters::Parameters},
     scanner::{
+        axis::{AxisTravel, RawPosition},
         calibration::Calibration,
         frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
@@ -46,7 +47,7 @@ fn no_method_allocates_in_a_real_scenes_configuration() {
                 threshold: Threshold::Adaptive,
                 peak_selection: PeakSelection::Continuity,
                 max_stripes: 2,
-                tracking_margin_px: 16,
+                tracking_margin_px: Some(16),
                 noise: NoiseSource::Estimated,
                 ..ExtractionParams::default()
             };
@@ -62,7 +63,7 @@ fn no_selection_allocates() {
         let extraction = ExtractionParams {
             peak_selection: PeakSelection::from_name(selection).unwrap(),
             min_contrast: 10.0,
-            max_width_px: 60,
+            max_width_px: Some(60),
             ..ExtractionParams::default()
         };
         allocates_nothing(StripeDirection::Horizontal, Exposure::Single, extraction);
@@ -79,7 +80,12 @@ fn positions_allocate_nothing() {
     let mut found = 0;
     let mut step = |number: i64| {
         let stamp_ns = number * 1000;
-        let reading = Reading { position: number as f64, counts: number };
+        let position = number as f64;
+        let reading = Reading {
+            position: RawPosition(position),
+            travel: AxisTravel::Metres(position),
+            counts: number,
+        };
         track.push(stamp_ns, stamp_ns, reading).unwrap();
         let pose = |parent, child| Stated {
             parent,

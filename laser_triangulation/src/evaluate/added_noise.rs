@@ -10,7 +10,7 @@ use crate::{
 /// Standard deviations of the noise test, grey levels of an 8-bit scale.
 pub const GAMMAS: [f64; 5] = [10.0, 20.0, 30.0, 40.0, 50.0];
 
-/// A copy of a plane with noise on it, in a buffer that is kept.
+/// A noisy copy of a plane, in a reused buffer.
 #[derive(Debug, Default)]
 pub struct NoisyPlane {
     eight: Vec<u8>,
@@ -18,8 +18,8 @@ pub struct NoisyPlane {
 }
 
 impl NoisyPlane {
-    /// `plane` plus Gaussian noise of standard deviation `sigma` in units of its samples, rounded and clipped to 0 …
-    /// `full_scale`. The same for the same (seed, frame).
+    /// Returns `plane` plus Gaussian noise of standard deviation `sigma` in units of its samples, rounded and clipped
+    /// to 0 … `full_scale`. The same (seed, frame) gives the same noise.
     pub fn add<'a>(
         &'a mut self,
         plane: &AnyPlane<'_>,

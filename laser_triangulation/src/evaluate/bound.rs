@@ -13,23 +13,24 @@ use nalgebra::{Matrix4, Vector4};
 use super::normal;
 use crate::simulate::{exposure::CrossSection, stripe::StripeScene};
 
-/// Sub-pixel phases that a mean is taken over.
+/// Number of sub-pixel phases to average over.
 const NUM_PHASES: u32 = 32;
-/// Beyond so many standard deviations a sample does not go.
+/// Range of a sample's distribution around its mean, standard deviations.
 const REACH_SIGMAS: f64 = 9.0;
 
-/// What is counted as information in a sample.
+/// The information that a sample contributes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Samples {
-    /// What the camera really delivers: integers between 0 and full scale. I(μ) = Σₖ (∂Pₖ/∂μ)² / Pₖ over the probabilities Pₖ of
-    /// the levels. A clipped sample is *censored*: it says "at least full scale" or "at most 0", with its probability.
+    /// The camera's actual output: integers between 0 and full scale. I(μ) = Σₖ (∂Pₖ/∂μ)² / Pₖ over the probabilities
+    /// Pₖ of the levels. A clipped sample is *censored*: it states "at least full scale" or "at most 0", with that
+    /// probability.
     Exact,
-    /// The usual formula I(μ) = 1 / (v(μ) + 1/12): rounding as noise, no clipping at 0, and none where μ reaches full scale:
-    /// saturated samples are left out.
+    /// The usual formula I(μ) = 1 / (v(μ) + 1/12): rounding counts as noise, nothing is clipped at 0, and saturated
+    /// samples (μ at full scale) contribute nothing.
     SaturatedLeftOut,
 }
 
-/// A camera's noise, grey levels of its own scale.
+/// A camera's noise, grey levels of its bit depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorNoise {
     /// Standard deviation of the read noise.
@@ -40,8 +41,9 @@ pub struct SensorNoise {
     pub full_scale: f64,
 }
 
-/// Bound of a scene's stripe, pixels: root of the mean square over all sub-pixel phases, in one column. A slope widens it:
-/// s / cos(slope), and the way through the column. NaN where there is no noise and samples count exactly.
+/// Returns the bound for a scene's stripe in one column, pixels: the root mean square over all sub-pixel phases. A
+/// slope widens the cross-section to s / cos(slope) and adds the shift within the column. NaN without noise for exact
+/// samples.
 pub fn of_scene(scene: &StripeScene, slope_px: f64, samples: Samples) -> f64 {
     let noise = SensorNoise {
         read_noise: scene.read_noise,
@@ -50,7 +52,7 @@ pub fn of_scene(scene: &StripeScene, slope_px: f64, samples: Samples) -> f64 {
     };
     let across_px = scene.sigma_px * slope_px.hypot(1.0);
     let sigma_px = (across_px * across_px + slope_px * slope_px / 12.0).sqrt();
-    // The flux of the column stays.
+    // The column's total flux is unchanged.
     let amplitude = scene.amplitude * across_px / sigma_px;
     let variances = (0..NUM_PHASES).map(|phase| {
         let center_px = f64::from(phase) / f64::from(NUM_PHASES);
@@ -60,7 +62,7 @@ pub fn of_scene(scene: &StripeScene, slope_px: f64, samples: Samples) -> f64 {
     (variances.sum::<f64>() / f64::from(NUM_PHASES)).sqrt()
 }
 
-/// Smallest standard deviation of the centre of a cross-section over an even background, pixels.
+/// Returns the smallest standard deviation of the centre of a cross-section over an even background, pixels.
 pub fn center_sigma_px(
     section: &CrossSection,
     background: f64,
@@ -83,10 +85,10 @@ pub fn center_sigma_px(
     fisher.try_inverse().map_or(f64::NAN, |inverse| inverse[(CENTER, CENTER)].sqrt())
 }
 
-/// Place of c among the four unknowns A, c, s, B.
+/// Index of c among the four unknowns A, c, s, B.
 const CENTER: usize = 1;
 
-/// Expected level of a pixel, and its derivatives by A, c, s and B.
+/// Returns the expected level of a pixel and its derivatives with respect to A, c, s and B.
 fn expected(section: &CrossSection, background: f64, pixel: f64) -> (f64, Vector4<f64>) {
     let CrossSection { center_px, amplitude, sigma_px } = *section;
     let [from, to] = [pixel - 0.5, pixel + 0.5].map(|edge| (edge - center_px) / sigma_px);
@@ -103,20 +105,21 @@ fn expected(section: &CrossSection, background: f64, pixel: f64) -> (f64, Vector
 }
 
 impl SensorNoise {
-    /// Of a sample of that expected level, grey levels².
+    /// Returns the variance of a sample of that expected level, grey levels².
     fn variance(&self, level: f64) -> f64 {
         self.read_noise.powi(2) + self.shot_gain * level.max(0.0)
     }
 }
 
-/// Fisher information about the expected level in one rounded and clipped sample: see [`Samples::Exact`].
+/// Returns the Fisher information about the expected level in one rounded and clipped sample: see [`Samples::Exact`].
 pub fn exact_information(level: f64, noise: &SensorNoise) -> f64 {
     let sigma = noise.variance(level).sqrt();
     let sigma_by_level = if level > 0.0 { noise.shot_gain / (2.0 * sigma) } else { 0.0 };
     let reach = REACH_SIGMAS * sigma + 1.0;
     let first = (level - reach).floor().clamp(0.0, noise.full_scale);
     let last = (level + reach).ceil().clamp(0.0, noise.full_scale);
-    // Both ends of a level's interval in standard deviations; the outermost levels take all that is clipped to them.
+    // Both ends of a level's interval, in standard deviations. The outermost levels also include everything clipped to
+    // them.
     let below =
         |grey: f64| if grey <= 0.0 { f64::NEG_INFINITY } else { (grey - 0.5 - level) / sigma };
     let above = |grey: f64| {
@@ -156,13 +159,13 @@ mod tests {
     }
 
     #[test]
-    fn white_noise_has_the_closed_form() {
+    fn white_noise_matches_the_closed_form() {
         let noise = SensorNoise { read_noise: 6.0, shot_gain: 0.0, full_scale: 65_535.0 };
         for sigma_px in [1.5, 2.3, 4.2] {
             let section = CrossSection { center_px: 0.3, amplitude: 400.0, sigma_px };
             let closed = 1.062 * (6.0 / 400.0) * sigma_px.sqrt();
             for samples in [Samples::Exact, Samples::SaturatedLeftOut] {
-                // A pixel as wide as 0.7 s blurs by some percent.
+                // A pixel as wide as 0.7 s adds a few percent of blur.
                 let ratio = of(section, 1000.0, noise, samples) / closed;
                 let blur = (1.0 + 1.0 / (12.0 * sigma_px * sigma_px)).powf(0.75);
                 assert!((ratio / blur - 1.0).abs() < 0.01, "s {sigma_px} {samples:?}: {ratio}");
@@ -170,7 +173,8 @@ mod tests {
         }
     }
 
-    /// The information is the variance of the score, here of simulated samples and differences of log probabilities.
+    /// The information is the variance of the score, computed here from simulated samples and differences of log
+    /// probabilities.
     #[test]
     fn information_is_the_variance_of_the_score() {
         for (level, shot_gain) in [(0.0, 0.0), (3.0, 0.4), (120.0, 0.5), (253.0, 0.0), (258.0, 0.1)]
@@ -199,9 +203,9 @@ mod tests {
         }
     }
 
-    /// At full scale itself a sample is censored with probability ½: ½ + φ(0)²/½ of its information are left.
+    /// At full scale a sample is censored with probability ½, which leaves ½ + φ(0)²/½ of its information.
     #[test]
-    fn a_censored_sample_keeps_its_share() {
+    fn a_censored_sample_keeps_part_of_its_information() {
         let noise = SensorNoise { read_noise: 20.0, shot_gain: 0.0, full_scale: 255.0 };
         let kept = exact_information(254.5, &noise) * 400.0;
         assert!((kept - (0.5 + 1.0 / std::f64::consts::PI)).abs() < 1e-3, "{kept}");
@@ -211,14 +215,14 @@ mod tests {
     }
 
     #[test]
-    fn censored_samples_help_and_hurt_never() {
+    fn censored_samples_never_reduce_the_information() {
         for amplitude in [250.0, 400.0, 690.0, 2300.0] {
             let section = CrossSection { center_px: 0.2, amplitude, sigma_px: 2.9 };
             let exact = of(section, 20.0, EIGHT_BIT, Samples::Exact);
             let left_out = of(section, 20.0, EIGHT_BIT, Samples::SaturatedLeftOut);
             assert!(exact < left_out * 1.001, "A {amplitude}: {exact} {left_out}");
         }
-        // Where only the flanks are seen, they move the faster the higher the stripe: saturation does no harm.
+        // If only the flanks are visible, a higher stripe makes them move faster: saturation does no harm.
         let [ordinary, bright] = [200.0, 2000.0].map(|amplitude| {
             of(
                 CrossSection { center_px: 0.2, amplitude, sigma_px: 2.9 },
@@ -231,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn without_noise_nothing_can_be_said_exactly() {
+    fn exact_samples_without_noise_have_no_bound() {
         let scene = StripeScene::default();
         assert!(of_scene(&scene, 0.0, Samples::Exact).is_nan());
         assert!(of_scene(&scene, 0.0, Samples::SaturatedLeftOut) > 0.0);

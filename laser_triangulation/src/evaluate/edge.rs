@@ -1,4 +1,5 @@
-//! Lateral resolution: what a step along the stripe does to the columns beside it. The price of every averaging of columns.
+//! Lateral resolution: the effect of a step along the stripe on the columns beside it. This is the cost of averaging
+//! columns.
 
 use std::ops::Range;
 
@@ -10,41 +11,41 @@ use super::{
 };
 use crate::simulate::stripe::StripeScene;
 
-/// What is tried: standard deviation of the stripe and height of the step, pixels. Across a high step a blur mixes two
-/// separate stripes, across a low one it makes a ramp of them.
+/// Test cases: standard deviation of the stripe and height of the step, pixels. Blurring across a high step mixes two
+/// separate stripes, across a low one it makes a ramp.
 pub const CASES: [(f64, f64); 3] = [(0.95, 7.0), (2.3, 7.0), (2.3, 2.0)];
-/// A column further off than this is spoilt, pixels.
+/// Error beyond which a column counts as spoilt, pixels.
 pub const SPOILT_PX: f64 = 0.5;
-/// Sub-pixel phases of the stripe that the mean is over.
+/// Sub-pixel phases of the stripe to average over.
 const NUM_PHASES: u32 = 16;
-/// First column behind the step.
+/// First column after the step.
 const COLUMN: u32 = 128;
-/// Columns about the step that are looked at.
+/// Columns around the step that are examined.
 const SEEN: Range<u32> = COLUMN - 20..COLUMN + 20;
 
-/// What a step does to all methods on one stripe.
+/// The effect of a step on all methods, for one stripe.
 #[derive(Clone, Debug, Serialize)]
 pub struct Edge {
     /// Standard deviation of the stripe, pixels.
     pub sigma_px: f64,
     /// Height of the step, pixels.
     pub step_px: f64,
-    /// Columns from the step: −½ is the last one before it, ½ the first one behind it.
+    /// Distance of each column from the step: −½ is the last one before it, ½ the first one after it.
     pub columns_px: Vec<f64>,
     /// The methods, in the plan's order.
     pub methods: Vec<EdgeResponse>,
 }
 
-/// What a step does to one method.
+/// The effect of a step on one method.
 #[derive(Clone, Debug, Serialize)]
 pub struct EdgeResponse {
-    /// Its name.
+    /// Name of the method.
     pub method: &'static str,
-    /// Columns more than [`SPOILT_PX`] off, a mean over sub-pixel phases.
+    /// Number of columns with an error above [`SPOILT_PX`], averaged over the sub-pixel phases.
     pub spoilt_columns: f64,
-    /// Columns without a point, a mean over sub-pixel phases.
+    /// Number of columns without a point, averaged over the sub-pixel phases.
     pub missing_columns: f64,
-    /// Mean position in each column as a share of the step; null where nothing was found.
+    /// Mean position in each column as a share of the step; null where no point was found.
     pub response: Vec<f64>,
 }
 
@@ -56,7 +57,7 @@ struct Sums {
     response: Vec<(f64, u32)>,
 }
 
-/// Measures a step of that height of a stripe of that standard deviation.
+/// Measures one combination of step height and stripe width.
 pub fn run(plan: &Plan, (sigma_px, step_px): (f64, f64)) -> Edge {
     let nothing = Sums { spoilt: 0, missing: 0, response: vec![(0.0, 0); SEEN.len()] };
     let mut sums = vec![nothing; plan.methods.len()];
@@ -105,7 +106,7 @@ mod tests {
     };
 
     #[test]
-    fn a_blur_spoils_the_columns_that_it_reaches_and_one_column_spoils_none() {
+    fn a_blur_spoils_only_the_columns_within_its_kernel() {
         let blurred = plan(&[Method::GrayGravity], 1);
         let alone = Plan {
             params: ExtractionParams { blur_radius: 0, ..blurred.params },

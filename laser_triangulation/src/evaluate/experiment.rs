@@ -1,4 +1,5 @@
-//! What is varied: noise, width, saturation, slope, speckle, one at a time; and five scenes to compare methods by.
+//! The experiments: noise, width, saturation, slope and speckle are varied one at a time; five reference scenes compare
+//! the methods.
 
 use serde::Serialize;
 
@@ -14,7 +15,7 @@ use crate::{
 };
 
 named_enum! {
-    /// A question about accuracy, answered by rendered scenes.
+    /// An experiment on rendered scenes.
     Experiment {
         /// Five scenes from quiet to saturated.
         Reference = "reference",
@@ -22,22 +23,22 @@ named_enum! {
         Noise = "noise",
         /// Width of the stripe.
         Width = "width",
-        /// Light beyond full scale.
+        /// Light above full scale.
         Saturation = "saturation",
         /// Slope of the stripe.
         Slope = "slope",
         /// Contrast of the speckle.
         Speckle = "speckle",
-        /// Error over the sub-pixel phase: [`super::locking`].
+        /// Error as a function of the sub-pixel phase: [`super::locking`].
         Locking = "locking",
         /// Columns that a step spoils: [`super::edge`].
         Edge = "edge",
-        /// Noise and resolution over the points smoothed together: [`super::smoothing`].
+        /// Noise and resolution as functions of the number of smoothed points: [`super::smoothing`].
         Smoothing = "smoothing",
     }
 }
 
-/// Amplitude that just stays below full scale with noise, grey levels.
+/// Amplitude that stays just below full scale with noise, grey levels.
 const UNSATURATED: f64 = 230.0;
 /// Correlation length of the speckle's brightness, pixels.
 const GRAIN_PX: f64 = 1.0;
@@ -45,9 +46,9 @@ const GRAIN_PX: f64 = 1.0;
 /// One scene of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What it is called.
+    /// Name of the scene.
     pub name: String,
-    /// What is varied, as a number; NaN where nothing is.
+    /// Value of the varied quantity; NaN if none is varied.
     pub value: f64,
     /// The scene.
     pub scene: Scene,
@@ -58,7 +59,7 @@ pub struct Case {
 pub struct Series {
     /// Name of the experiment.
     pub experiment: &'static str,
-    /// What is varied, and its unit; empty where nothing is.
+    /// Varied quantity and its unit; empty if none is varied.
     pub axis: &'static str,
     /// The scenes.
     pub scenes: Vec<SceneResult>,
@@ -67,9 +68,9 @@ pub struct Series {
 /// Results of a scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneResult {
-    /// What it is called.
+    /// Name of the scene.
     pub scene: String,
-    /// What is varied, in the unit of the series; null where nothing is.
+    /// Value of the varied quantity, in the unit of the series; null if none is varied.
     pub value: f64,
     /// Amplitude of the stripe, grey levels.
     pub amplitude: f64,
@@ -77,11 +78,11 @@ pub struct SceneResult {
     pub sigma_px: f64,
     /// Read noise, grey levels.
     pub read_noise: f64,
-    /// Cramér–Rao bound of one column for the samples as they are, clipped ones censored, pixels.
+    /// Cramér–Rao bound of one column for the real samples, clipped ones censored, pixels.
     pub bound_px: f64,
-    /// The same with rounding as noise, no clipping at 0 and saturated samples left out, pixels.
+    /// The same bound with rounding as noise, no clipping at 0 and saturated samples left out, pixels.
     pub simple_bound_px: f64,
-    /// What speckle alone does to a centroid over the whole column, pixels; null without speckle.
+    /// Error that speckle alone causes in a centroid over the whole column, pixels; null without speckle.
     pub speckle_centroid_px: f64,
     /// The methods, in the plan's order.
     pub methods: Vec<MethodResult>,
@@ -90,20 +91,20 @@ pub struct SceneResult {
 /// Results of a method on a scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct MethodResult {
-    /// Its name.
+    /// Name of the method.
     pub method: &'static str,
-    /// What it got right.
+    /// Accuracy of the method.
     #[serde(flatten)]
     pub accuracy: Accuracy,
-    /// Columns that it averages, from the correlation of its noise; null without noise.
+    /// Number of columns that it averages, estimated from the correlation of its noise; null without noise.
     pub columns_averaged: f64,
-    /// RMS over the bound of one column. A method that averages columns may lie below 1.
+    /// RMS error divided by the bound of one column. A method that averages columns may reach less than 1.
     pub over_bound: f64,
-    /// RMS over the simple bound of one column.
+    /// RMS error divided by the simple bound of one column.
     pub over_simple_bound: f64,
 }
 
-/// A level of light and noise; the rest is the same in all scenes.
+/// Light and noise levels of a scene; everything else is the same in all scenes.
 const fn light(amplitude: f64, sigma_px: f64, read_noise: f64) -> StripeScene {
     StripeScene {
         width: 2592,
@@ -120,7 +121,7 @@ const fn light(amplitude: f64, sigma_px: f64, read_noise: f64) -> StripeScene {
 }
 
 impl Experiment {
-    /// What is varied, and its unit.
+    /// Returns the varied quantity and its unit.
     pub const fn axis(self) -> &'static str {
         match self {
             Self::Reference | Self::Locking | Self::Edge | Self::Smoothing => "",
@@ -132,7 +133,7 @@ impl Experiment {
         }
     }
 
-    /// The scenes; none for locking, edge and smoothing, which ask something else.
+    /// Returns the scenes; empty for locking, edge and smoothing, which have scenes of their own.
     pub fn cases(self, seed: u64) -> Vec<Case> {
         let mut cases = match self {
             Self::Reference => reference(),
@@ -158,7 +159,7 @@ impl Experiment {
         cases
     }
 
-    /// Measures all its scenes; `on_scene` hears of each one's end.
+    /// Measures all scenes. Calls `on_scene` after each one.
     pub fn run(self, plan: &Plan, mut on_scene: impl FnMut()) -> Series {
         let scenes = self.cases(plan.seed).into_iter().map(|case| {
             let result = measure(plan, case);
@@ -256,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_go_with_what_is_varied() {
+    fn bounds_follow_the_varied_quantity() {
         let of = |experiment: Experiment, samples| -> Vec<f64> {
             let bound = |case: &Case| {
                 bound::of_scene(&case.scene.stripe, case.scene.course.slope_px(), samples)
@@ -265,10 +266,10 @@ mod tests {
         };
         assert!(of(Experiment::Noise, Samples::Exact).is_sorted());
         assert!(of(Experiment::Slope, Samples::Exact).is_sorted());
-        // A thin stripe under a fifth of a pixel is blurred by the pixel itself.
+        // A stripe thinner than a fifth of a pixel is blurred by the pixel itself.
         assert!(of(Experiment::Width, Samples::Exact)[1..].is_sorted());
         let simple = of(Experiment::Reference, Samples::SaturatedLeftOut);
-        // 1.062 (2 / 183) √2.3, and some percent for pixels of that size and the rounding.
+        // 1.062 (2 / 183) √2.3, plus a few percent for pixels of that size and the rounding.
         assert!((simple[0] / 0.0176 - 1.0).abs() < 0.05, "{simple:?}");
     }
 }

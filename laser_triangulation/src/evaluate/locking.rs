@@ -1,4 +1,4 @@
-//! Pixel locking: the error as a function of where between two pixels the stripe lies.
+//! Pixel locking: the error as a function of the stripe's position between two pixels.
 
 use serde::Serialize;
 
@@ -8,14 +8,14 @@ use super::{
 };
 use crate::simulate::stripe::StripeScene;
 
-/// Standard deviations of the stripes that are tried, pixels.
+/// Standard deviations of the tested stripes, pixels.
 pub const SIGMAS_PX: [f64; 2] = [0.95, 2.3];
-/// Phases of a pixel.
+/// Number of phases within a pixel.
 const NUM_PHASES: u32 = 40;
 /// Row of phase 0.
 const ROW_PX: f64 = 24.0;
 
-/// Locking of all methods on one stripe.
+/// Locking of all methods, for one stripe.
 #[derive(Clone, Debug, Serialize)]
 pub struct Locking {
     /// Standard deviation of the stripe, pixels.
@@ -33,15 +33,15 @@ pub struct Locking {
 /// Locking of one method.
 #[derive(Clone, Debug, Serialize)]
 pub struct LockingCurve {
-    /// Its name.
+    /// Name of the method.
     pub method: &'static str,
-    /// Half the way from the smallest to the largest mean error, pixels.
+    /// Half the difference between the largest and the smallest mean error, pixels.
     pub half_amplitude_px: f64,
-    /// Mean error at each phase, pixels; null where nothing was found.
+    /// Mean error at each phase, pixels; null where no point was found.
     pub mean_error_px: Vec<f64>,
 }
 
-/// Measures one stripe of that standard deviation at every phase.
+/// Measures one stripe of standard deviation `sigma_px` at every phase.
 pub fn run(plan: &Plan, sigma_px: f64) -> Locking {
     let phases_px: Vec<f64> =
         (0..NUM_PHASES).map(|step| f64::from(step) / f64::from(NUM_PHASES)).collect();
@@ -54,7 +54,7 @@ pub fn run(plan: &Plan, sigma_px: f64) -> Locking {
     };
     let mut curves = vec![Vec::new(); plan.methods.len()];
     for (&phase, number) in phases_px.iter().zip(0..) {
-        // Noise of its own at each phase.
+        // Independent noise at each phase.
         let stripe = StripeScene { seed: plan.seed.wrapping_add(number), ..stripe };
         let course = Course::Level { center_px: ROW_PX + phase };
         let scene = Scene { stripe, course, speckle: None };
@@ -74,7 +74,7 @@ pub fn run(plan: &Plan, sigma_px: f64) -> Locking {
     Locking { sigma_px, amplitude, read_noise, phases_px, methods: methods.collect() }
 }
 
-/// Half the range of the entries; NaN when one is missing.
+/// Returns half the range of the entries; NaN if one is missing.
 fn half_amplitude(errors: &[f64]) -> f64 {
     if errors.iter().any(|error| error.is_nan()) {
         return f64::NAN;
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rounded_window_locks_and_the_curve_shows_it() {
+    fn the_locking_curve_shows_that_the_rounded_window_locks() {
         let fractional = plan(&[Method::ImprovedGravity], 1);
         let rounded = Plan {
             params: ExtractionParams { window: GravityWindow::Rounded, ..fractional.params },

@@ -1,15 +1,16 @@
-//! How accurate a centreline is: against truth, against the noise's own bound, and by the protocol of Yao et al. 2023.
+//! Accuracy of centrelines: against ground truth, against the bound set by the noise, and by the protocol of Yao et al.
+//! 2023.
 //! Pure: a result is a function of the scene, the seed and the parameters.
 //!
-//! Truth comes from where the extractor did not make it: [`scene`] renders stripes about centres that it states, and a
-//! recording of `laser_profiler simulate` carries its own. [`bound`] says how small an error could be at all.
+//! Ground truth never comes from the extractor: [`scene`] renders stripes around known centres, and a recording of
+//! `laser_profiler simulate` carries its own ground truth. [`bound`] gives the smallest possible error.
 //!
-//! | file | what |
+//! | file | content |
 //! |---|---|
 //! | [`statistics`] | errors as a few numbers |
 //! | [`bound`] | the Cramér–Rao bound of the centre |
 //! | [`scene`], [`trial`] | a stripe with known centres, and the methods on it |
-//! | [`experiment`], [`locking`], [`edge`], [`smoothing`] | what is varied, and what is asked |
+//! | [`experiment`], [`locking`], [`edge`], [`smoothing`] | the experiments |
 //! | [`paper`], [`table3`], [`added_noise`] | the protocol of the paper, its numbers, its noise |
 
 pub mod statistics;

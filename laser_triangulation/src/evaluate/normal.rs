@@ -2,14 +2,15 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-/// φ: density at `x`.
+/// Returns φ, the density at `x`.
 pub fn density(x: f64) -> f64 {
     libm::exp(-0.5 * x * x) / TAU.sqrt()
 }
 
-/// Share between `from` and `to`; accurate also where both lie far out on one side. Infinite ends are allowed.
+/// Returns the probability between `from` and `to`. It stays accurate if both lie far out on the same side. Infinite
+/// ends are allowed.
 pub fn share_between(from: f64, to: f64) -> f64 {
-    // Differences of small tails, not of numbers near one.
+    // Subtracts small tails, not numbers near one.
     let tail = |x: f64| 0.5 * libm::erfc(x * FRAC_1_SQRT_2);
     if from > 0.0 { tail(from) - tail(to) } else { tail(-to) - tail(-from) }
 }
@@ -19,7 +20,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_those_of_the_tables() {
+    fn probabilities_match_the_tables() {
         for (from, to, share) in [
             (-1.0, 1.0, 0.682_689_492),
             (-2.0, 2.0, 0.954_499_736),

@@ -1,8 +1,9 @@
 //! The protocol of Yao et al. 2023 (doi 10.3390/app13179831), section 4.2: three methods on the same columns, the mean of
 //! the three as reference, and each one's deviations from it.
 //!
-//! It measures how far the methods agree, not how far they are right: an error that all three share is not seen, and a
-//! method near to one of the others gains by it. [`super::experiment`] measures against truth.
+//! The protocol measures how well the methods agree, not how accurate they are: it cannot see an error that all three
+//! share, and it favours a method that is close to one of the others. [`super::experiment`] measures against ground
+//! truth.
 
 use serde::Serialize;
 
@@ -12,18 +13,19 @@ use crate::scanner::params::Method;
 pub const METHODS: [Method; 3] =
     [Method::GrayGravity, Method::GaussianFit, Method::ImprovedGravity];
 
-/// How far one method lies from the mean of the three.
+/// Deviation of one method from the mean of the three.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Deviations {
     /// Mean of |v| over the points, pixels.
     pub mean_absolute_px: f64,
-    /// √(Σ v² / (n − 1)), the formula that the paper prints, pixels.
+    /// √(Σ v² / (n − 1)), the formula printed in the paper, pixels.
     pub standard_error_px: f64,
-    /// Σ v² / √(n − 1), the same without its square root over the sum: what the paper's Table 4 shows; square pixels.
+    /// Σ v² / √(n − 1), the same without the square root of the sum, which reproduces the paper's Table 4; square
+    /// pixels.
     pub without_root: f64,
 }
 
-/// Sums over points, as they come.
+/// Running sums over points.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Protocol {
     points: u64,
@@ -32,7 +34,7 @@ pub struct Protocol {
 }
 
 impl Protocol {
-    /// Takes several columns.
+    /// Adds several columns.
     pub fn of(columns_px: &[[f64; 3]]) -> Self {
         let mut protocol = Self::default();
         for &positions_px in columns_px {
@@ -41,7 +43,7 @@ impl Protocol {
         protocol
     }
 
-    /// Takes the positions of the three methods in one column, pixels.
+    /// Adds the positions of the three methods in one column, pixels.
     pub fn add(&mut self, positions_px: [f64; 3]) {
         let reference = positions_px.iter().sum::<f64>() / 3.0;
         self.points += 1;
@@ -52,12 +54,12 @@ impl Protocol {
         }
     }
 
-    /// Columns taken.
+    /// Returns the number of columns added.
     pub const fn points(&self) -> u64 {
         self.points
     }
 
-    /// What it comes to, for each of the three; NaN for less than two points.
+    /// Returns the deviations of each of the three methods; NaN for less than two points.
     pub fn deviations(&self) -> [Deviations; 3] {
         let freedom = if self.points < 2 { f64::NAN } else { (self.points - 1) as f64 };
         [0, 1, 2].map(|method| Deviations {

@@ -1,4 +1,4 @@
-//! A stripe whose centre is known in every column, as a camera sees it.
+//! A stripe with a known centre in every column, as a camera sees it.
 
 use rand_chacha::ChaCha8Rng;
 
@@ -16,31 +16,31 @@ use crate::{
     },
 };
 
-/// Parts of a column that a sloping stripe is rendered in.
+/// Number of parts in which each column of a sloping stripe is rendered.
 const SUB_COLUMNS: u32 = 16;
 
-/// Where the centre of the stripe lies, pixels as a function of the column.
+/// The centre of the stripe as a function of the column, pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Course {
-    /// Slowly up and down, so that every sub-pixel phase comes many times: 110 + 0.0137 u + 4 sin(u / 211).
+    /// A slow wave that covers every sub-pixel phase many times: 110 + 0.0137 u + 4 sin(u / 211).
     Wave,
-    /// The same everywhere.
+    /// Constant.
     Level {
         /// Centre.
         center_px: f64,
     },
-    /// Straight, at an angle to the columns' direction.
+    /// Straight and inclined.
     Slope {
         /// Centre at column 0.
         start_px: f64,
-        /// Rise, pixels a column: the tangent of the angle.
+        /// Rise, pixels per column: the tangent of the angle.
         rise_px: f64,
     },
-    /// Level, and from one column on level elsewhere.
+    /// Constant, with a step at one column.
     Step {
         /// Centre before the step.
         start_px: f64,
-        /// First column behind the step.
+        /// First column after the step.
         column: u32,
         /// Rise, pixels.
         rise_px: f64,
@@ -48,7 +48,7 @@ pub enum Course {
 }
 
 impl Course {
-    /// Centre of the stripe at a place along it.
+    /// Returns the centre of the stripe at a position along it.
     pub fn center_px(&self, column: f64) -> f64 {
         match *self {
             Self::Wave => 110.0 + 0.0137 * column + 4.0 * libm::sin(column / 211.0),
@@ -60,7 +60,7 @@ impl Course {
         }
     }
 
-    /// Rise, pixels a column, where it matters within a column.
+    /// Returns the rise, pixels per column, where it matters within a column.
     pub const fn slope_px(&self) -> f64 {
         match *self {
             Self::Slope { rise_px, .. } => rise_px,
@@ -69,23 +69,23 @@ impl Course {
     }
 }
 
-/// One stripe in 8-bit images: its light, its course, its speckle. Frames of a scene differ by their noise alone, except
-/// that speckle is another in each.
+/// One stripe in 8-bit images: light, course and speckle. Frames of a scene differ only in their noise and in their
+/// speckle pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scene {
     /// Size, light and noise. The stripe runs from left to right.
     pub stripe: StripeScene,
-    /// Its centre.
+    /// Centre of the stripe.
     pub course: Course,
-    /// Granular light of the stripe.
+    /// Speckle of the stripe.
     pub speckle: Option<Speckle>,
 }
 
 impl Scene {
-    /// Renders frame `number` into buffers that are kept.
+    /// Renders frame `number` into reused buffers.
     ///
-    /// A sloping stripe has the standard deviation `sigma_px` square to its course; its light is integrated over the
-    /// pixels in both directions.
+    /// A sloping stripe has the standard deviation `sigma_px` at right angles to its course; its light is integrated
+    /// over the pixels in both directions.
     pub fn render(&self, number: u32, picture: &mut Picture) {
         let StripeScene { width, height, amplitude, sigma_px, background, .. } = self.stripe;
         let mut rng = frame_rng(self.stripe.seed, u64::from(number));
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_scene_is_the_stripe_that_the_renderer_draws() {
+    fn a_plain_scene_equals_the_renderers_stripe() {
         let stripe = StripeScene {
             width: 300,
             height: 256,
@@ -161,9 +161,9 @@ mod tests {
         assert_ne!(samples(&scene, 1), expected, "every frame has noise of its own");
     }
 
-    /// Centroid and variance of the light in a column, from samples without noise.
+    /// Returns centroid and variance of the light in a column, from samples without noise.
     #[test]
-    fn a_sloping_stripe_keeps_its_centre_and_has_the_width_of_its_cut() {
+    fn a_sloping_stripe_keeps_its_centre_and_gets_wider() {
         for rise_px in [0.5, 1.0, 3.0_f64.sqrt()] {
             let course = Course::Slope { start_px: 40.3, rise_px };
             let stripe = StripeScene { width: 60, height: 200, ..StripeScene::default() };
@@ -174,7 +174,7 @@ mod tests {
             let variance =
                 (0..200).map(|row| (row as f64 - center).powi(2) * level(row)).sum::<f64>() / flux;
             assert!((center - course.center_px(30.0)).abs() < 0.02, "{rise_px}: {center}");
-            // The cut s / cos, and the box that the stripe crosses within the column and within the pixel.
+            // The oblique cut s / cos, plus the box that the stripe crosses within the column and within the pixel.
             let expected =
                 2.3_f64.powi(2) * (1.0 + rise_px * rise_px) + (rise_px * rise_px + 1.0) / 12.0;
             assert!((variance / expected - 1.0).abs() < 0.02, "{rise_px}: {variance} {expected}");
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_and_speckle_are_where_they_belong() {
+    fn a_step_and_speckle_appear_in_the_right_columns() {
         let course = Course::Step { start_px: 30.0, column: 20, rise_px: 7.0 };
         assert!((course.center_px(19.0) - 30.0).abs() < 1e-12);
         assert!((course.center_px(20.0) - 37.0).abs() < 1e-12);

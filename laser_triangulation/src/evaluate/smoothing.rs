@@ -1,4 +1,4 @@
-//! Smoothing along the stripe: less noise for less lateral resolution, both measured.
+//! Smoothing along the stripe: it trades noise for lateral resolution, and both are measured.
 
 use serde::Serialize;
 
@@ -9,9 +9,9 @@ use super::{
 };
 use crate::scanner::params::ExtractionParams;
 
-/// Values of `extraction.smoothing_columns` that are tried.
+/// Tested values of `extraction.smoothing_columns`.
 pub const COLUMNS: [u32; 5] = [1, 3, 5, 9, 17];
-/// The reference scene whose noise is smoothed.
+/// The reference scene on which noise is measured.
 pub const SCENE: &str = "noisy";
 /// Standard deviation of the stripe at the step and height of the step, pixels.
 pub const EDGE: (f64, f64) = (2.3, 2.0);
@@ -28,13 +28,13 @@ pub struct Smoothing {
 /// One method with that smoothing.
 #[derive(Clone, Debug, Serialize)]
 pub struct SmoothedMethod {
-    /// Its name.
+    /// Name of the method.
     pub method: &'static str,
     /// Root mean square error on the scene [`SCENE`], pixels.
     pub rms_px: f64,
-    /// Columns that it averages, from the correlation of its noise.
+    /// Number of columns that it averages, estimated from the correlation of its noise.
     pub columns_averaged: f64,
-    /// Columns beside a step that are spoilt: [`edge`].
+    /// Number of spoilt columns beside a step: [`edge`].
     pub spoilt_columns: f64,
 }
 
@@ -62,7 +62,7 @@ mod tests {
     use crate::{evaluate::trial::tests::plan, scanner::params::Method};
 
     #[test]
-    fn the_scene_is_there_and_every_method_is_measured() {
+    fn the_scene_exists_and_every_method_is_measured() {
         let plan = plan(&[Method::GrayGravity, Method::ImprovedGravity], 2);
         let smoothed = run(&plan, COLUMNS[0]);
         let names: Vec<_> = smoothed.methods.iter().map(|method| method.method).collect();

@@ -1,53 +1,54 @@
-//! Errors as a few numbers.
+//! Error statistics.
 
 use serde::Serialize;
 
-/// A point further from the truth than this has found something else, pixels.
+/// Error beyond which a point counts as wrong, pixels.
 pub const WRONG_PX: f64 = 2.0;
 
 /// Resolution of median and percentile, pixels.
 pub const BIN_PX: f64 = 0.0005;
 
-/// Neighbours further apart are taken to share no noise, columns.
+/// Distance beyond which columns are assumed to share no noise, columns.
 const MAX_LAG: usize = 64;
 
-/// One measured point against its truth.
+/// A measured point and its ground truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
     /// Measured − true position across the stripe, pixels.
     pub error_px: f64,
-    /// The standard deviation that the method states, pixels; NaN: none.
+    /// The standard deviation that the method reports, pixels; NaN if it reports none.
     pub sigma_px: f64,
 }
 
-/// How accurate a method was on many columns. Shares are 0 … 1, NaN where nothing could be counted.
+/// Accuracy of a method over many columns. Shares are 0 … 1, NaN if there was nothing to count.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Accuracy {
-    /// Columns (rows, of a vertical stripe) that have a true centre.
+    /// Columns (rows, for a vertical stripe) with a true centre.
     pub columns: u64,
-    /// Points found.
+    /// Number of points found.
     pub points: u64,
-    /// Points in columns without a true centre.
+    /// Number of points in columns without a true centre (false positives).
     pub false_points: u64,
     /// Share of the columns without a point.
     pub missing: f64,
-    /// Share of the points that are more than [`WRONG_PX`] off.
+    /// Share of the points with an error above [`WRONG_PX`].
     pub wrong: f64,
     /// Mean error, pixels.
     pub bias_px: f64,
-    /// Root of the mean squared error, every point counted, the wrong ones too, pixels.
+    /// Root mean square error over all points, wrong ones included, pixels.
     pub rms_px: f64,
-    /// Size of the error that half of the points stay below, pixels, to ±[`BIN_PX`] / 2; infinite beyond [`WRONG_PX`].
+    /// Median of the absolute error, pixels, to ±[`BIN_PX`] / 2; infinite beyond [`WRONG_PX`].
     pub median_px: f64,
-    /// Size of the error that 95 % of the points stay below, pixels, likewise.
+    /// 95th percentile of the absolute error, pixels, with the same resolution and limit.
     pub p95_px: f64,
-    /// Share of the points within one stated standard deviation of the truth; 0.683 if that is true.
+    /// Share of the points within one reported standard deviation of the truth; 0.683 if the reported values are right.
     pub within_1_sigma: f64,
-    /// Share of the points within two stated standard deviations of the truth; 0.954 if that is true.
+    /// Share of the points within two reported standard deviations of the truth; 0.954 if the reported values are
+    /// right.
     pub within_2_sigma: f64,
 }
 
-/// Sums over points, as they come.
+/// Running sums over points.
 #[derive(Clone, Debug)]
 pub struct Tally {
     columns: u64,
@@ -59,7 +60,7 @@ pub struct Tally {
     with_sigma: u64,
     within_1: u64,
     within_2: u64,
-    /// Points by the size of their error, [`BIN_PX`] wide up to [`WRONG_PX`].
+    /// Histogram of the absolute error in bins of [`BIN_PX`] up to [`WRONG_PX`].
     sizes: Vec<u64>,
 }
 
@@ -81,7 +82,7 @@ impl Default for Tally {
 }
 
 impl Tally {
-    /// Takes what was found in a column that has a true centre.
+    /// Adds the result in a column that has a true centre.
     pub fn add(&mut self, found: Option<Deviation>) {
         self.columns += 1;
         let Some(Deviation { error_px, sigma_px }) = found else { return };
@@ -99,12 +100,12 @@ impl Tally {
         }
     }
 
-    /// Takes a point where there is nothing to be found.
+    /// Adds a point in a column without a true centre.
     pub const fn add_false_point(&mut self) {
         self.false_points += 1;
     }
 
-    /// The size of error that such a share of the points stay below, the middle of its bin.
+    /// Returns the given quantile of the absolute error: the middle of its bin.
     fn size_below(&self, share: f64) -> f64 {
         if self.points == 0 {
             return f64::NAN;
@@ -118,7 +119,7 @@ impl Tally {
         reached.map_or(f64::INFINITY, |bin| (bin as f64 + 0.5) * BIN_PX)
     }
 
-    /// What it comes to.
+    /// Returns the statistics.
     pub fn accuracy(&self) -> Accuracy {
         let share = |part: u64, of: u64| part as f64 / of as f64;
         let points = self.points as f64;
@@ -138,11 +139,12 @@ impl Tally {
     }
 }
 
-/// How many columns a method averages along the stripe, 1 for one that looks at each column alone.
+/// Returns the number of columns that a method averages along the stripe, 1 if it treats each column alone.
 ///
-/// White noise behind weights wᵢ along the stripe correlates as Σ wᵢ wᵢ₊ₖ, so that 1 + 2 Σ ρₖ = (Σ w)² / Σ w²: the columns
-/// of an even mean that is as quiet. ρₖ is taken from `noise`, rows of errors of neighbouring columns without their
-/// systematic part, NaN where there is none; the sum ends where correlation is lost in chance. NaN without noise.
+/// White noise weighted with wᵢ along the stripe has the correlation Σ wᵢ wᵢ₊ₖ, so 1 + 2 Σ ρₖ = (Σ w)² / Σ w²: the
+/// length of a uniform mean with the same noise. ρₖ is estimated from `noise`: rows of errors of neighbouring columns
+/// without their systematic part, NaN if missing. The sum ends where the correlation is no longer significant. NaN
+/// without noise.
 pub fn columns_averaged(noise: &[Vec<f64>]) -> f64 {
     let (variance, _) = mean_product(noise, 0);
     if variance.is_nan() || variance <= 0.0 {
@@ -152,7 +154,7 @@ pub fn columns_averaged(noise: &[Vec<f64>]) -> f64 {
     for lag in 1..=MAX_LAG {
         let (product, count) = mean_product(noise, lag);
         let correlation = product / variance;
-        // Three standard errors of a correlation that is not there.
+        // Three standard errors of a correlation of zero.
         if correlation.is_nan() || correlation.abs() < 3.0 / (count as f64).sqrt() {
             break;
         }
@@ -161,7 +163,7 @@ pub fn columns_averaged(noise: &[Vec<f64>]) -> f64 {
     sum
 }
 
-/// Mean product of entries `lag` apart, and how many there are.
+/// Returns the mean product of entries `lag` apart, and the number of such pairs.
 fn mean_product(rows: &[Vec<f64>], lag: usize) -> (f64, usize) {
     let pairs = rows.iter().flat_map(|row| row.iter().zip(row.iter().skip(lag)));
     let products = pairs.map(|(a, b)| a * b).filter(|product| product.is_finite());
@@ -201,22 +203,22 @@ mod tests {
         close(accuracy.wrong, 0.2);
         close(accuracy.bias_px, 0.68);
         close(accuracy.rms_px, (9.14_f64 / 5.0).sqrt());
-        // Sizes in order: 0, 0.1, 0.2, 0.3, 3; the third is the median, the last is beyond.
+        // Sorted sizes: 0, 0.1, 0.2, 0.3, 3; the third is the median, the last exceeds the range.
         assert!((accuracy.median_px - 0.2).abs() <= BIN_PX, "{accuracy:?}");
         assert!(accuracy.p95_px.is_infinite());
-        // Of four with a sigma, -0.1 and 0 lie within it, 0.3 within twice as much.
+        // Of four points with a sigma, -0.1 and 0 lie within one sigma, 0.3 within two.
         close(accuracy.within_1_sigma, 0.5);
         close(accuracy.within_2_sigma, 0.75);
     }
 
     #[test]
-    fn nothing_found_has_no_error() {
+    fn errors_are_nan_if_nothing_was_found() {
         let accuracy = tally(&[None, None]);
         assert!(accuracy.rms_px.is_nan() && accuracy.bias_px.is_nan() && accuracy.wrong.is_nan());
         assert!((accuracy.missing - 1.0).abs() < 1e-15);
     }
 
-    /// White noise behind weights, in two rows.
+    /// Weighted white noise in two rows.
     fn noise(weights: &[f64]) -> Vec<Vec<f64>> {
         let row = |number| {
             let white: Vec<f64> =
@@ -229,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn averaged_columns_are_those_of_the_weights() {
+    fn averaged_columns_match_the_weights() {
         assert!((columns_averaged(&noise(&[1.0])) - 1.0).abs() < 1e-12);
         for weights in [&[1.0; 5] as &[f64], &[1.0, 4.0, 6.0, 4.0, 1.0]] {
             let sum: f64 = weights.iter().sum();

@@ -1,7 +1,7 @@
 //! Table 3 of Yao et al., "A Method for Extracting a Laser Center Line Based on an Improved Grayscale Center of Gravity
 //! Method", Applied Sciences 2023, 13(17), 9831 (doi 10.3390/app13179831): row of the centre in 21 columns by three methods.
 
-/// Column of the first entry of [`ROWS_PX`]; the others follow without a gap.
+/// Column of the first entry of [`ROWS_PX`]; the others follow without gaps.
 pub const FIRST_COLUMN: u32 = 1565;
 
 /// Grey gravity, Gaussian fit and the paper's own method: row of the centre in each column, pixels.

@@ -1,4 +1,4 @@
-//! The methods on one scene: the same frames for each, every error against the scene's own centres.
+//! Runs the methods on one scene: the same frames for each, and every error against the scene's own centres.
 
 use crate::{
     scanner::{
@@ -14,27 +14,27 @@ use super::{
     statistics::{Accuracy, Deviation, Tally, columns_averaged},
 };
 
-/// Columns at either border that do not count: a blur or a ridge finds no more image there, which is a matter of its own.
+/// Columns at either border that are excluded: a blur or a ridge detector lacks image data there.
 pub const BORDER_COLUMNS: usize = 16;
 
-/// What is tried.
+/// The configuration of a trial.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Parameters of the extraction; each scene puts its noise in, each method its name.
+    /// Extraction parameters. Each scene sets its noise, each method its name.
     pub params: ExtractionParams,
     /// The methods, in order.
     pub methods: Vec<Method>,
     /// Seed of all noise.
     pub seed: u64,
-    /// Frames a scene, at least 2 where columns that share noise are to be told.
+    /// Frames per scene; at least 2 are needed to estimate the number of averaged columns.
     pub frames: u32,
 }
 
-/// A point of a centreline: across the stripe, and its stated standard deviation, pixels.
+/// A point of a centreline: position across the stripe and its reported standard deviation, pixels.
 pub type Point = (f64, f64);
 
-/// Sorts a centreline's points by column (row, for a vertical stripe), of which there are `length`. Of several points in
-/// a column the first counts.
+/// Sorts a centreline's points into `length` columns (rows, for a vertical stripe). Keeps the first of several points
+/// in a column.
 pub fn by_line(line: &Centerline, direction: StripeDirection, length: usize) -> Vec<Option<Point>> {
     let (along, across) = match direction {
         StripeDirection::Horizontal => (&line.u_px, &line.v_px),
@@ -49,13 +49,13 @@ pub fn by_line(line: &Centerline, direction: StripeDirection, length: usize) -> 
     points
 }
 
-/// The deviation of a point from the truth, if there is a point.
+/// Returns the deviation of a point from the truth, if there is a point.
 pub fn deviation(point: Option<Point>, truth_px: f64) -> Option<Deviation> {
     point.map(|(position_px, sigma_px)| Deviation { error_px: position_px - truth_px, sigma_px })
 }
 
-/// Renders frames of a scene and hands on, for each and for each method, the points by column: `(frame, method, points)`,
-/// method as its place in the plan.
+/// Renders frames of a scene and passes on, for each frame and method, the points by column: `(frame, method, points)`,
+/// where `method` is the index in the plan.
 pub fn centerlines(
     plan: &Plan,
     scene: &Scene,
@@ -65,7 +65,7 @@ pub fn centerlines(
     let StripeScene { width, read_noise, shot_gain, bit_depth, .. } = scene.stripe;
     let grey = 255.0 / f64::from(bit_depth.full_scale());
     let extractor = |&method: &Method| {
-        // The camera's noise is known: it is what `sigma` is made of.
+        // The camera's noise is known: `sigma` is computed from it.
         let params = ExtractionParams {
             method,
             read_noise: read_noise * grey,
@@ -86,7 +86,7 @@ pub fn centerlines(
     }
 }
 
-/// Accuracy of each method, and how many columns it averages; without the [`BORDER_COLUMNS`].
+/// Returns the accuracy of each method and the number of columns it averages, without the [`BORDER_COLUMNS`].
 pub fn run(plan: &Plan, scene: &Scene) -> Vec<(Accuracy, f64)> {
     let mut tallies = vec![Tally::default(); plan.methods.len()];
     let mut errors: Vec<Vec<Vec<f64>>> = vec![Vec::new(); plan.methods.len()];
@@ -104,8 +104,8 @@ pub fn run(plan: &Plan, scene: &Scene) -> Vec<(Accuracy, f64)> {
     tallies.iter().map(Tally::accuracy).zip(averaged).collect()
 }
 
-/// Each frame's errors minus those of the frame before it: two frames of a scene share their systematic errors, not their
-/// noise. Points that found something else are left out.
+/// Returns each frame's errors minus those of the previous frame: two frames of a scene share their systematic errors,
+/// but not their noise. Wrong points are left out.
 fn differences(frames: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let right =
         |error: f64| if error.abs() > super::statistics::WRONG_PX { f64::NAN } else { error };
@@ -140,7 +140,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_blur_of_seven_columns_is_told_and_one_column_is_one() {
+    fn averaged_columns_are_estimated() {
         let stripe =
             StripeScene { width: 1532, height: 256, read_noise: 4.0, ..StripeScene::default() };
         let scene = Scene { stripe, course: Course::Wave, speckle: None };

@@ -141,14 +141,16 @@ impl SearchedRegion {
     /// # Errors
     /// A region that is empty or reaches beyond the image.
     pub fn new(roi: RegionOfInterest, width: u32, height: u32) -> Result<Self, RoiError> {
-        let span = |offset: u32, wanted: u32, available: u32| match wanted {
-            0 => available.checked_sub(offset).filter(|&length| length > 0),
-            _ => offset.checked_add(wanted).filter(|&end| end <= available).map(|_| wanted),
+        let span = |offset: u32, wanted: Option<u32>, available: u32| match wanted {
+            None => available.checked_sub(offset),
+            Some(wanted) => {
+                offset.checked_add(wanted).filter(|&end| end <= available).and(Some(wanted))
+            }
         };
         let columns = span(roi.x_offset, roi.width, width);
         let rows = span(roi.y_offset, roi.height, height);
         match (columns, rows) {
-            (Some(columns), Some(rows)) => Ok(Self {
+            (Some(columns @ 1..), Some(rows @ 1..)) => Ok(Self {
                 x: roi.x_offset as usize,
                 y: roi.y_offset as usize,
                 width: columns as usize,
@@ -352,7 +354,7 @@ mod tests {
     use super::*;
 
     const ALL: RegionOfInterest =
-        RegionOfInterest { x_offset: 0, y_offset: 0, width: 0, height: 0 };
+        RegionOfInterest { x_offset: 0, y_offset: 0, width: None, height: None };
 
     fn eight(format: PixelFormat, width: u32, step: u32, data: &[u8], channel: Channel) -> Vec<u8> {
         let image = Image::new(width, data.len() as u32 / step, step, format, data).unwrap();
@@ -442,7 +444,7 @@ mod tests {
         let data: Vec<u8> = (0..12).collect();
         let image = Image::new(4, 3, 4, PixelFormat::Mono8, &data).unwrap();
         let mut decoder = Decoder::default();
-        let roi = RegionOfInterest { x_offset: 1, y_offset: 1, width: 2, height: 0 };
+        let roi = RegionOfInterest { x_offset: 1, y_offset: 1, width: Some(2), height: None };
         let AnyPlane::Eight(plane) =
             decoder.decode(&image, Channel::Auto, &SearchedRegion::new(roi, 4, 3).unwrap())
         else {
@@ -451,8 +453,8 @@ mod tests {
         assert_eq!((plane.width, plane.height, plane.row(1)), (2, 2, &[9, 10][..]));
         for roi in [
             RegionOfInterest { x_offset: 4, ..ALL },
-            RegionOfInterest { x_offset: 3, width: 2, ..ALL },
-            RegionOfInterest { y_offset: 1, height: u32::MAX, ..ALL },
+            RegionOfInterest { x_offset: 3, width: Some(2), ..ALL },
+            RegionOfInterest { y_offset: 1, height: Some(u32::MAX), ..ALL },
         ] {
             assert!(SearchedRegion::new(roi, 4, 3).is_err(), "{roi:?}");
         }

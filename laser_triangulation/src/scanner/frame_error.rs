@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::{ambient::AmbientError, channel::RoiError};
+use super::{ambient::AmbientError, channel::RoiError, params::FullScaleError};
 
 /// Reason why a frame cannot be measured with these parameters.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -25,11 +25,6 @@ pub enum FrameError {
         calibrated: (u32, u32),
     },
     /// The saturation level exceeds the range of the samples.
-    #[error("full_scale is {full_scale}, but samples of this encoding end at {max_level}")]
-    FullScale {
-        /// The parameter.
-        full_scale: u32,
-        /// Largest level of the encoding.
-        max_level: u32,
-    },
+    #[error(transparent)]
+    FullScale(#[from] FullScaleError),
 }

@@ -1,8 +1,8 @@
-//! The camera: a pinhole whose axis meets the vertical laser plane at the base point under the angle β.
+//! The camera: a pinhole whose optical axis meets the vertical laser plane at the base point at the angle β.
 //!
-//! A point of the plane at height h and lateral position x lies Zc = b − h · cos β deep along the axis. It is seen
-//! s = a · h · sin β / Zc across the stripe from the base line (formula 6 of Yao et al. 2023, solved for s) and
-//! a · x / Zc along it. Rows are across and columns along the stripe; for a vertical stripe it is the other way round.
+//! A point of the plane at height h and lateral position x has the depth Zc = b − h · cos β along the optical axis. Its
+//! image is s = a · h · sin β / Zc across the stripe from the base line (formula 6 of Yao et al. 2023, solved for s)
+//! and a · x / Zc along it. Rows run across and columns along the stripe; a vertical stripe swaps the two.
 
 use std::fmt::Write;
 
@@ -15,23 +15,23 @@ use super::{
 };
 use crate::scanner::params::StripeDirection;
 
-/// Samples of a line of sight on its way out of the part's reach.
+/// Samples along a line of sight within the part's extent.
 const SIGHT_SAMPLES: u32 = 128;
-/// A wall is all that keeps a column from settling in so many rounds.
+/// Most iterations for a column. Only a wall keeps it from converging.
 const MAX_ROUNDS: u32 = 64;
 
-/// Chip and geometry.
+/// Sensor and geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
-    /// Columns.
+    /// Width, pixels.
     pub width_px: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height_px: u32,
-    /// Bits of a sample: 8, 12 or 16.
+    /// Bits per sample: 8, 12 or 16.
     #[serde(default)]
     pub bit_depth: BitDepth,
-    /// Which way the stripe runs.
+    /// Direction of the stripe.
     #[serde(default = "horizontal", deserialize_with = "direction")]
     pub stripe_direction: StripeDirection,
     /// Standard deviation of the read noise, grey levels.
@@ -46,13 +46,13 @@ pub struct Camera {
     pub object_distance_m: f64,
     /// β: angle between laser and camera axis, radians.
     pub beta_rad: f64,
-    /// Distance of two pixels on the chip, metres.
+    /// Pixel pitch on the sensor, metres.
     pub pixel_pitch_m: f64,
-    /// Row (column, for a vertical stripe) of the base line, where heights are 0, pixels.
+    /// Row (column, for a vertical stripe) of the base line, at height 0, pixels.
     pub base_row_px: f64,
-    /// Column (row, for a vertical stripe) of the axis, pixels.
+    /// Column (row, for a vertical stripe) of the optical axis, pixels.
     pub center_column_px: f64,
-    /// 1 if heights grow with the row (column, for a vertical stripe), -1 if against it.
+    /// 1 if heights grow with the row (column, for a vertical stripe), -1 if they fall.
     pub height_sign: i8,
 }
 
@@ -66,7 +66,7 @@ pub struct PlanePoint {
 }
 
 impl Camera {
-    /// Pixels along the stripe: the number of its cross-sections.
+    /// Returns the number of pixels along the stripe, which is the number of its cross-sections.
     pub const fn length_px(&self) -> u32 {
         match self.stripe_direction {
             StripeDirection::Horizontal => self.width_px,
@@ -74,7 +74,7 @@ impl Camera {
         }
     }
 
-    /// Pixels across the stripe.
+    /// Returns the number of pixels across the stripe.
     pub const fn across_px(&self) -> u32 {
         match self.stripe_direction {
             StripeDirection::Horizontal => self.height_px,
@@ -82,12 +82,12 @@ impl Camera {
         }
     }
 
-    /// The chip.
+    /// Returns the sensor.
     pub const fn sensor(&self) -> Sensor {
         Sensor { bit_depth: self.bit_depth, read_noise: self.read_noise, shot_gain: self.shot_gain }
     }
 
-    /// (column, row) at which a point of the laser plane is seen; (row, column) for a vertical stripe.
+    /// Returns the image (column, row) of a point of the laser plane; (row, column) for a vertical stripe.
     pub fn project(&self, point: PlanePoint) -> (f64, f64) {
         let depth_m = self.depth_m(point.height_m);
         let across_m = self.image_distance_m * point.height_m * libm::sin(self.beta_rad) / depth_m;
@@ -98,9 +98,8 @@ impl Camera {
         )
     }
 
-    /// The point of the part that the laser lights at `position_m` and that `column` shows; `None` where
-    /// the part hides it from the camera or the column shows a wall. Of two lit points in one column, the
-    /// higher counts.
+    /// Returns the point of the part that the laser lights at `position_m` and that `column` shows; `None` if the part
+    /// hides it from the camera or the column shows a wall. If a column shows two lit points, the higher one counts.
     pub fn lit_point(&self, part: &Part, position_m: f64, column: u32) -> Option<PlanePoint> {
         let offset_m = (f64::from(column) - self.center_column_px) * self.pixel_pitch_m;
         let x_at = |height_m: f64| offset_m * self.depth_m(height_m) / self.image_distance_m;
@@ -117,7 +116,7 @@ impl Camera {
         None
     }
 
-    /// Whether the line of sight from a point to the lens, which stands at positive y, stays above the part.
+    /// Returns true if the line of sight from a point to the lens, which is at positive y, stays above the part.
     fn sees(&self, part: &Part, position_m: f64, point: PlanePoint) -> bool {
         let to_lens_y_m = self.object_distance_m * libm::sin(self.beta_rad);
         let to_lens_z_m = self.object_distance_m * libm::cos(self.beta_rad) - point.height_m;
@@ -129,12 +128,12 @@ impl Camera {
         })
     }
 
-    /// Zc: depth of a point of the laser plane along the camera's axis, metres.
+    /// Returns Zc, the depth of a point of the laser plane along the optical axis, metres.
     fn depth_m(&self, height_m: f64) -> f64 {
         self.object_distance_m - height_m * libm::cos(self.beta_rad)
     }
 
-    /// The calibration file that fits this camera.
+    /// Returns the calibration file for this camera.
     pub fn calibration_yaml(&self) -> String {
         let mut yaml = String::from("type: vertical_incidence\nframe_id: laser_plane\n");
         for (key, value) in [
@@ -152,7 +151,7 @@ impl Camera {
         yaml
     }
 
-    /// Refuses what cannot be built.
+    /// Rejects an impossible camera.
     pub(super) fn check(&self) -> Result<(), ScenarioError> {
         for (key, value, min, max) in [
             ("width_px", f64::from(self.width_px), 8.0, 8192.0),
@@ -175,7 +174,7 @@ impl Camera {
         Ok(())
     }
 
-    /// Refuses a part that reaches up to the lens.
+    /// Rejects a part that reaches up to the lens.
     pub(super) fn check_above(&self, part: &Part) -> Result<(), ScenarioError> {
         let max_m = 0.5 * self.object_distance_m * libm::cos(self.beta_rad);
         check_range("part (cell, film and defects together)", part.ceiling_m(), 0.0, max_m)
@@ -206,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn formula_6_takes_rows_back_to_heights() {
+    fn formula_6_converts_rows_back_to_heights() {
         let (a, b, beta, pitch) = (0.026, 0.3, 30f64.to_radians(), 9.6e-6);
         for (x_m, height_m) in [(0.0, 0.0), (0.004, 0.0042), (-0.006, 0.010), (0.001, -0.002)] {
             let (column, row) = scenario().camera.project(PlanePoint { x_m, height_m });

@@ -1,18 +1,18 @@
-//! Light that is not the stripe: what a profiler must not take for it. Grey levels are those of the bit depth.
+//! Light other than the stripe, which a profiler must ignore. Grey levels are those of the bit depth.
 
 use serde::Deserialize;
 
 use super::scenario::{ScenarioError, check_entries, check_range};
 
-/// Everything in the picture besides the stripe.
+/// Everything in the image except the stripe.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Clutter {
-    /// Grey level of the ambient light in the middle of the picture.
+    /// Grey level of the ambient light in the middle of the image.
     pub ambient: f64,
-    /// What it gains from the first to the last column, grey levels.
+    /// Increase from the first to the last column, grey levels.
     pub ambient_gain_across_columns: f64,
-    /// What it gains from the first to the last row, grey levels.
+    /// Increase from the first to the last row, grey levels.
     pub ambient_gain_across_rows: f64,
     /// Weaker copies of the stripe.
     pub reflections: Vec<Reflection>,
@@ -20,7 +20,7 @@ pub struct Clutter {
     pub spots: Vec<Spot>,
 }
 
-/// A weaker copy of the stripe, as a glossy part throws it.
+/// A weaker copy of the stripe, as a glossy part reflects it.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reflection {
@@ -28,13 +28,13 @@ pub struct Reflection {
     pub offset_px: f64,
     /// Brightness as a share of the stripe's.
     pub share: f64,
-    /// First column (row, for a vertical stripe) in which it is seen.
+    /// First column (row, for a vertical stripe) in which it is visible.
     pub first: u32,
-    /// Last column (row, for a vertical stripe) in which it is seen.
+    /// Last column (row, for a vertical stripe) in which it is visible.
     pub last: u32,
 }
 
-/// A round Gaussian spot that stands still.
+/// A round Gaussian spot at a fixed position.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spot {
@@ -46,14 +46,15 @@ pub struct Spot {
     pub sigma_px: f64,
     /// Grey level at its centre.
     pub level: f64,
-    /// First frame in which it is seen.
+    /// First frame in which it is visible.
     pub first_frame: u32,
-    /// Last frame in which it is seen.
+    /// Last frame in which it is visible.
     pub last_frame: u32,
 }
 
 impl Clutter {
-    /// Grey level at (column, row) of a picture of `size_px` (width, height) in a frame, without reflections.
+    /// Returns the grey level at (column, row) of an image of `size_px` (width, height) in a frame, without
+    /// reflections.
     pub fn level(&self, frame: u32, size_px: [u32; 2], at_px: [u32; 2]) -> f64 {
         // From -½ at the first to ½ at the last pixel.
         let [u, v] = [0, 1].map(|axis| {
@@ -66,7 +67,7 @@ impl Clutter {
             + spots.sum::<f64>()
     }
 
-    /// Refuses what cannot be drawn.
+    /// Rejects clutter that cannot be rendered.
     pub(super) fn check(&self) -> Result<(), ScenarioError> {
         for (key, level) in [
             ("ambient", self.ambient),
@@ -108,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ambient_light_rises_evenly_and_spots_come_and_go() {
+    fn ambient_light_is_linear_and_spots_have_a_lifetime() {
         let spot = Spot {
             column_px: 10.0,
             row_px: 5.0,

@@ -1,16 +1,16 @@
-//! What falls onto the sensor: expected grey levels, before noise, saturation and rounding.
+//! Light on the sensor: expected grey levels, before noise, saturation and rounding.
 
 use crate::scanner::params::StripeDirection;
 
-/// Beyond so many standard deviations a stripe adds less than 10⁻¹⁴ of its amplitude.
+/// Number of standard deviations beyond which a stripe adds less than 10⁻¹⁴ of its amplitude.
 const REACH_SIGMAS: f64 = 8.0;
 
-/// Where one column (row, for a vertical stripe) of light lies and how bright it is.
+/// Position and brightness of the light in one column (row, for a vertical stripe).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrossSection {
-    /// Centre across the stripe, pixels; NaN: no light here.
+    /// Centre across the stripe, pixels; NaN if there is no light.
     pub center_px: f64,
-    /// Grey level at the centre of the stripe if pixels were points.
+    /// Peak grey level for infinitely small pixels.
     pub amplitude: f64,
     /// Standard deviation across the stripe, pixels.
     pub sigma_px: f64,
@@ -25,7 +25,7 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// Starts a picture of `width` x `height` pixels over an even `background`; the buffer is reused.
+    /// Starts an image of `width` x `height` pixels over an even `background`; the buffer is reused.
     pub fn reset(&mut self, width: u32, height: u32, background: f32) {
         self.width = width;
         self.height = height;
@@ -33,12 +33,12 @@ impl Exposure {
         self.levels.resize(width as usize * height as usize, background);
     }
 
-    /// Expected grey levels, row after row.
+    /// Returns the expected grey levels, row by row.
     pub fn levels(&self) -> &[f32] {
         &self.levels
     }
 
-    /// Adds what `level` says about each pixel (column, row).
+    /// Adds `level(column, row)` to each pixel.
     pub fn add(&mut self, mut level: impl FnMut(u32, u32) -> f32) {
         for (row, line) in (0..).zip(self.levels.chunks_exact_mut(self.width.max(1) as usize)) {
             for (column, pixel) in (0..).zip(line) {
@@ -47,14 +47,14 @@ impl Exposure {
         }
     }
 
-    /// Multiplies each pixel, row after row, by its factor; pixels beyond the last factor stay.
+    /// Multiplies each pixel, row by row, by its factor; pixels beyond the last factor stay unchanged.
     pub fn multiply(&mut self, factors: &[f32]) {
         for (pixel, factor) in self.levels.iter_mut().zip(factors) {
             *pixel *= factor;
         }
     }
 
-    /// Adds a stripe that runs in `direction`; `cross_section` is asked once for each column (row, if vertical).
+    /// Adds a stripe that runs in `direction`; `cross_section` is called once for each column (row, if vertical).
     ///
     /// The Gaussian is integrated over each pixel: the level of the pixel at k is
     /// A · s·√(2π) · (Φ((k + ½ − c)/s) − Φ((k − ½ − c)/s)).
@@ -76,7 +76,7 @@ impl Exposure {
     }
 }
 
-/// Adds one cross-section to the pixels it runs across.
+/// Adds one cross-section to the pixels that it covers.
 fn add_cross_section<'a>(section: &CrossSection, pixels: impl Iterator<Item = &'a mut f32>) {
     let CrossSection { center_px, amplitude, sigma_px } = *section;
     if !center_px.is_finite() {
@@ -95,7 +95,7 @@ fn add_cross_section<'a>(section: &CrossSection, pixels: impl Iterator<Item = &'
     }
 }
 
-/// Φ: share of a standard normal distribution below `x`.
+/// Returns Φ, the standard normal distribution function at `x`.
 fn normal_cdf(x: f64) -> f64 {
     0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)
 }
@@ -107,7 +107,7 @@ mod tests {
     const AMPLITUDE: f64 = 183.0;
     const SIGMA_PX: f64 = 2.3;
 
-    /// The 64 levels across a stripe centred at `center_px`.
+    /// Returns the 64 levels across a stripe centred at `center_px`.
     fn levels(center_px: f64, direction: StripeDirection) -> Vec<f32> {
         let mut exposure = Exposure::default();
         match direction {
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn flux_and_centroid_are_those_of_the_gaussian() {
+    fn flux_and_centroid_match_the_gaussian() {
         for tenth in 0..20 {
             let center = 31.0 + f64::from(tenth) / 10.0;
             let levels = levels(center, StripeDirection::Horizontal);

@@ -1,7 +1,8 @@
-//! Scene → image whose answer is known exactly. Pure: a frame is a function of the scene, the seed and its number.
+//! Rendering of scenes with a known answer. Pure: a frame is a function of the scene, the seed and its number.
 //!
 //! A [`scenario`] describes everything in one file; [`world`] renders any of its frames and states the exact centre of
-//! the stripe. [`stripe::render_stripe`] draws one stripe whose centre the caller states: enough for tests and benchmarks.
+//! the stripe. [`stripe::render_stripe`] draws one stripe around a centre that the caller chooses, which is enough for
+//! tests and benchmarks.
 
 pub mod scenario;
 pub mod scene;
@@ -27,7 +28,7 @@ use scene::Scene;
 /// camera of formula 6.
 ///
 /// # Errors
-/// A text that is not a scenario, or a value out of range; both name the key.
+/// The text is not a scenario, or a value is out of range; both errors name the key.
 pub fn scene_from_yaml(text: &str) -> Result<Box<dyn Scene>, ScenarioError> {
     #[derive(Deserialize)]
     struct Head {

@@ -1,24 +1,24 @@
-//! Random numbers that depend on nothing but the seed and the frame: any frame can be made at any time, on any thread.
+//! Random numbers that depend only on the seed and the frame: frames can be rendered in any order, on any thread.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// The generator of one frame: the same for the same (seed, frame), independent of every other frame's.
+/// Returns the generator of one frame: the same for the same (seed, frame), independent of all other frames.
 pub fn frame_rng(seed: u64, frame: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(frame);
     rng
 }
 
-/// Brightness along a stripe of `length` cross-sections as a share of its mean: normal with standard deviation
-/// `contrast`, smoothed by a Gaussian of standard deviation `sigma_px`, never below 0.
+/// Returns the brightness along a stripe of `length` cross-sections as a share of its mean: normal with standard
+/// deviation `contrast`, smoothed by a Gaussian of standard deviation `sigma_px`, never below 0.
 pub fn speckle(rng: &mut impl Rng, length: u32, contrast: f64, sigma_px: f64) -> Vec<f64> {
     let radius = (3.0 * sigma_px).ceil() as usize;
     let kernel: Vec<f64> = (0..=2 * radius)
         .map(|k| libm::exp(-0.5 * ((k as f64 - radius as f64) / sigma_px.max(1e-9)).powi(2)))
         .collect();
-    // White noise through a kernel has the variance Σ k².
+    // A kernel gives white noise the variance Σ k².
     let gain = contrast / kernel.iter().map(|k| k * k).sum::<f64>().sqrt();
     let white: Vec<f64> =
         (0..length as usize + 2 * radius).map(|_| StandardNormal.sample(rng)).collect();
@@ -35,7 +35,7 @@ pub fn speckle(rng: &mut impl Rng, length: u32, contrast: f64, sigma_px: f64) ->
 mod tests {
     use super::*;
 
-    /// Mean product of deviations from 1 of entries `lag` apart.
+    /// Returns the mean product of deviations from 1 of entries `lag` apart.
     fn covariance(shares: &[f64], lag: usize) -> f64 {
         let products = shares.iter().zip(&shares[lag..]).map(|(a, b)| (a - 1.0) * (b - 1.0));
         products.sum::<f64>() / (shares.len() - lag) as f64
@@ -45,7 +45,7 @@ mod tests {
     fn speckle_has_the_stated_contrast_and_length() {
         let shares = speckle(&mut frame_rng(3, 1), 100_000, 0.2, 4.0);
         assert_eq!(shares.len(), 100_000);
-        // Two places d apart correlate with exp(−d²/4s²).
+        // Two entries d apart correlate with exp(−d²/4s²).
         for (lag, correlation) in [(0, 1.0), (4, 0.7788), (8, 0.3679), (40, 0.0)] {
             let expected = 0.04 * correlation;
             assert!((covariance(&shares, lag) - expected).abs() < 0.002, "lag {lag}");

@@ -1,6 +1,6 @@
 //! The scanned part: a prismatic cell on a table, covered by a film with defects. Heights are above the table.
 //!
-//! x runs along the stripe, 0 in the middle of the cell; y along the motion, 0 at the edge that the laser meets first.
+//! x runs along the stripe, 0 in the middle of the cell; y along the motion, 0 at the edge that meets the laser first.
 
 use serde::Deserialize;
 
@@ -10,7 +10,7 @@ use super::scenario::{ScenarioError, check_entries, check_range};
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Part {
-    /// Brightness of the stripe on the table as a share of the laser's amplitude; 0: no stripe is seen there.
+    /// Brightness of the stripe on the table as a share of the laser's amplitude; 0: invisible.
     pub table_reflectance: f64,
     /// The cell.
     pub cell: Cell,
@@ -26,13 +26,13 @@ pub struct Cell {
     pub width_m: f64,
     /// Size along the motion, metres.
     pub length_m: f64,
-    /// Size upwards, metres.
+    /// Height, metres.
     pub height_m: f64,
     /// Brightness of the stripe on the bare cell as a share of the laser's amplitude.
     pub reflectance: f64,
 }
 
-/// A film on top of the cell; heights of its defects add up.
+/// A film on top of the cell; the heights of its defects add up.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Film {
@@ -56,19 +56,19 @@ pub struct Film {
     pub folds: Vec<Fold>,
 }
 
-/// Height of second order over the cell: `bow_x · u² + bow_y · v² + twist · u · v`, u and v from -1 to 1 edge to edge.
+/// Second-order height over the cell: `bow_x · u² + bow_y · v² + twist · u · v`, u and v from -1 to 1 edge to edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Warp {
-    /// Height of the edges beside the motion over the middle, metres.
+    /// Height of the edges parallel to the motion over the middle, metres.
     pub bow_x_m: f64,
     /// Height of the first and last edge over the middle, metres.
     pub bow_y_m: f64,
-    /// Height of two opposite corners, metres; the other two sink as much.
+    /// Height of two opposite corners, metres; the other two are as much lower.
     pub twist_m: f64,
 }
 
-/// A spherical cap upwards.
+/// A raised spherical cap.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bubble {
@@ -82,7 +82,7 @@ pub struct Bubble {
     pub height_m: f64,
 }
 
-/// A spherical cap downwards.
+/// A sunken spherical cap.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pit {
@@ -104,13 +104,13 @@ pub struct Fold {
     pub from_m: [f64; 2],
     /// Its other end (x, y), metres.
     pub to_m: [f64; 2],
-    /// Distance at which it has faded to nothing, metres.
+    /// Distance at which the height reaches 0, metres.
     pub half_width_m: f64,
     /// Height on the line, metres.
     pub height_m: f64,
 }
 
-/// A place on the part's surface.
+/// A point of the part's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
     /// Height above the table, metres.
@@ -120,7 +120,7 @@ pub struct Surface {
 }
 
 impl Part {
-    /// The surface at (x, y), metres.
+    /// Returns the surface at (x, y), metres.
     pub fn surface(&self, x_m: f64, y_m: f64) -> Surface {
         let cell = &self.cell;
         // Distance to the nearest wall, positive inside.
@@ -137,7 +137,7 @@ impl Part {
         Surface { height_m, reflectance: self.film.reflectance }
     }
 
-    /// A height above every point of the surface, metres.
+    /// Returns a height above every point of the surface, metres.
     pub fn ceiling_m(&self) -> f64 {
         let film = &self.film;
         let warp = &film.warp;
@@ -150,7 +150,7 @@ impl Part {
             + film.folds.iter().map(|fold| fold.height_m).sum::<f64>()
     }
 
-    /// Refuses what cannot be built.
+    /// Rejects an impossible part.
     pub(super) fn check(&self) -> Result<(), ScenarioError> {
         let (cell, film) = (&self.cell, &self.film);
         check_range("part.table_reflectance", self.table_reflectance, 0.0, 1.0)?;
@@ -165,7 +165,7 @@ impl Part {
 }
 
 impl Film {
-    /// Height over the cell at `at_m` (x, y), which is `uv` from -1 to 1 over the cell.
+    /// Returns the height over the cell at `at_m` (x, y), metres; `uv` is the same place from -1 to 1 over the cell.
     fn height_m(&self, at_m: [f64; 2], [u, v]: [f64; 2]) -> f64 {
         let warp = &self.warp;
         let bubbles = self
@@ -235,7 +235,7 @@ impl Fold {
     }
 }
 
-/// Height of a spherical cap at a distance from its axis; 0 outside of its rim.
+/// Returns the height of a spherical cap at a distance from its axis; 0 outside its rim.
 fn cap_m(distance_m: f64, radius_m: f64, height_m: f64) -> f64 {
     if distance_m >= radius_m || height_m == 0.0 {
         return 0.0;
@@ -248,7 +248,7 @@ fn distance_m(from: [f64; 2], to: [f64; 2]) -> f64 {
     libm::hypot(from[0] - to[0], from[1] - to[1])
 }
 
-/// Refuses a cap (name of its height, x, y, radius, height) that is more than half a sphere.
+/// Rejects a cap (name of its height, x, y, radius, height) that is more than half a sphere.
 fn check_cap(key: &str, cap: (&str, f64, f64, f64, f64)) -> Result<(), ScenarioError> {
     let (height_name, x_m, y_m, radius_m, height_m) = cap;
     check_range(&format!("{key}.x_m"), x_m, -100.0, 100.0)?;

@@ -1,6 +1,7 @@
-//! Gauges and boards before any camera and any plane of light: what calibrations and measurements are judged with.
+//! Gauges and boards in front of any camera and laser plane: ground truth for calibrations and measurements.
 //!
-//! The camera is projected here anew, not by the instrument's own model: the truth is not what it is compared with.
+//! The projection is written independently of the instrument's own camera model, so the ground truth does not depend on
+//! the code under test.
 
 mod boards;
 mod gauge;
@@ -29,40 +30,40 @@ pub use boards::Boards;
 pub use gauge::{Gauge, Shape};
 pub use lens::Lens;
 
-/// A recording of a gauge that moves through the laser plane, or of boards that are held before the camera.
+/// A recording of a gauge that moves through the laser plane, or of boards held in front of the camera.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigScenario {
     /// Frames that the camera takes.
     pub frames: u32,
-    /// Frames a second.
+    /// Frame rate, hertz.
     pub frame_rate_hz: f64,
     /// Stamp of frame 0, nanoseconds since the epoch.
     pub start_time_ns: i64,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// How the gauge moves through the laser plane.
+    /// Motion of the gauge through the laser plane.
     #[serde(default = "still")]
     pub motion: Motion,
     /// Camera and plane.
     pub rig: Rig,
     /// The stripe's light.
     pub laser: Laser,
-    /// What is scanned; or
+    /// The scanned gauge; alternative to `boards`.
     pub gauge: Option<Gauge>,
-    /// boards, one view a frame.
+    /// Checkerboards, one view per frame; alternative to `gauge`.
     pub boards: Option<Boards>,
 }
 
-/// A camera and a plane of light.
+/// A camera and a laser plane.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rig {
-    /// Columns.
+    /// Width, pixels.
     pub width_px: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height_px: u32,
-    /// Bits of a sample: 8, 12 or 16.
+    /// Bits per sample: 8, 12 or 16.
     #[serde(default)]
     pub bit_depth: BitDepth,
     /// Standard deviation of the read noise, grey levels.
@@ -73,11 +74,11 @@ pub struct Rig {
     pub shot_gain: f64,
     /// Lens and sensor.
     pub lens: Lens,
-    /// At right angles to the plane of light, in the camera's frame; of any length.
+    /// Normal of the laser plane in the camera's frame; of any length.
     pub laser_normal: [f64; 3],
-    /// From the lens to the plane, metres.
+    /// Distance from the lens to the laser plane, metres.
     pub laser_distance_m: f64,
-    /// `vertical` where the stripe runs from top to bottom.
+    /// `vertical` if the stripe runs from top to bottom.
     #[serde(default)]
     pub is_vertical: bool,
 }
@@ -87,7 +88,7 @@ const fn still() -> Motion {
 }
 
 impl Rig {
-    /// Which way the stripe runs.
+    /// Returns the direction of the stripe.
     pub const fn stripe_direction(&self) -> StripeDirection {
         if self.is_vertical { StripeDirection::Vertical } else { StripeDirection::Horizontal }
     }
@@ -96,12 +97,12 @@ impl Rig {
         Sensor { bit_depth: self.bit_depth, read_noise: self.read_noise, shot_gain: self.shot_gain }
     }
 
-    /// Pixels along the stripe.
+    /// Returns the number of pixels along the stripe.
     const fn length_px(&self) -> u32 {
         if self.is_vertical { self.height_px } else { self.width_px }
     }
 
-    /// What a perfect calibration would find, with the axis that moves the gauge.
+    /// Returns the result of a perfect calibration, with the axis that moves the gauge.
     pub fn calibration(&self) -> CameraAndPlane {
         let Lens { focal_px, center_px, tilt_rad, .. } = self.lens;
         let geometry = geometry::World::new(self);
@@ -177,7 +178,7 @@ impl RigScenario {
     /// Reads a scenario and checks every value.
     ///
     /// # Errors
-    /// A text that is not a scenario, or a value outside of its range; both name the key.
+    /// The text is not a scenario, or a value is out of range; both errors name the key.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
         let scenario: Self = parsed(text)?;
         scenario.check()?;

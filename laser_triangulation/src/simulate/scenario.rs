@@ -1,4 +1,4 @@
-//! A scenario file: everything about a simulated scan, imperfections included, and nothing anywhere else.
+//! A scenario file: the complete description of a simulated scan, imperfections included.
 
 use std::fmt::Display;
 
@@ -10,25 +10,25 @@ use super::{camera::Camera, clutter::Clutter, part::Part};
 /// An example: a film with a bubble, a pit and a fold on a cell, 40 frames of 160 x 96 pixels.
 pub const EXAMPLE: &str = include_str!("example.scenario.yaml");
 
-/// Most frames of a scenario.
+/// Largest number of frames in a scenario.
 const MAX_FRAMES: u32 = 1_000_000;
-/// Most entries of any list in a scenario.
+/// Largest number of entries in any list of a scenario.
 pub(super) const MAX_ENTRIES: usize = 1000;
 
-/// Why a text is not a scenario.
+/// The reason why a text is not a scenario.
 #[derive(Debug, Error)]
 pub enum ScenarioError {
     /// Not YAML, an unknown key, a missing key or a value of the wrong type.
     #[error("{0}")]
     Yaml(Box<serde_saphyr::Error>),
-    /// A value outside of what can be simulated.
+    /// A value out of range.
     #[error("{key} is {value}: allowed is {allowed}")]
     Range {
         /// Path of the value, as in `camera.width_px`.
         key: String,
         /// The value.
         value: String,
-        /// What would be right.
+        /// The allowed range.
         allowed: String,
     },
 }
@@ -39,28 +39,28 @@ pub enum ScenarioError {
 pub struct Scenario {
     /// Frames that the camera takes, dropped ones included.
     pub frames: u32,
-    /// Frames a second.
+    /// Frame rate, hertz.
     pub frame_rate_hz: f64,
     /// Stamp of frame 0, nanoseconds since the epoch.
     pub start_time_ns: i64,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Numbers of the frames that are taken but never arrive.
+    /// Numbers of the frames that are taken but dropped.
     #[serde(default)]
     pub dropped_frames: Vec<u32>,
-    /// Exposure times in turn, as shares of that for which all grey levels are stated: frame n has entry n modulo their
-    /// number. None: 1.
+    /// Exposure times in turn, relative to the one for which all grey levels are stated: frame n uses entry n modulo
+    /// the number of entries. Empty: 1.
     #[serde(default)]
     pub exposure_factors: Vec<f64>,
-    /// How the part moves through the laser plane.
+    /// Motion of the part through the laser plane.
     pub motion: Motion,
-    /// The plane of light.
+    /// The laser plane.
     pub laser: Laser,
     /// The camera that sees the stripe.
     pub camera: Camera,
-    /// What is scanned.
+    /// The scanned part.
     pub part: Part,
-    /// Light that is not the stripe.
+    /// Light other than the stripe.
     #[serde(default)]
     pub clutter: Clutter,
 }
@@ -71,7 +71,7 @@ pub struct Scenario {
 pub struct Motion {
     /// Position of frame 0, metres.
     pub start_m: f64,
-    /// Metres from a frame to the next.
+    /// Motion per frame, metres.
     pub step_m: f64,
 }
 
@@ -79,14 +79,14 @@ pub struct Motion {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Laser {
-    /// Grey level at the centre of the stripe on a surface of reflectance 1, if pixels were points.
+    /// Peak grey level on a surface of reflectance 1, for infinitely small pixels.
     pub amplitude: f64,
     /// Standard deviation across the stripe, pixels.
     pub sigma_px: f64,
     /// Standard deviation of the brightness along the stripe as a share of its mean.
     #[serde(default)]
     pub speckle_contrast: f64,
-    /// Standard deviation of the Gaussian that smooths the speckle along the stripe, pixels; 0: white.
+    /// Standard deviation of the Gaussian that smooths the speckle along the stripe, pixels; 0: white speckle.
     #[serde(default)]
     pub speckle_sigma_px: f64,
 }
@@ -95,24 +95,24 @@ impl Scenario {
     /// Reads a scenario and checks every value.
     ///
     /// # Errors
-    /// A text that is not a scenario, or a value outside of its range; both name the key.
+    /// The text is not a scenario, or a value is out of range; both errors name the key.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
         let scenario: Self = parsed(text)?;
         scenario.check()?;
         Ok(scenario)
     }
 
-    /// Stamp of a frame, nanoseconds since the epoch: the middle of its exposure.
+    /// Returns the stamp of a frame, nanoseconds since the epoch: the middle of its exposure.
     pub fn stamp_ns(&self, frame: u32) -> i64 {
         self.start_time_ns + i64::from(frame) * (1e9 / self.frame_rate_hz).round() as i64
     }
 
-    /// Where the laser plane meets the part in a frame, metres along the motion.
+    /// Returns the position at which the laser plane meets the part in a frame, metres along the motion.
     pub fn position_m(&self, frame: u32) -> f64 {
         self.motion.start_m + f64::from(frame) * self.motion.step_m
     }
 
-    /// Light of a frame as a share of the stated levels.
+    /// Returns the light of a frame as a share of the stated levels.
     pub fn exposure_factor(&self, frame: u32) -> f64 {
         let factors = &self.exposure_factors;
         if factors.is_empty() { 1.0 } else { factors[frame as usize % factors.len()] }
@@ -138,15 +138,15 @@ impl Scenario {
     }
 }
 
-/// Reads a scenario of any kind; its values are not checked yet.
+/// Reads a scenario of any kind without checking its values.
 pub(super) fn parsed<T: DeserializeOwned>(text: &str) -> Result<T, ScenarioError> {
     serde_saphyr::from_str(text).map_err(|error| ScenarioError::Yaml(Box::new(error)))
 }
 
-/// Refuses frames at times that ROS cannot state.
+/// Rejects frames at times that ROS cannot represent.
 pub(super) fn check_times(frame_rate_hz: f64, start_time_ns: i64) -> Result<(), ScenarioError> {
     check_range("frame_rate_hz", frame_rate_hz, 0.01, 1e5)?;
-    // ROS counts seconds in 31 bits, to 2038; the longest scenario takes 10⁸ of them.
+    // ROS counts seconds in 31 bits, until 2038; the longest scenario takes 10⁸ of them.
     check_range("start_time_ns", start_time_ns as f64, 0.0, 2e18)
 }
 
@@ -166,7 +166,7 @@ impl Laser {
     }
 }
 
-/// Refuses a value that is not within `min ..= max`; NaN never is.
+/// Rejects a value outside `min ..= max`, NaN included.
 pub(super) fn check_range(key: &str, value: f64, min: f64, max: f64) -> Result<(), ScenarioError> {
     if (min..=max).contains(&value) {
         return Ok(());
@@ -174,7 +174,7 @@ pub(super) fn check_range(key: &str, value: f64, min: f64, max: f64) -> Result<(
     Err(range_error(key, value, format!("{min} to {max}")))
 }
 
-/// Refuses a list that is too long to be meant.
+/// Rejects a list that is too long.
 pub(super) fn check_entries<T>(key: &str, list: &[T]) -> Result<(), ScenarioError> {
     if list.len() <= MAX_ENTRIES {
         return Ok(());
@@ -182,7 +182,7 @@ pub(super) fn check_entries<T>(key: &str, list: &[T]) -> Result<(), ScenarioErro
     Err(range_error(key, format!("{} entries", list.len()), format!("at most {MAX_ENTRIES}")))
 }
 
-/// The error of a value that cannot be simulated.
+/// Returns the error for an invalid value.
 pub(super) fn range_error(key: &str, value: impl Display, allowed: String) -> ScenarioError {
     ScenarioError::Range { key: key.to_owned(), value: value.to_string(), allowed }
 }
@@ -191,7 +191,7 @@ pub(super) fn range_error(key: &str, value: impl Display, allowed: String) -> Sc
 pub(crate) mod tests {
     use super::*;
 
-    /// A small scene: a cell with a film and one of each defect.
+    /// Returns a small scene: a cell with a film and one of each defect.
     fn refusal(from: &str, to: &str) -> String {
         assert!(EXAMPLE.contains(from), "{from}");
         Scenario::from_yaml(&EXAMPLE.replacen(from, to, 1)).unwrap_err().to_string()
@@ -206,7 +206,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_wrong_value_is_refused_with_key_value_and_range() {
+    fn an_invalid_value_is_rejected_with_key_value_and_range() {
         for (from, to, message) in [
             ("frames: 40", "frames: 0", "frames is 0: allowed is 1 to 1000000"),
             ("width_px: 160", "width_px: 9000", "camera.width_px is 9000: allowed is 8 to 8192"),

@@ -1,18 +1,18 @@
-//! What can be recorded: frames, an axis, a camera, and the truth about them.
+//! The interface of anything that can be recorded: frames, an axis, a camera, and the ground truth.
 
 use super::{scenario::Scenario, sensor::BitDepth, world::RenderedFrame};
 use crate::scanner::{camera::Camera, params::StripeDirection};
 
-/// The form of all pictures of a scene.
+/// Image format of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// Columns.
+    /// Width, pixels.
     pub width_px: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height_px: u32,
-    /// Bits of a sample.
+    /// Bits per sample.
     pub bit_depth: BitDepth,
-    /// Which way the stripe runs.
+    /// Direction of the stripe.
     pub stripe_direction: StripeDirection,
 }
 
@@ -20,19 +20,19 @@ pub struct Picture {
 pub trait Scene {
     /// Frames that the camera takes, dropped ones included.
     fn frames(&self) -> u32;
-    /// Whether a frame is taken but never arrives.
+    /// Returns true if a frame is taken but dropped.
     fn is_dropped(&self, frame: u32) -> bool;
-    /// Stamp of a frame, nanoseconds since the epoch: the middle of its exposure.
+    /// Returns the stamp of a frame, nanoseconds since the epoch: the middle of its exposure.
     fn stamp_ns(&self, frame: u32) -> i64;
-    /// Position of the axis in a frame, metres.
+    /// Returns the position of the axis in a frame, metres.
     fn position_m(&self, frame: u32) -> f64;
-    /// Velocity of the axis, metres a second.
+    /// Returns the velocity of the axis, metres per second.
     fn velocity_m_s(&self) -> f64;
-    /// The form of its pictures.
+    /// Returns the image format.
     fn picture(&self) -> Picture;
-    /// The camera, where it is more than formula 6.
+    /// Returns the camera; `None` for the camera of formula 6.
     fn camera(&self) -> Option<Camera>;
-    /// The calibration file that fits.
+    /// Returns the matching calibration file.
     fn calibration_yaml(&self) -> String;
     /// Renders a frame.
     fn render(&self, frame: u32, out: &mut RenderedFrame);

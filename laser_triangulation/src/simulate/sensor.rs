@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::exposure::Exposure;
 
-/// Bits of a sample.
+/// Bits per sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 pub enum BitDepth {
     /// One byte, full scale 255.
@@ -22,7 +22,7 @@ pub enum BitDepth {
 }
 
 impl BitDepth {
-    /// Grey level of a saturated sample.
+    /// Returns the grey level of a saturated sample.
     pub const fn full_scale(self) -> u16 {
         match self {
             Self::Eight => 255,
@@ -31,7 +31,7 @@ impl BitDepth {
         }
     }
 
-    /// Bytes of a sample.
+    /// Returns the number of bytes per sample.
     pub const fn bytes_per_pixel(self) -> u32 {
         match self {
             Self::Eight => 1,
@@ -40,10 +40,10 @@ impl BitDepth {
     }
 }
 
-/// A camera chip: how light becomes numbers. Grey levels are those of its bit depth.
+/// A camera sensor: converts light to numbers. Grey levels are those of its bit depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
-    /// Bits of a sample.
+    /// Bits per sample.
     pub bit_depth: BitDepth,
     /// Standard deviation of the noise that does not depend on the light, grey levels.
     pub read_noise: f64,
@@ -52,7 +52,7 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// Replaces `samples` by what the chip reads out, rows without padding.
+    /// Replaces `samples` by the sensor's output, rows without padding.
     ///
     /// Each sample is its expected level plus Gaussian noise of variance `read_noise² + shot_gain · level`, rounded to
     /// the nearest integer, clipped to 0 … full scale.
@@ -124,7 +124,7 @@ mod tests {
         let count = samples.len() as f64;
         let mean = samples.iter().sum::<f64>() / count;
         let variance = samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / count;
-        // 3² + 0.2 · 1000, and 1/12 from the rounding; 4 standard errors of 40,000 samples.
+        // 3² + 0.2 · 1000, plus 1/12 from the rounding; 4 standard errors of 40,000 samples.
         assert!((mean - 1000.0).abs() < 4.0 * (209.0_f64 / count).sqrt(), "{mean}");
         assert!((variance - 209.083).abs() < 4.0 * 209.0 * (2.0 / count).sqrt(), "{variance}");
     }

@@ -1,23 +1,23 @@
-//! Speckle: the granular light that a rough surface throws back from a laser.
+//! Speckle: the granular light that a rough surface scatters from a laser.
 //!
 //! Fully developed speckle is |f|² of a complex Gaussian field f: its brightness is exponentially distributed, with a
-//! standard deviation equal to its mean (Goodman, Speckle Phenomena in Optics, 2007, eq. 3-16). Seen with contrast C < 1, a share
-//! of the light is even: 1 − C + C |f|².
+//! standard deviation equal to its mean (Goodman, Speckle Phenomena in Optics, 2007, eq. 3-16). At a contrast C < 1 the
+//! rest of the light is uniform: 1 − C + C |f|².
 
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Granular light across a picture.
+/// Speckle across an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speckle {
     /// Standard deviation of the brightness over its mean, 0 … 1.
     pub contrast: f64,
-    /// Size of a grain: brightness at a distance d correlates with exp(−d² / (2 · `grain_px`²)), pixels.
+    /// Size of a grain, pixels: brightness at a distance d correlates with exp(−d² / (2 · `grain_px`²)).
     pub grain_px: f64,
 }
 
 impl Speckle {
-    /// Brightness of every pixel of a picture, row after row, as a share of the mean.
+    /// Returns the brightness of every pixel of an image, row by row, as a share of the mean.
     pub fn pattern(&self, rng: &mut impl Rng, (width, height): (usize, usize)) -> Vec<f32> {
         let kernel = kernel(self.grain_px);
         let mut part = || field(rng, (width, height), &kernel);
@@ -27,8 +27,8 @@ impl Speckle {
         intensity.map(|share| 1.0 - contrast + contrast * share).collect()
     }
 
-    /// Standard deviation of the centroid of a Gaussian stripe of standard deviation `sigma_px` under this speckle, in one
-    /// column and to first order in the contrast, pixels.
+    /// Returns the standard deviation of the centroid of a Gaussian stripe of standard deviation `sigma_px` under this
+    /// speckle, for one column and to first order in the contrast, pixels.
     ///
     /// With weights w = N(0, s²) and the covariance above, Var = C² ∬ x y w(x) w(y) exp(−(x − y)² / 2g²) dx dy
     /// = C² s² k (1 − k²) / 2 with k² = g² / (g² + 2 s²).
@@ -39,7 +39,8 @@ impl Speckle {
     }
 }
 
-/// Weights that keep the variance of white noise and make it correlate as exp(−d² / 4g²): its square is the brightness's.
+/// Returns weights that keep the variance of white noise and give it the correlation exp(−d² / 4g²). Its square is the
+/// correlation of the brightness.
 fn kernel(grain_px: f64) -> Vec<f32> {
     let radius = (4.0 * grain_px).ceil();
     let weight = |k: i32| libm::exp(-0.5 * ((f64::from(k) - radius) / grain_px.max(1e-9)).powi(2));
@@ -48,7 +49,7 @@ fn kernel(grain_px: f64) -> Vec<f32> {
     weights.iter().map(|w| (w / gain) as f32).collect()
 }
 
-/// White noise smoothed along both axes; variance 1.
+/// Returns white noise smoothed along both axes, with variance 1.
 fn field(rng: &mut impl Rng, (width, height): (usize, usize), kernel: &[f32]) -> Vec<f32> {
     let margin = kernel.len() - 1;
     let (wide, high) = (width + margin, height + margin);
@@ -99,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centroid_strays_as_the_formula_says() {
+    fn the_centroids_deviation_matches_the_formula() {
         let speckle = Speckle { contrast: 0.1, grain_px: 1.2 };
         let (width, height, sigma_px) = (4000, 41, 2.5);
         let pattern = speckle.pattern(&mut frame_rng(4, 1), (width, height));
@@ -118,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn without_contrast_light_is_even() {
+    fn without_contrast_the_light_is_uniform() {
         let even = Speckle { contrast: 0.0, grain_px: 1.0 };
         assert!(
             even.pattern(&mut frame_rng(1, 0), (7, 5))

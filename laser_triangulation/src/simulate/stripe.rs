@@ -1,4 +1,4 @@
-//! One stripe whose centre the caller states: the shortest way to an image with a known answer.
+//! One stripe around a centre that the caller chooses: the simplest image with a known answer.
 
 use super::{
     exposure::{CrossSection, Exposure},
@@ -10,15 +10,15 @@ use crate::scanner::params::StripeDirection;
 /// A stripe over an even background. Grey levels are those of the bit depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StripeScene {
-    /// Columns.
+    /// Width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height: u32,
-    /// Which way the stripe runs.
+    /// Direction of the stripe.
     pub direction: StripeDirection,
-    /// Bits of a sample.
+    /// Bits per sample.
     pub bit_depth: BitDepth,
-    /// Grey level at the centre of the stripe above the background, if pixels were points; may exceed full scale.
+    /// Peak grey level above the background, for infinitely small pixels; may exceed full scale.
     pub amplitude: f64,
     /// Standard deviation across the stripe, pixels.
     pub sigma_px: f64,
@@ -33,7 +33,7 @@ pub struct StripeScene {
 }
 
 impl Default for StripeScene {
-    /// A quiet 8-bit stripe from left to right in 640 x 480 pixels, without noise.
+    /// Returns an 8-bit stripe from left to right in 640 x 480 pixels, without noise.
     fn default() -> Self {
         Self {
             width: 640,
@@ -50,8 +50,8 @@ impl Default for StripeScene {
     }
 }
 
-/// Replaces `samples` by the picture of a stripe whose centre in each column is `center(column)`, pixels; NaN: no
-/// stripe in that column. For a vertical stripe read "row" for "column". Rows have no padding, deep samples are
+/// Replaces `samples` by the image of a stripe whose centre in each column is `center(column)`, pixels; NaN: no stripe
+/// in that column. For a vertical stripe read "row" for "column". Rows have no padding, samples of more than 8 bits are
 /// little endian.
 ///
 /// ```
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn the_centroid_of_rounded_samples_is_the_stated_centre() {
+    fn the_centroid_of_rounded_samples_is_the_given_centre() {
         let scene = StripeScene {
             height: 48,
             bit_depth: BitDepth::Sixteen,
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_gives_one_picture_and_another_seed_another() {
+    fn the_image_depends_on_the_seed() {
         let noisy =
             StripeScene { read_noise: 2.0, shot_gain: 0.1, seed: 7, ..StripeScene::default() };
         assert_eq!(picture(&noisy), picture(&noisy));

@@ -1,7 +1,7 @@
-//! Surfaces that are not even: mottled walls, grainy floors.
+//! Uneven surfaces: mottled walls, grainy floors.
 
-/// Unevenness of a surface at a pixel (column, row), from -1 to 1, about 0 on average: random values on a grid of cells
-/// of `size_px`, bilinear between them. A function of its arguments alone.
+/// Returns the unevenness of a surface at a pixel (column, row), from -1 to 1, about 0 on average: random values on a
+/// grid of cells of `size_px`, with bilinear interpolation. A function of its arguments alone.
 pub fn mottle(seed: u64, size_px: f64, [column, row]: [u32; 2]) -> f64 {
     let at = [column, row].map(|pixel| f64::from(pixel) / size_px);
     let cell = at.map(|place| place.floor() as u64);
@@ -13,7 +13,7 @@ pub fn mottle(seed: u64, size_px: f64, [column, row]: [u32; 2]) -> f64 {
     between(top, bottom, share[1])
 }
 
-/// A value from -1 to 1 that looks random: `SplitMix64` of the seed and the place.
+/// Returns a pseudo-random value from -1 to 1: `SplitMix64` of the seed and the position.
 fn value(seed: u64, column: u64, row: u64) -> f64 {
     let mix = |state: u64| {
         let state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);

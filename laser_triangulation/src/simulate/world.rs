@@ -1,4 +1,4 @@
-//! Any frame of a scenario, and where its stripe really is.
+//! Renders any frame of a scenario, with the true position of its stripe.
 
 use super::{
     exposure::{CrossSection, Exposure},
@@ -6,18 +6,18 @@ use super::{
     scenario::Scenario,
 };
 
-/// A rendered frame; its buffers are reused from frame to frame.
+/// A rendered frame; its buffers are reused.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RenderedFrame {
-    /// Samples, rows without padding; deep samples are little endian.
+    /// Samples, rows without padding; samples of more than 8 bits are little endian.
     pub samples: Vec<u8>,
-    /// Exact light in each column (row, for a vertical stripe); its centre is NaN where no stripe is in the picture.
+    /// Exact light in each column (row, for a vertical stripe); the centre is NaN where the image shows no stripe.
     pub truth: Vec<CrossSection>,
     pub(super) exposure: Exposure,
 }
 
 impl Scenario {
-    /// Renders a frame. Depends on the scenario and the frame's number only.
+    /// Renders a frame. The result depends only on the scenario and the frame's number.
     pub fn render(&self, frame: u32, out: &mut RenderedFrame) {
         let mut rng = frame_rng(self.seed, u64::from(frame));
         let camera = &self.camera;
@@ -35,7 +35,7 @@ impl Scenario {
         camera.sensor().read_out(&out.exposure, &mut rng, &mut out.samples);
     }
 
-    /// Exact light of the stripe in one column (row, for a vertical stripe), without speckle.
+    /// Returns the exact light of the stripe in one column (row, for a vertical stripe), without speckle.
     fn cross_section(&self, frame: u32, column: u32) -> CrossSection {
         let position_m = self.position_m(frame);
         let sigma_px = self.laser.sigma_px;
@@ -52,7 +52,7 @@ impl Scenario {
         CrossSection { center_px, amplitude: self.laser.amplitude * reflectance, sigma_px }
     }
 
-    /// Adds up the light: stripe, its reflections, everything else.
+    /// Adds up the light: the stripe, its reflections and everything else.
     fn expose(&self, frame: u32, stripe: &[CrossSection], exposure: &mut Exposure) {
         let camera = &self.camera;
         exposure.reset(camera.width_px, camera.height_px, 0.0);
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn the_brightest_light_of_each_column_is_about_the_truth() {
+    fn the_brightest_light_of_each_column_is_near_the_truth() {
         let deep = scenario(&[
             ("height_px: 96", "height_px: 96\n  bit_depth: 16"),
             ("amplitude: 183.0", "amplitude: 40000.0"),
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn exposures_take_turns_and_leave_the_truth_alone() {
+    fn exposures_alternate_and_do_not_change_the_truth() {
         let plain = scenario(&[("amplitude: 183.0", "amplitude: 100.0")]);
         let turns = scenario(&[
             ("amplitude: 183.0", "amplitude: 100.0"),
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn reflections_and_saturation_leave_the_truth_alone() {
+    fn reflections_and_saturation_do_not_change_the_truth() {
         let plain = frame(&scenario(&[]), 20);
         let mut glossy = scenario(&[("amplitude: 183.0", "amplitude: 690.0")]);
         glossy.clutter.reflections.push(crate::simulate::clutter::Reflection {

@@ -87,8 +87,7 @@ pub const fn stripe_direction(
 /// The searched part with its sides in pixels, also where the parameters leave them open.
 fn region(source: &FrameSource<'_>) -> sensor_msgs::RegionOfInterest {
     let params::RegionOfInterest { x_offset, y_offset, width, height } = source.roi;
-    let side =
-        |side, offset, whole: u32| if side == 0 { whole.saturating_sub(offset) } else { side };
+    let side = |side: Option<u32>, offset, whole: u32| side.unwrap_or(whole.saturating_sub(offset));
     sensor_msgs::RegionOfInterest {
         x_offset,
         y_offset,
@@ -161,7 +160,12 @@ mod tests {
             trace: FrameTrace { frame_number: 42, position: 0.25, ..FrameTrace::default() },
             image_width: 640,
             image_height: 480,
-            roi: params::RegionOfInterest { x_offset: 10, y_offset: 20, width: 0, height: 100 },
+            roi: params::RegionOfInterest {
+                x_offset: 10,
+                y_offset: 20,
+                width: None,
+                height: Some(100),
+            },
             stripe_direction: StripeDirection::Vertical,
         }
     }

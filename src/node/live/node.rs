@@ -195,7 +195,7 @@ impl NodeState {
 fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), String> {
     for (old, new) in old.cameras.iter().zip(&new.cameras) {
         let changed = [
-            ("image_transport", old.live_transport() != new.live_transport()),
+            ("image_transport", old.image_transport != new.image_transport),
             ("calibration_file", old.calibration_file != new.calibration_file),
             ("extraction.background_file", old.background_file != new.background_file),
             ("motion.source", is_other_source(old, new)),

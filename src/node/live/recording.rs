@@ -52,11 +52,11 @@ pub(super) fn chosen(params: &node_params::RecordingParams) -> RecordingParams {
         },
         // Disks take images faster than processors compress them.
         image_compression: bag::Compression::None,
-        split_bytes: params.split_bytes,
-        split_seconds: u32::try_from(params.split_seconds).unwrap_or(u32::MAX),
+        split_bytes: params.split_bytes.unwrap_or(0),
+        split_seconds: u32::try_from(params.split_seconds.unwrap_or(0)).unwrap_or(u32::MAX),
         min_free_bytes: params.min_free_bytes,
         queue_bytes: usize::try_from(params.queue_bytes).unwrap_or(usize::MAX),
-        snapshot_seconds: u32::try_from(params.snapshot_seconds).unwrap_or(u32::MAX),
+        snapshot_seconds: u32::try_from(params.snapshot_seconds.unwrap_or(0)).unwrap_or(u32::MAX),
         snapshot_bytes: usize::try_from(params.snapshot_bytes).unwrap_or(usize::MAX),
     }
 }

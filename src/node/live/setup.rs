@@ -137,7 +137,7 @@ impl Context {
             return Ok((values, params));
         };
         let max_bytes = i64::try_from(max_bytes).unwrap_or(i64::MAX);
-        for camera in params.cameras.iter().filter(|camera| camera.points_max_bytes == 0) {
+        for camera in params.cameras.iter().filter(|camera| camera.points_max_bytes.is_none()) {
             let name = camera.full_name("points.max_bytes");
             values.set(&name, Value::Integer(max_bytes), self.transport.name())?;
         }
@@ -159,7 +159,7 @@ impl Context {
                 format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent))
             }
         };
-        let (images, kind) = match camera.live_transport() {
+        let (images, kind) = match camera.image_transport {
             ImageTransport::Raw => (base, Image::TYPE),
             ImageTransport::Compressed => (format!("{base}/compressed"), CompressedImage::TYPE),
         };
@@ -213,7 +213,7 @@ impl Context {
             session_id: session_id(&description.input_topic, &begun),
         };
         let options = WorkerOptions {
-            transport: camera.live_transport(),
+            transport: camera.image_transport,
             max_frame_bytes: camera.max_frame_bytes,
             sends_images: sends_images(params),
         };

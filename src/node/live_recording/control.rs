@@ -21,7 +21,7 @@ use super::{
     error::RecordingError,
     lock,
     params::RecordingParams,
-    place,
+    place::{self, BagName},
     session::Session,
     snapshot::{self, Snapshots},
     status::{BagStatus, RecordingStatus},
@@ -48,15 +48,15 @@ pub struct RecordedTopics {
 /// A sink that records while it is told to. It never waits and never fails: what the disk does concerns the recording
 /// alone.
 pub struct LiveRecorder {
-    pub(super) shared: Arc<Shared>,
+    pub(super) shared: Arc<RecorderState>,
     places: BTreeMap<usize, (Stream, usize)>,
 }
 
 /// Starts and stops recordings and tells how they are doing. Clones order the same recorder.
 #[derive(Clone)]
-pub struct RecordingControl(Arc<Shared>);
+pub struct RecordingControl(Arc<RecorderState>);
 
-pub(super) struct Shared {
+pub(super) struct RecorderState {
     pub(super) camera: String,
     topics: [Vec<Topic>; 2],
     pub(super) settings: Arc<Settings>,
@@ -96,7 +96,7 @@ impl LiveRecorder {
         };
         let topics =
             [of_stream(Stream::Results, topics.results), of_stream(Stream::Images, topics.images)];
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(RecorderState {
             camera: camera.to_owned(),
             tap: Mutex::new(Tap::new([&topics[0], &topics[1]])),
             topics,
@@ -192,7 +192,7 @@ impl RecordingControl {
     }
 }
 
-impl Shared {
+impl RecorderState {
     /// A new bag of a stream.
     pub(super) fn create(
         &self,
@@ -205,7 +205,8 @@ impl Shared {
             Stream::Images => params.image_compression,
         };
         let topics = &self.topics[stream as usize];
-        place::create(params, (base, stream.suffix()), compression, topics)
+        let name = BagName { base, suffix: stream.suffix() };
+        place::create(params, name, compression, topics)
     }
 
     /// Begins to record a stream, unless it is being recorded. Returns the directory.
@@ -219,13 +220,13 @@ impl Shared {
         if let Some(session) = current.filter(|session| session.is_open()) {
             return Ok(session.directory().into());
         }
-        let begun = self.begin_anew(stream, params, base);
+        let begun = self.open_session(stream, params, base);
         lock(&self.recordings)[stream as usize].start_error =
             begun.as_ref().err().map(ToString::to_string);
         begun
     }
 
-    fn begin_anew(
+    fn open_session(
         &self,
         stream: Stream,
         params: &RecordingParams,

@@ -17,17 +17,25 @@ pub(super) fn name(camera: &str, now: Timestamp) -> String {
     format!("{}{camera}_{}", env!("CARGO_PKG_NAME"), now.strftime("%Y_%m_%d-%H_%M_%S"))
 }
 
+/// Name of a bag; a number may come between its parts.
+#[derive(Clone, Copy)]
+pub(super) struct BagName<'a> {
+    pub(super) base: &'a str,
+    pub(super) suffix: &'a str,
+}
+
 /// Creates the bag `<base><suffix>`, or `<base>_1<suffix>` and so on where it is there already.
 ///
 /// # Errors
 /// Too little free space; a failing disk.
 pub(super) fn create(
     params: &RecordingParams,
-    (base, suffix): (&str, &str),
+    name: BagName<'_>,
     compression: Compression,
     topics: &[Topic],
 ) -> Result<SplitRecorder, RecordingError> {
     let directory = &params.directory;
+    let BagName { base, suffix } = name;
     fs::create_dir_all(directory)
         .map_err(|source| RecordingError::System { directory: directory.clone(), source })?;
     require_space(directory, params.min_free_bytes)?;
@@ -89,7 +97,9 @@ mod tests {
             ..RecordingParams::default()
         };
         let names = [(); 3].map(|()| {
-            let bag = create(&params, ("a", "_images"), Compression::None, &[]).unwrap();
+            let bag =
+                create(&params, BagName { base: "a", suffix: "_images" }, Compression::None, &[])
+                    .unwrap();
             bag.directory().file_name().unwrap().to_str().unwrap().to_owned()
         });
         assert_eq!(names, ["a_images", "a_1_images", "a_2_images"]);

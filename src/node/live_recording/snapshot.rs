@@ -9,12 +9,12 @@ use std::{
 use jiff::Timestamp;
 
 use super::{
-    control::Shared,
+    control::RecorderState,
     error::RecordingError,
     lock, place,
     session::Session,
     status::BagStatus,
-    tap::{Stream, Tapped},
+    tap::{SnapshotMessages, Stream, Tapped},
     writer,
 };
 
@@ -48,18 +48,18 @@ impl Snapshots {
 }
 
 /// Writes what the ring holds; returns its bags, which are still being written then.
-pub(super) fn take(shared: &Shared) -> Result<Vec<PathBuf>, RecordingError> {
+pub(super) fn take(shared: &RecorderState) -> Result<Vec<PathBuf>, RecordingError> {
     let _one_at_a_time = lock(&shared.snapshot_orders);
     let taken = write(shared);
     lock(&shared.snapshots).start_error = taken.as_ref().err().map(ToString::to_string);
     taken
 }
 
-fn write(shared: &Shared) -> Result<Vec<PathBuf>, RecordingError> {
+fn write(shared: &RecorderState) -> Result<Vec<PathBuf>, RecordingError> {
     let (number, dropped) = next(&lock(&shared.snapshots))?;
     let params = lock(&shared.settings.params).clone();
     let kept = lock(&shared.tap).snapshot(Instant::now());
-    let (recent, earlier) = kept.ok_or(RecordingError::SnapshotOff)?;
+    let SnapshotMessages { recent, earlier_latched } = kept.ok_or(RecordingError::SnapshotOff)?;
     if recent.is_empty() {
         return Err(RecordingError::SnapshotEmpty(params.snapshot_seconds));
     }
@@ -69,7 +69,7 @@ fn write(shared: &Shared) -> Result<Vec<PathBuf>, RecordingError> {
         let of_stream = |messages: &[Tapped]| -> Vec<_> {
             messages.iter().filter(|tapped| tapped.stream == stream).cloned().collect()
         };
-        let (recent, earlier) = (of_stream(&recent), of_stream(&earlier));
+        let (recent, earlier) = (of_stream(&recent), of_stream(&earlier_latched));
         if recent.is_empty() {
             continue;
         }

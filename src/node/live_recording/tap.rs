@@ -37,6 +37,14 @@ pub(super) struct Tapped {
     pub(super) message: Outgoing,
 }
 
+/// Messages for a snapshot, of all streams.
+pub(super) struct SnapshotMessages {
+    /// Sent in the last seconds, in order.
+    pub(super) recent: Vec<Tapped>,
+    /// Last messages of latched topics that were sent before those.
+    pub(super) earlier_latched: Vec<Tapped>,
+}
+
 /// Latched messages, the last seconds, and the recordings that are on.
 pub(super) struct Tap {
     lines: [Line; 2],
@@ -93,8 +101,8 @@ impl Tap {
         self.lines[stream as usize].session.take()
     }
 
-    /// The last seconds, and latched messages that were sent before. `None`: nothing is kept.
-    pub(super) fn snapshot(&mut self, now: Instant) -> Option<(Vec<Tapped>, Vec<Tapped>)> {
+    /// Returns the messages for a snapshot, `None` if snapshots are off.
+    pub(super) fn snapshot(&mut self, now: Instant) -> Option<SnapshotMessages> {
         if self.ring.is_off() {
             return None;
         }
@@ -105,7 +113,7 @@ impl Tap {
                 .any(|tapped| (tapped.stream, tapped.place) == (latched.stream, latched.place))
         };
         let latched = self.lines.iter().flat_map(|line| line.latched.iter().flatten());
-        let earlier = latched.filter(|latched| !is_recent(latched)).cloned().collect();
-        Some((recent, earlier))
+        let earlier_latched = latched.filter(|latched| !is_recent(latched)).cloned().collect();
+        Some(SnapshotMessages { recent, earlier_latched })
     }
 }

@@ -33,7 +33,7 @@ pub(super) struct Settings {
 }
 
 /// A bag being written.
-struct Writer {
+struct BagWriter {
     bag: SplitRecorder,
     session: Arc<Session>,
     settings: Arc<Settings>,
@@ -64,7 +64,7 @@ pub(super) fn start(
     // What a run was is known even when it ends in its first second.
     bag.flush()?;
     session.set_bytes(bag.written_bytes());
-    let writer = Writer {
+    let writer = BagWriter {
         bag,
         session: Arc::clone(session),
         settings: Arc::clone(settings),
@@ -92,7 +92,7 @@ impl Drop for EndOnDrop {
     }
 }
 
-impl Writer {
+impl BagWriter {
     fn run(mut self) {
         let session = Arc::clone(&self.session);
         let _ended = EndOnDrop(Arc::clone(&session));

@@ -43,7 +43,10 @@ impl ConstantLag {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scanner::motion::{reading::Reading, track::Limits};
+    use crate::scanner::{
+        axis::{AxisTravel, RawPosition},
+        motion::{reading::Reading, track::Limits},
+    };
 
     const MS: i64 = 1_000_000;
 
@@ -52,7 +55,17 @@ mod tests {
         let mut track = Track::new(Limits { max_gap_ns: 0, max_step: 0.0 }, 1000);
         for number in 0..3000 / period_ms {
             let stamp_ns = (1000 - lag_ms + number * period_ms) * MS;
-            track.push(stamp_ns, stamp_ns, Reading { position: 0.0, counts: 0 }).unwrap();
+            track
+                .push(
+                    stamp_ns,
+                    stamp_ns,
+                    Reading {
+                        position: RawPosition(0.0),
+                        travel: AxisTravel::Metres(0.0),
+                        counts: 0,
+                    },
+                )
+                .unwrap();
         }
         let mut lag = ConstantLag::default();
         (0..20).filter_map(|frame| lag.note((1000 + frame * 100) * MS, &track)).collect()

@@ -8,7 +8,7 @@ use crate::{
         tf2_msgs::TFMessage,
     },
     scanner::{
-        axis::AxisKind,
+        axis::{AxisKind, AxisTravel, RawPosition},
         motion::{
             frames::Stated,
             reading::{Reading, unrolled},
@@ -29,13 +29,13 @@ impl Positions {
             let (positions, names) = (state.position.len(), state.name.len());
             return Err(format!("{positions} positions for {names} names"));
         };
-        let scale = if self.params.scale == 0.0 { 1.0 } else { self.params.scale };
+        let scale = self.params.scale.unwrap_or(1.0);
         let position = raw * scale;
         if !position.is_finite() {
             return Err(format!("the position is {raw}"));
         }
         let stamp_ns = state.header.stamp.to_ns();
-        self.push(stamp_ns, message.log_time_ns, Reading { position, counts: 0 })
+        self.push(stamp_ns, message.log_time_ns, position, 0)
     }
 
     /// Whose position it is; `None`: another axis's message.
@@ -66,7 +66,7 @@ impl Positions {
         if sample.error != 0 {
             return Err(format!("the encoder reports error bits {:#x}", sample.error));
         }
-        let scale = if self.params.scale == 0.0 { sample.scale } else { self.params.scale };
+        let scale = self.params.scale.unwrap_or(sample.scale);
         if scale == 0.0 || !scale.is_finite() {
             return Err(format!(
                 "its scale is {scale} m a count, which says nothing: set motion.scale"
@@ -80,20 +80,22 @@ impl Positions {
         let counts = self.counter.unwrap(sample.counts);
         let stamp_ns = sample.header.stamp.to_ns();
         let position = counts as f64 * scale;
-        self.push(stamp_ns, message.log_time_ns, Reading { position, counts })
+        self.push(stamp_ns, message.log_time_ns, position, counts)
     }
 
     fn push(
         &mut self,
         stamp_ns: i64,
         received_ns: i64,
-        mut reading: Reading,
+        mut raw: f64,
+        counts: i64,
     ) -> Result<(), String> {
-        let Known::Axis(track) = &mut self.known else { return Ok(()) };
-        if self.kind == AxisKind::Revolute {
-            let last_rad = track.last().map(|(_, last)| last.position);
-            reading.position = unrolled(reading.position, last_rad);
+        if let (Known::Axis(track), AxisKind::Revolute) = (&self.known, self.kind) {
+            raw = unrolled(raw, track.last().map(|(_, last)| last.position.0));
         }
+        let position = RawPosition(raw);
+        let reading = Reading { position, travel: self.travel(position), counts };
+        let Known::Axis(track) = &mut self.known else { return Ok(()) };
         let was_set_back =
             track.push(stamp_ns, received_ns, reading).map_err(|refused| refused.to_string())?;
         if was_set_back {
@@ -103,6 +105,15 @@ impl Positions {
         }
         self.note_arrival(stamp_ns, received_ns);
         Ok(())
+    }
+
+    /// Travel of a joint or an encoder; without a calibrated axis its positions are metres or radians.
+    fn travel(&self, position: RawPosition) -> AxisTravel {
+        match (&self.axis, self.kind) {
+            (Some(axis), _) => axis.travel(position),
+            (None, AxisKind::Prismatic) => AxisTravel::Metres(position.0),
+            (None, AxisKind::Revolute) => AxisTravel::Radians(position.0),
+        }
     }
 
     pub(super) fn take_frames(&mut self, message: &RawMessage) -> Result<(), String> {

@@ -92,8 +92,11 @@ fn the_doubts_are_those_of_the_message() {
 
 #[test]
 fn a_joint_is_found_among_others_and_interpolated() {
-    let params =
-        MotionParams { scale: 0.5, exposure_offset_s: 0.002, ..params(MotionSource::JointState) };
+    let params = MotionParams {
+        scale: Some(0.5),
+        exposure_offset_s: 0.002,
+        ..params(MotionSource::JointState)
+    };
     let mut positions = positions(&params, "table");
     positions.take(&joint(0, &["arm", "table"], &[7.0, 2.0]));
     positions.take(&joint(5, &["arm"], &[7.0]));
@@ -179,8 +182,26 @@ fn a_turn_that_begins_again_goes_on() {
 }
 
 #[test]
+fn the_largest_step_is_compared_after_the_scale_of_the_axis() {
+    // A joint in millimetres, against the direction of the axis.
+    let axis = Axis {
+        kind: AxisKind::Prismatic,
+        point_m: nalgebra::Point3::origin(),
+        direction: nalgebra::Vector3::x_axis(),
+        scale: -1e-3,
+    };
+    let params = MotionParams { max_step: Some(0.01), ..params(MotionSource::JointState) };
+    let mut positions = Positions { axis: Some(axis), ..positions(&params, "table") };
+    for (at_ms, position) in [(0, 100.0), (10, 109.0), (20, 120.0)] {
+        positions.take(&joint(at_ms, &["table"], &[position]));
+    }
+    assert_eq!(found(&mut positions, 5), Some((104.5, 0)), "9 mm, given as stated");
+    assert_eq!(found(&mut positions, 15), Some((114.5, doubt::GAP)), "11 mm");
+}
+
+#[test]
 fn an_encoder_counts_over_its_wrap() {
-    let params = MotionParams { encoder_bits: 16, ..params(MotionSource::Encoder) };
+    let params = MotionParams { encoder_bits: Some(16), ..params(MotionSource::Encoder) };
     let mut positions = positions(&params, "");
     for (number, counts) in [65_000, 65_500, 464, 964].into_iter().enumerate() {
         positions.take(&encoder(number as i64 * 10, counts, |_| {}));
@@ -205,7 +226,7 @@ fn an_encoder_that_says_something_is_wrong_is_believed() {
         assert!(error.contains(reason), "{error}");
     }
     let mut scaled =
-        self::positions(&MotionParams { scale: 0.5, ..params(MotionSource::Encoder) }, "");
+        self::positions(&MotionParams { scale: Some(0.5), ..params(MotionSource::Encoder) }, "");
     scaled.take(&encoder(0, 3, |sample| sample.scale = 0.0));
     assert_eq!(found(&mut scaled, 0), Some((1.5, 0)));
 }
@@ -253,7 +274,7 @@ fn other_parameters_mean_other_positions() {
     positions.take(&joint(0, &["table"], &[1.0]));
     positions.reconfigure(&params(MotionSource::JointState));
     assert_eq!(found(&mut positions, 0), Some((1.0, 0)), "nothing has changed");
-    positions.reconfigure(&MotionParams { scale: 2.0, ..params(MotionSource::JointState) });
+    positions.reconfigure(&MotionParams { scale: Some(2.0), ..params(MotionSource::JointState) });
     assert_eq!(found(&mut positions, 0), None);
     positions.take(&joint(0, &["table"], &[1.0]));
     assert_eq!(found(&mut positions, 0), Some((2.0, 0)));

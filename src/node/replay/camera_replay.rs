@@ -257,7 +257,7 @@ fn choose(
     names: &NodeNames,
     camera: &CameraParams,
 ) -> Result<ImageTopic, ReplayError> {
-    let chosen = input::choose(&named(bag), names, &camera.name, camera.image_transport)
+    let chosen = input::choose(&named(bag), names, &camera.name, camera.chosen_transport())
         .map_err(|source| ReplayError::Input { bag: path.to_owned(), source })?;
     for topic in bag.topics().iter().filter(|topic| topic.name == chosen.name) {
         topic.require_cdr()?;

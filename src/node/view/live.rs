@@ -105,7 +105,7 @@ impl LiveView {
     pub fn through(&self, inner: Arc<dyn Transport>) -> Arc<dyn Transport> {
         let (watched, server) = (Arc::downgrade(&inner), Arc::downgrade(&self.server));
         let thread = thread::Builder::new().name("view graph".to_owned());
-        if let Err(error) = thread.spawn(move || tell_graph(&watched, &server)) {
+        if let Err(error) = thread.spawn(move || publish_graph(&watched, &server)) {
             tracing::warn!("viewers do not see who speaks to whom: {error}");
         }
         let (server, cameras) = (Arc::clone(&self.server), Arc::clone(&self.cameras));
@@ -191,14 +191,14 @@ fn show_all(waiting: &Receiver<(Vec<u8>, i64)>, transport: ImageTransport, view:
 }
 
 /// Tells viewers the graph, when they want it, until there is none.
-fn tell_graph(transport: &Weak<dyn Transport>, server: &Weak<Server>) {
+fn publish_graph(transport: &Weak<dyn Transport>, server: &Weak<Server>) {
     loop {
         thread::sleep(GRAPH_PERIOD);
         let (Some(transport), Some(server)) = (transport.upgrade(), server.upgrade()) else {
             return;
         };
         if server.is_graph_wanted() {
-            server.tell_graph(graph(&*transport));
+            server.publish_graph(graph(&*transport));
         }
     }
 }

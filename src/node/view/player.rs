@@ -149,8 +149,8 @@ impl Player {
         }
         self.show_what_belongs(act);
         let shown = *lock(&self.shown);
-        self.server.tell_time(shown.time_ns);
-        self.server.tell_playback(shown.state());
+        self.server.publish_time(shown.time_ns);
+        self.server.publish_playback(shown.state());
         is_there
     }
 
@@ -192,7 +192,7 @@ impl Player {
         }
         if act.time_told.elapsed() >= TIME_GAP {
             act.time_told = Instant::now();
-            self.server.tell_time(time_ns);
+            self.server.publish_time(time_ns);
         }
     }
 
@@ -280,7 +280,7 @@ impl Player {
                     lock(&self.shown).status = PlaybackStatus::Playing;
                     self.set_pace(act);
                 }
-                self.server.tell_playback(lock(&self.shown).state());
+                self.server.publish_playback(lock(&self.shown).state());
                 None
             }
             Order::Refresh => {
@@ -311,8 +311,8 @@ impl Player {
         act.pacer = None;
         let mut shown = lock(&self.shown);
         shown.status = PlaybackStatus::Ended;
-        self.server.tell_time(shown.time_ns);
-        self.server.tell_playback(shown.state());
+        self.server.publish_time(shown.time_ns);
+        self.server.publish_playback(shown.state());
     }
 }
 

@@ -126,7 +126,7 @@ impl Publication for ViewedPublication {
             channel.send(data, source_time_ns);
         }
         if let Some(server) = &self.tells_parameters {
-            server.tell_parameters();
+            server.publish_parameters();
         }
         published
     }

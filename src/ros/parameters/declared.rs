@@ -5,12 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::ros::{
-    table::{Kind, Parameter},
-    value::Value,
-};
-
-use super::ParameterError;
+use laser_triangulation::parameters::{Kind, Parameter, Setting, Value};
 
 /// A row of the table under its full name, and its value.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,78 +59,24 @@ impl Declared {
 pub(in crate::ros) struct Section<'a>(pub(super) &'a [Declared]);
 
 impl<'a> Section<'a> {
-    fn entry(self, name: &str) -> Result<&'a Declared, ParameterError> {
-        let found = self.0.iter().find(|declared| declared.row.name == name);
-        found.ok_or_else(|| mistyped(name, "a parameter"))
+    fn entry(self, name: &str) -> Option<&'a Declared> {
+        self.0.iter().find(|declared| declared.row.name == name)
     }
 
-    /// Whether a file or option set this parameter.
+    /// Returns the value of a parameter.
+    pub(in crate::ros) fn value(self, name: &str) -> Option<&'a Value> {
+        self.entry(name).map(Declared::value)
+    }
+
+    /// Returns true if a file or option set this parameter.
     pub(in crate::ros) fn is_set(self, name: &str) -> bool {
-        self.entry(name).is_ok_and(|declared| declared.origin.is_some())
+        self.entry(name).is_some_and(|declared| declared.origin.is_some())
     }
 
-    pub(in crate::ros) fn flag(self, name: &str) -> Result<bool, ParameterError> {
-        match self.entry(name)?.value {
-            Value::Bool(value) => Ok(value),
-            _ => Err(mistyped(name, "a boolean")),
-        }
+    /// Returns a path, resolved against the file that sets it; `None` if it is empty.
+    pub(in crate::ros) fn file(self, name: &str) -> Option<PathBuf> {
+        let declared = self.entry(name)?;
+        let path: Option<PathBuf> = Setting::from_value(&declared.value)?;
+        path.map(|path| declared.base.join(path))
     }
-
-    pub(in crate::ros) fn integer(self, name: &str) -> Result<i64, ParameterError> {
-        match self.entry(name)?.value {
-            Value::Integer(value) => Ok(value),
-            _ => Err(mistyped(name, "an integer")),
-        }
-    }
-
-    /// An integer whose range begins at 0 or above.
-    pub(in crate::ros) fn unsigned(self, name: &str) -> Result<u64, ParameterError> {
-        u64::try_from(self.integer(name)?).or(Err(mistyped(name, "an unsigned integer")))
-    }
-
-    pub(in crate::ros) fn float(self, name: &str) -> Result<f64, ParameterError> {
-        match self.entry(name)?.value {
-            Value::Float(value) => Ok(value),
-            _ => Err(mistyped(name, "a float")),
-        }
-    }
-
-    pub(in crate::ros) fn choice<T>(
-        self,
-        name: &str,
-        from_name: impl Fn(&str) -> Option<T>,
-    ) -> Result<T, ParameterError> {
-        match &self.entry(name)?.value {
-            Value::Text(text) => from_name(text).ok_or_else(|| mistyped(name, "a choice")),
-            _ => Err(mistyped(name, "a choice")),
-        }
-    }
-
-    /// A text.
-    pub(in crate::ros) fn text(self, name: &str) -> Result<&'a str, ParameterError> {
-        match &self.entry(name)?.value {
-            Value::Text(text) => Ok(text),
-            _ => Err(mistyped(name, "a text")),
-        }
-    }
-
-    /// A path as it was given.
-    pub(in crate::ros) fn path(self, name: &str) -> Result<PathBuf, ParameterError> {
-        match &self.entry(name)?.value {
-            Value::Text(text) => Ok(PathBuf::from(text)),
-            _ => Err(mistyped(name, "a path")),
-        }
-    }
-
-    /// A path, resolved against the file that sets it; `None` when empty.
-    pub(in crate::ros) fn file(self, name: &str) -> Result<Option<PathBuf>, ParameterError> {
-        let path = self.path(name)?;
-        let base = &self.entry(name)?.base;
-        Ok((!path.as_os_str().is_empty()).then(|| base.join(path)))
-    }
-}
-
-/// The table and the code that reads it disagree: a programming error, reported instead of a panic.
-fn mistyped(name: &str, kind: &str) -> ParameterError {
-    ParameterError::Conflict(format!("{name} is read as {kind}, but is not declared so"))
 }

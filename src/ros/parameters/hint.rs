@@ -1,6 +1,6 @@
 //! What was perhaps meant by a name that is not declared.
 
-use crate::ros::{qos_overrides, table::camera::CAMERA};
+use crate::ros::{qos_overrides, table::CAMERA};
 
 use super::Parameters;
 

@@ -170,11 +170,14 @@ fn each_of_several_cameras_has_its_own_parameters() {
     let values = load(&[("two.yaml", file)], line).unwrap();
     assert_eq!(values.cameras(), ["left", "right"]);
     let params = NodeParams::new(&values).unwrap();
-    assert_eq!(params.recording.split_seconds, 60);
+    assert_eq!(params.recording.split_seconds, Some(60));
     let [left, right] = params.cameras.as_slice() else { panic!("{params:?}") };
-    assert_eq!((&*left.name, left.scanner.slice_profiles, left.image_transport), ("left", 7, None));
+    assert_eq!(
+        (&*left.name, left.scanner.slice_profiles, left.chosen_transport()),
+        ("left", 7, None)
+    );
     assert_eq!((&*right.name, right.scanner.slice_profiles), ("right", 100));
-    assert!(right.image_transport.is_some());
+    assert!(right.chosen_transport().is_some());
 
     let unnamed = load(&[], "-p cameras:=[]").unwrap();
     assert_eq!(unnamed.cameras(), [""]);

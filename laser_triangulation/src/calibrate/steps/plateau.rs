@@ -12,7 +12,7 @@ use crate::metrology::{
 /// A flat piece of a gauge as the camera sees it: a straight line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plateau {
-    /// KnownDistance height, metres.
+    /// Known height, metres.
     pub height_m: f64,
     /// Ends of the piece along the stripe, pixels.
     pub along_px: [f64; 2],

@@ -88,9 +88,9 @@ pub struct CameraUncertainty {
 pub struct CameraFit {
     /// The camera.
     pub camera: Camera,
-    /// CameraViews that took part.
+    /// Views that took part.
     pub used: Vec<UsedView>,
-    /// CameraViews that did not.
+    /// Views that did not.
     pub outliers: Vec<OutlierView>,
     /// Root mean square distance between corners seen and projected, pixels.
     pub rms_px: f64,

@@ -4,9 +4,11 @@ use thiserror::Error;
 
 use crate::scanner::{
     channel::{AnyPlane, Decoder, Plane, RoiError, SearchedRegion},
-    frame_error::FrameError,
     image::{Image, PixelFormat},
-    params::{Background, Channel, ExtractionParams, Method, Params, PeakSelection, Threshold},
+    params::{
+        Background, Channel, ExtractionParams, FullScaleError, Method, Params, PeakSelection,
+        Threshold,
+    },
     stripe::{Centerline, Extractor},
 };
 
@@ -52,7 +54,7 @@ pub enum LaserFinderError {
     Roi(#[from] RoiError),
     /// The full scale is larger than the picture's format can hold.
     #[error(transparent)]
-    FullScale(#[from] FrameError),
+    FullScale(#[from] FullScaleError),
 }
 
 /// Extracts the stripe from pictures in each light that the laser may have.

@@ -33,7 +33,7 @@ pub trait Measured: Copy {
 pub struct Limits {
     /// Longest time between two samples, nanoseconds; 0: four times the usual one.
     pub max_gap_ns: i64,
-    /// Farthest that it moves between two samples, metres or radians; 0: any distance.
+    /// Farthest that it moves between two samples, metres or radians after the axis's scale; 0: any distance.
     pub max_step: f64,
 }
 

@@ -1,16 +1,17 @@
-//! What is taken off the blurred image before the stripe is searched in it: light that is not the laser's.
+//! Removes light that is not the laser's from the blurred image before the stripe is searched.
 //!
-//! `local` is the opening across the stripe, the largest of the smallest samples in a window: all that is at least as
-//! wide as the window stays, narrower maxima are cut off. Blurred image minus opening is the white top-hat (Meyer 1979;
-//! Soille, Morphological Image Analysis, 2nd ed., section 4.5). `reference` is a stored frame without laser.
+//! `local` subtracts the opening across the stripe, the largest of the smallest samples in a window. Structures at
+//! least as wide as the window stay in the opening; narrower maxima are cut off. Blurred image minus opening is the
+//! white top-hat (Meyer 1979; Soille, Morphological Image Analysis, 2nd ed., section 4.5). `reference` subtracts a
+//! stored frame without laser.
 
 use super::blur::Number;
 use crate::scanner::params::{Background, ExtractionParams, StripeDirection};
 
-/// Columns that are opened together: rows of the image are read in pieces of so many samples.
+/// Columns opened together: rows of the image are read in pieces of this many samples.
 const BATCH: usize = 32;
 
-/// Takes the background off frame after frame. Buffers are kept.
+/// Subtracts the background from each frame. Keeps its buffers.
 #[derive(Debug)]
 pub(super) struct BackgroundFilter<T> {
     kind: Background,
@@ -23,7 +24,7 @@ pub(super) struct BackgroundFilter<T> {
 }
 
 impl<T: Number> BackgroundFilter<T> {
-    /// A filter with these settings.
+    /// Creates a filter with these settings.
     pub(super) fn new(params: &ExtractionParams) -> Self {
         Self {
             kind: params.background,
@@ -34,18 +35,18 @@ impl<T: Number> BackgroundFilter<T> {
         }
     }
 
-    /// Whether the image changes at all: [`Self::subtract`] needs every sample of it then.
+    /// True if the image changes at all; [`Self::subtract`] then needs every sample of it.
     pub(super) const fn is_needed(&self) -> bool {
         !matches!(self.kind, Background::None)
     }
 
-    /// Takes this blurred frame for the light without laser. It has the size of the frames that follow.
+    /// Stores a blurred frame without laser light. It must have the size of the frames that follow.
     pub(super) fn set_ambient(&mut self, blurred: &[T]) {
         self.ambient.clear();
         self.ambient.extend_from_slice(blurred);
     }
 
-    /// Replaces a blurred image of `width` columns by what it has above the background.
+    /// Subtracts the background from a blurred image of `width` columns.
     pub(super) fn subtract(&mut self, samples: &mut [T], width: usize, direction: StripeDirection) {
         match (self.kind, direction) {
             (Background::None, _) => {}
@@ -94,12 +95,12 @@ impl<T: Number> BackgroundFilter<T> {
     }
 }
 
-/// What a sample has above another, at least 0.
+/// Returns the excess of a sample over the background, at least 0.
 fn above<T: Number>(sample: T, background: T) -> T {
     sample.max(background) - background
 }
 
-/// Opens one line after another.
+/// Opens lines one after another.
 #[derive(Debug)]
 struct Opening<E> {
     line: Vec<E>,
@@ -115,14 +116,14 @@ impl<E> Default for Opening<E> {
 }
 
 impl<E: Copy> Opening<E> {
-    /// Replaces `line` by its opening in windows of `2 reach + 1` samples, which the ends of the line cut short.
+    /// Replaces `line` by its opening in windows of `2 reach + 1` samples. The ends of the line cut windows short.
     fn open(&mut self, reach: usize, min: impl Fn(E, E) -> E, max: impl Fn(E, E) -> E) {
         self.slide(reach, min);
         self.slide(reach, max);
     }
 
-    /// The extreme of every window with three comparisons a sample, whatever the window's length: van Herk 1992
-    /// (doi 10.1016/0167-8655(92)90069-C), Gil and Werman 1993 (doi 10.1109/34.211471).
+    /// Computes the extreme of every window with three comparisons a sample, for any window length: van Herk 1992 (doi
+    /// 10.1016/0167-8655(92)90069-C), Gil and Werman 1993 (doi 10.1109/34.211471).
     fn slide(&mut self, reach: usize, extreme: impl Fn(E, E) -> E) {
         let Self { line, before, behind } = self;
         let (length, window) = (line.len(), 2 * reach + 1);

@@ -1,5 +1,5 @@
-//! Cross-sections that no stripe makes: whatever they hold, an estimator's answer lies in the candidate's reach and
-//! admits what it does not know.
+//! Cross-sections that no stripe produces. Whatever they hold, the estimated centre must lie within reach of the
+//! candidate and its sigma must admit the uncertainty.
 
 use super::{
     fir_peak::fir_peak,
@@ -18,7 +18,7 @@ const ESTIMATORS: [(&str, Estimator); 3] =
     [("gaussian_ml", gaussian_ml), ("log_gaussian", log_gaussian), ("fir_peak", fir_peak)];
 const NOISE: PixelNoise = PixelNoise { constant: 4.0, per_level: 0.01, blur_variance_px2: 0.0 };
 
-/// Position from the candidate's first sample, and sigma, of one section.
+/// Returns position from the candidate's first sample, and sigma, of a single section.
 fn alone(estimator: Estimator, raw: &[u32], first: usize, last: usize) -> (f32, f32) {
     let samples: Vec<u32> = raw.iter().map(|&sample| sample * 256).collect();
     let peak = samples[first..=last].iter().copied().max().unwrap_or(0);
@@ -53,7 +53,7 @@ fn sections_without_a_flank_are_uncertain() {
         ] {
             assert_honest(name, raw, (first, last), alone(estimator, raw, first, last));
         }
-        // All saturated, or all alike: it may be anywhere.
+        // All saturated or all equal: the centre may be anywhere.
         for raw in [[255; 9], [77; 9]] {
             let (_, sigma) = alone(estimator, &raw, 0, 8);
             assert!(sigma > 1.0, "{name}: sigma {sigma} of {raw:?}");

@@ -1,8 +1,8 @@
-//! Step 3 of Yao et al. 2023: the Gaussian blur, in integers, so that every way to compute it gives the same bits.
+//! Step 3 of Yao et al. 2023: the Gaussian blur. It uses integers, so every implementation gives the same bits.
 //!
-//! The kernel is separable, its weights are multiples of 1/256 that sum to one. A blurred sample keeps 8 fractional
-//! bits ("blurred units": 256 a grey level). Both passes are exact; one rounding, half up, ends the second. Beyond the
-//! border the nearest sample is repeated.
+//! The kernel is separable; its weights are multiples of 1/256 and sum to one. A blurred sample keeps 8 fractional bits
+//! ("blurred units": 256 per grey level). Both passes are exact; the second ends with the only rounding, half up.
+//! Beyond the border the nearest sample is repeated.
 
 use super::{
     lanes::{Lane, each},
@@ -15,10 +15,10 @@ use std::{
     ops::{Add, Mul, Sub},
 };
 
-/// Blurred units a grey level.
+/// Blurred units per grey level.
 pub(super) const UNITS: u32 = 256;
 
-/// An integer that holds weighted sums of samples.
+/// An integer wide enough for weighted sums of samples.
 pub(super) trait Number:
     Copy
     + Ord
@@ -30,7 +30,7 @@ pub(super) trait Number:
     + Mul<Output = Self>
     + Send
 {
-    /// The weight 0..=256.
+    /// Converts a weight, 0..=256.
     fn from_weight(weight: u16) -> Self;
 }
 
@@ -48,7 +48,7 @@ impl Number for u32 {
     }
 }
 
-/// A sample of an image.
+/// An image sample.
 pub(super) trait Sample:
     Copy + Ord + Default + Debug + Into<u32> + Into<Self::Sum> + Send + 'static
 {
@@ -58,25 +58,25 @@ pub(super) trait Sample:
     const HALF: Self::Sum;
     /// Quotient and remainder by 256.
     fn split(sum: Self::Sum) -> (Self::Sum, Self::Sum);
-    /// The number, or the largest that [`Self::Sum`] holds, which no blurred sample exceeds.
+    /// Converts the number, limited to the largest that [`Self::Sum`] holds, which no blurred sample exceeds.
     fn narrow(sum: u32) -> Self::Sum;
-    /// Keeps the larger sample of every column.
+    /// Updates the maximum of every column.
     fn raise<V: Simd>(vectors: V, maxima: &mut [Self; COLUMNS], row: &[Self; COLUMNS]);
-    /// Whether some sample is above the limit.
+    /// True if any sample exceeds the limit.
     fn some_above<V: Simd>(vectors: V, samples: &[Self; COLUMNS], limit: u32) -> bool;
-    /// The second pass along one row: from sums of the first pass, divided by 256, and their remainders.
+    /// Second pass along one row, from the sums of the first pass divided by 256 and their remainders.
     fn along<V: Simd>(
         vectors: V,
         weights: &[u16],
         sums: (&[Self::Sum; PADDED], &[Self::Sum; PADDED]),
         blurred: &mut [Self::Sum; COLUMNS],
     );
-    /// Bit i: whether blurred sample i is above the threshold.
+    /// Returns a mask: bit i is set if blurred sample i exceeds the threshold.
     fn above<V: Simd>(vectors: V, sums: &[Self::Sum; 64], threshold: Self::Sum) -> u64;
 }
 
-/// [`Sample::along`] in vectors of one type. Left to itself the compiler shuffles overlapping samples instead of loading
-/// them again.
+/// [`Sample::along`] in vectors of one type. Without this macro the compiler shuffles overlapping samples instead of
+/// loading them again.
 macro_rules! along {
     ($vector:ident, $sum:ty, $lanes:literal) => {
         #[inline(always)]
@@ -184,7 +184,7 @@ pub(super) struct Kernel {
     weights: Vec<u16>,
     variance_px2: f64,
     noise_gain: f64,
-    /// [`Self::ramp_energies`] for whole lengths.
+    /// [`Self::ramp_energies`] for integer lengths.
     ramp_energy: Vec<f32>,
 }
 
@@ -192,9 +192,11 @@ pub(super) struct Kernel {
 const TABULATED: usize = 96;
 
 impl Kernel {
-    /// A Gaussian of standard deviation 0.3 (r - 1) + 0.8 pixels, 1.4 for the paper's r = 3; radius 0 changes nothing.
+    /// Returns a Gaussian of standard deviation 0.3 (r - 1) + 0.8 pixels, 1.4 for the paper's r = 3. Radius 0 changes
+    /// nothing.
     ///
-    /// The paper prints a radius only; this is what `GaussianBlur` of `OpenCV` derives from the kernel's size.
+    /// The paper gives only a radius; this is the formula by which OpenCV's `GaussianBlur` derives sigma from the
+    /// kernel size.
     pub(super) fn gaussian(radius: u32) -> Self {
         if radius == 0 {
             return Self::of(vec![UNITS as u16]);
@@ -205,7 +207,7 @@ impl Kernel {
         let total = 1.0 + 2.0 * side.iter().sum::<f64>();
         let side: Vec<u16> =
             side.iter().map(|w| (f64::from(UNITS) * w / total).round() as u16).collect();
-        // What rounding leaves over goes to the centre: the weights must sum to one exactly.
+        // The centre absorbs the rounding error: the weights must sum to exactly one.
         let centre = UNITS as u16 - 2 * side.iter().sum::<u16>();
         Self::of(side.iter().rev().copied().chain([centre]).chain(side.iter().copied()).collect())
     }
@@ -222,28 +224,28 @@ impl Kernel {
         Self { weights, variance_px2, noise_gain, ramp_energy }
     }
 
-    /// The radius r, pixels.
+    /// Returns the radius r, pixels.
     pub(super) fn radius(&self) -> usize {
         self.weights.len() / 2
     }
 
-    /// The weights, first to last.
+    /// Returns the weights, first to last.
     pub(super) fn weights(&self) -> &[u16] {
         &self.weights
     }
 
-    /// Variance of the kernel, px².
+    /// Returns the variance of the kernel, px².
     pub(super) fn variance_px2(&self) -> f64 {
         self.variance_px2
     }
 
-    /// What one pass leaves of the variance of white noise: the sum of the squared weights.
+    /// Returns the factor by which one pass scales the variance of white noise: the sum of the squared weights.
     pub(super) fn noise_gain(&self) -> f64 {
         self.noise_gain
     }
 
-    /// Variance of Σ (i - c) G over windows of `length` pixels about c, when G is white noise of variance 1 that went
-    /// through this kernel across the window.
+    /// Returns the variance of Σ (i - c) G over windows of `length` pixels about c, for white noise G of variance 1
+    /// that passed through this kernel across the window.
     #[inline(always)]
     pub(super) fn ramp_energies(&self, length: &Lane) -> Lane {
         each(|lane| {
@@ -258,7 +260,8 @@ impl Kernel {
     }
 }
 
-/// Σ over raw samples of the squared weight with which each enters Σ (i - c) G: the ramp convolved with the kernel.
+/// Returns Σ over raw samples of the squared weight with which each enters Σ (i - c) G: the ramp convolved with the
+/// kernel.
 fn blurred_ramp_energy(kernel: &[u16], length: usize) -> f64 {
     let middle = (length as f64 - 1.0) / 2.0;
     let raw = 0..(length + kernel.len()).saturating_sub(1);
@@ -270,7 +273,7 @@ fn blurred_ramp_energy(kernel: &[u16], length: usize) -> f64 {
     .sum()
 }
 
-/// One blurred sample by definition: the weighted sum over the kernel's square.
+/// Returns one blurred sample by definition: the weighted sum over the kernel's square.
 pub(super) fn blurred_at<S: Sample>(
     plane: &Plane<'_, S>,
     kernel: &Kernel,

@@ -1,9 +1,9 @@
-//! Candidates that are too long for the cross-section of a stripe: a lamp, a white wall, a threshold below the background.
+//! Candidates too long for the cross-section of a stripe: a lamp, a white wall, a threshold below the background.
 
 use super::section::LineCandidate;
 use std::ops::Range;
 
-/// What is told of such a candidate.
+/// Measurements of such a candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Broad {
     /// Grey-level centre of gravity, pixels from the candidate's first sample.
@@ -15,7 +15,8 @@ pub(super) struct Broad {
 }
 
 impl Broad {
-    /// From Σ G and Σ i·G; `raw_at` gives the unblurred sample at a place, or the last one beyond it.
+    /// Computes the measurements from Σ G and Σ i·G. `raw_at` returns the unblurred sample at a position, or the last
+    /// one beyond the candidate.
     pub(super) fn from_sums(
         (level, moment): (u64, u64),
         brightest_raw: u32,
@@ -29,7 +30,7 @@ impl Broad {
     }
 }
 
-/// The sums over several such candidates, kept side by side. Whole numbers: the order of adding does not matter.
+/// Sums over several such candidates, side by side. They are integers, so the order of addition does not matter.
 #[derive(Debug, Default)]
 pub(super) struct BroadRuns {
     first: Vec<u32>,
@@ -54,13 +55,13 @@ impl BroadRuns {
         self.brightest.resize(batch.len(), 0);
     }
 
-    /// All positions that some candidate covers.
+    /// Returns the range of positions that any candidate covers.
     pub(super) fn positions(&self) -> Range<u32> {
         let first = self.first.iter().copied().min().unwrap_or(0);
         first..self.last.iter().copied().max().map_or(first, |last| last + 1)
     }
 
-    /// Adds one sample to every candidate that covers `position`: raw and blurred ones, in the candidates' order.
+    /// Adds one sample to every candidate that covers `position`: raw and blurred samples, in the candidates' order.
     #[inline(always)]
     pub(super) fn add_across<R: Copy + Into<u32>, S: Copy + Into<u32>>(
         &mut self,
@@ -99,7 +100,8 @@ impl BroadRuns {
         (self.level[i], self.moment[i], self.brightest[i]) = (level, moment, brightest);
     }
 
-    /// What is told of candidate i; `raw_at` gives the unblurred sample at a place in it, or its last one beyond it.
+    /// Returns the measurements of candidate i. `raw_at` returns the unblurred sample at a position in it, or its last
+    /// one beyond it.
     pub(super) fn broad(&self, i: usize, raw_at: impl Fn(usize) -> u32) -> Broad {
         Broad::from_sums((self.level[i], self.moment[i]), self.brightest[i], raw_at)
     }

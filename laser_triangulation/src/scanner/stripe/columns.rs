@@ -1,23 +1,23 @@
-//! The candidates of a horizontal stripe: what runs, which arrive row by row, make in every column.
+//! Candidates of a horizontal stripe: collects runs, which arrive row by row, into candidates column by column.
 
 use super::section::{Candidate, LineCandidate};
 
-/// No candidate: later than every row.
+/// No candidate: a value later than every row.
 const NONE: u32 = u32::MAX;
 
-/// Candidates that may still grow, one a column. Arrays side by side: a run is worked on in whole vectors.
+/// Open candidates, one per column. Stored as parallel arrays so that a run is processed in whole vectors.
 #[derive(Debug, Default)]
 pub(super) struct Columns {
     first: Vec<u32>,
     last: Vec<u32>,
     peak: Vec<u32>,
-    /// Where each column's candidates begin while they are put in order.
+    /// Start index of each column's candidates during sorting.
     starts: Vec<u32>,
     in_order: Vec<LineCandidate>,
 }
 
 impl Columns {
-    /// Forgets all candidates, keeps the memory.
+    /// Removes all candidates, keeps the memory.
     pub(super) fn clear(&mut self, columns: usize) {
         for (array, value) in [(&mut self.first, NONE), (&mut self.last, 0), (&mut self.peak, 0)] {
             array.clear();
@@ -25,7 +25,8 @@ impl Columns {
         }
     }
 
-    /// Adds a run of samples of row `row` that begins in column `start`. Candidates that end above it go to `found`.
+    /// Adds a run of samples of row `row` that begins in column `start`. Candidates that ended above it move to
+    /// `found`.
     #[inline(always)]
     pub(super) fn add<T: Copy + Into<u32>>(
         &mut self,
@@ -59,7 +60,7 @@ impl Columns {
         }
     }
 
-    /// Ends all candidates and puts what was found in order of its lines and of its positions.
+    /// Closes all candidates and sorts `found` by line and position.
     pub(super) fn finish(&mut self, found: &mut Vec<LineCandidate>) {
         let ended_early = found.len();
         let columns = self.first.iter().zip(&self.last).zip(&self.peak);
@@ -73,7 +74,7 @@ impl Columns {
         }
     }
 
-    /// Puts candidates in order of their lines; those of a line stand in order already. Counts instead of comparing.
+    /// Sorts candidates by line with a counting sort; those of one line are already in order.
     fn sort(&mut self, found: &mut Vec<LineCandidate>) {
         self.starts.clear();
         self.starts.resize(self.first.len() + 1, 0);

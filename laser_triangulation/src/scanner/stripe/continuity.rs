@@ -1,11 +1,12 @@
-//! `peak_selection: continuity`: the candidates that together make the brightest unbroken line along the stripe.
+//! `peak_selection: continuity`: selects the candidates that together form the brightest unbroken line along the
+//! stripe.
 //!
-//! Dynamic programming over the lines, as in the tracking of ridges and seams (Amini, Weymouth and Jain 1990,
-//! doi 10.1109/34.57681): of all sequences of candidates, one a line at most, the one whose brightness less the price of
-//! its steps and breaks is largest. Whole numbers, so that the result does not depend on the order of sums. Time grows
-//! with the candidates: each is compared with those of [`REACH`] lines before it.
+//! Dynamic programming over the lines, as in the tracking of ridges and seams (Amini, Weymouth and Jain 1990, doi
+//! 10.1109/34.57681). Of all sequences with at most one candidate per line it finds the one with the largest brightness
+//! minus the cost of its steps and breaks. It uses integers, so the result does not depend on the order of sums. Time
+//! is linear in the candidates: each is compared with those of the [`REACH`] lines before it.
 
-/// A candidate as this file sees it.
+/// A candidate, reduced to its line, position and brightness.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Node {
     /// Its line; nodes come in order of their lines.
@@ -16,30 +17,31 @@ pub(super) struct Node {
     pub peak: u32,
 }
 
-/// Lines that a line of light may miss without being broken.
+/// Number of consecutive lines that a stripe may miss without being broken.
 pub(super) const REACH: u32 = 8;
-/// What a candidate at the segment threshold is worth.
+/// Score of a candidate exactly at the segment threshold.
 const WORTH: i64 = 256;
-/// A candidate so many times the threshold or brighter is worth as many times that: beyond, brightness says nothing.
+/// Upper limit of a score, as a multiple of [`WORTH`]: beyond this multiple of the threshold, brightness carries no
+/// information.
 const MAX_TIMES: u64 = 4;
-/// The price of a break: what stands alone is taken on the way when it is worth more. Six lines at the threshold.
+/// Cost of a break: the path includes an isolated group only if its score is higher. Equals six lines at the threshold.
 pub(super) const BREAK: i64 = 6 * WORTH;
-/// The price of the largest step without a break; smaller ones cost in proportion.
+/// Cost of the largest step without a break; smaller steps cost proportionally less.
 const LARGEST_STEP: i64 = WORTH;
 
-/// Finds one line after another. Buffers are kept.
+/// Finds one line at a time. Keeps its buffers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LineFinder {
-    /// Of every node: the worth of the best line that ends there.
+    /// For each node: the score of the best line that ends there.
     totals: Vec<i64>,
-    /// Of every node: the one before it on that line.
+    /// For each node: its predecessor on that line.
     previous: Vec<Option<u32>>,
 }
 
 impl LineFinder {
-    /// Replaces `line` by the indices of the nodes of the best line, ascending, and returns its worth; empty without nodes.
-    /// `threshold` is the segment threshold in blurred units, `max_step_px` the farthest that a stripe moves from one line
-    /// to the next.
+    /// Replaces `line` by the ascending indices of the nodes of the best line and returns its score; `line` is empty if
+    /// there are no nodes. `threshold` is the segment threshold in blurred units, `max_step_px` the largest movement of
+    /// a stripe from one line to the next.
     pub(super) fn find(
         &mut self,
         nodes: &[Node],
@@ -47,11 +49,11 @@ impl LineFinder {
         max_step_px: f64,
         line: &mut Vec<u32>,
     ) -> i64 {
-        // Half pixels, and the price of one of them.
+        // Largest step in half pixels, and the cost of one half pixel.
         let max_step = (2.0 * max_step_px).ceil().max(1.0) as i64;
         self.totals.clear();
         self.previous.clear();
-        // The best end in all lines before this node's, and in this node's so far.
+        // Best end in all lines before this node's, and in this node's line so far.
         let (mut best, mut best_here) = (None, None);
         let mut first_near = 0;
         for (at, node) in nodes.iter().enumerate() {
@@ -92,7 +94,7 @@ impl LineFinder {
     }
 }
 
-/// Of equal ones the earlier.
+/// Returns the better of two ends; of equal ones the earlier.
 fn better(one: Option<(i64, u32)>, other: Option<(i64, u32)>) -> Option<(i64, u32)> {
     match (one, other) {
         (Some(a), Some(b)) => Some(if b.0 > a.0 { b } else { a }),
@@ -133,7 +135,7 @@ mod tests {
         let mut nodes = stripe(0..40, 40, 200);
         nodes.extend(stripe(60..100, 300, 200));
         assert_eq!(find(&mut nodes, 3.0).len(), 80);
-        // In the gap: a few bright pixels that belong nowhere, and a piece that is long enough.
+        // In the gap: a few bright pixels that do not belong to the stripe, and a piece that is long enough.
         nodes.extend(stripe(45..47, 900, 200));
         assert_eq!(find(&mut nodes, 3.0).len(), 80);
         nodes.extend(stripe(42..58, 700, 400));

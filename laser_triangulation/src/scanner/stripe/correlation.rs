@@ -1,4 +1,4 @@
-//! How the errors of neighbouring points depend on one another, because a blur or a ridge filter has averaged the same
+//! Correlation of the errors of neighbouring points, which arises because a blur or a ridge filter averages the same
 //! samples into both.
 
 use super::blur::Kernel;
@@ -6,13 +6,13 @@ use crate::scanner::params::{ExtractionParams, Method};
 
 /// 99.9 % quantile of a standard normal distribution.
 const QUANTILE: f64 = 3.090_232_31;
-/// Errors that correlate less are independent.
+/// Errors with a smaller correlation count as independent.
 const INDEPENDENT: f64 = 0.05;
-/// Points whose errors are almost the same still scatter so much, as a share of their variance: locking to pixels,
+/// Minimum independent variance of points with almost equal errors, as a share of their variance: pixel locking,
 /// rounding.
 const MIN_OWN_VARIANCE: f64 = 0.05;
 
-/// Correlation of the errors of two points by their distance along the stripe.
+/// Correlation of the errors of two points as a function of their distance along the stripe.
 #[derive(Clone, Debug)]
 pub(super) struct Correlation {
     /// At distances 0, 1, …; 0 beyond. The first is 1.
@@ -20,7 +20,7 @@ pub(super) struct Correlation {
 }
 
 impl Correlation {
-    /// That of points found with these parameters, if the noise of the image is white.
+    /// Returns the correlation for points found with these parameters, if the noise of the image is white.
     pub(super) fn along_the_stripe(params: &ExtractionParams) -> Self {
         Self::of(&match params.method {
             Method::GrayGravity | Method::GaussianFit | Method::ImprovedGravity => {
@@ -33,12 +33,12 @@ impl Correlation {
                 let weight = |x: i32| (-0.5 * (f64::from(x) / sigma_px).powi(2)).exp();
                 (-radius..=radius).map(weight).collect::<Vec<_>>()
             }
-            // They read the samples of their own line alone.
+            // They read only the samples of their own line.
             Method::GaussianMl | Method::LogGaussian | Method::FirPeak => vec![1.0],
         })
     }
 
-    /// That of white noise after a filter of these weights: Σ w(i) w(i + d) / Σ w².
+    /// Returns the correlation of white noise after a filter with these weights: Σ w(i) w(i + d) / Σ w².
     fn of(weights: &[f64]) -> Self {
         let at = |distance: usize| -> f64 {
             weights.iter().zip(&weights[distance..]).map(|(a, b)| a * b).sum()
@@ -50,13 +50,14 @@ impl Correlation {
         Self { by_distance: by_distance[..=end].to_vec() }
     }
 
-    /// Smallest distance at which errors count as independent, at least 1.
+    /// Returns the smallest distance at which errors count as independent, at least 1.
     pub(super) fn independent_distance(&self) -> usize {
         let distance = self.by_distance.iter().position(|&share| share < INDEPENDENT);
         distance.unwrap_or(self.by_distance.len())
     }
 
-    /// Variance of Σ over consecutive places of errors whose own standard deviations are `sigmas`, signs included.
+    /// Returns the variance of the sum of errors at consecutive places with the standard deviations `sigmas`, signs
+    /// included.
     pub(super) fn variance(&self, sigmas: &[f64]) -> f64 {
         let product = |distance: usize| -> f64 {
             sigmas.iter().zip(&sigmas[distance..]).map(|(a, b)| a * b).sum()
@@ -65,12 +66,12 @@ impl Correlation {
         product(0) + 2.0 * beyond.map(|(distance, share)| share * product(distance)).sum::<f64>()
     }
 
-    /// What χ² of the residuals of a straight line through `num` consecutive points exceeds by chance in 0.1 % of the
-    /// lines; 0 for fewer than 3 points.
+    /// Returns the χ² of the residuals of a straight line through `num` consecutive points that chance exceeds in 0.1 %
+    /// of the lines; 0 for fewer than 3 points.
     ///
-    /// For independent errors the quantile of χ² with num − 2 degrees of freedom by Wilson and Hilferty 1931 (doi
-    /// 10.1073/pnas.17.12.684, eq. 3). Dependent ones spread less about their line: a χ² of as many degrees of freedom
-    /// as give the same mean, and Σ ρ² the variance (Satterthwaite 1946, doi 10.2307/3002019).
+    /// For independent errors this is the quantile of χ² with num − 2 degrees of freedom by Wilson and Hilferty 1931
+    /// (doi 10.1073/pnas.17.12.684, eq. 3). Correlated errors spread less about their line: the degrees of freedom and
+    /// the scale of χ² then follow from its mean and from Σ ρ², its variance (Satterthwaite 1946, doi 10.2307/3002019).
     pub(super) fn chi_square_limit(&self, num: usize) -> f64 {
         if num < 3 {
             return 0.0;
@@ -83,7 +84,7 @@ impl Correlation {
         mean * (1.0 - spread + QUANTILE * spread.sqrt()).powi(3)
     }
 
-    /// Mean χ²: the trace of (I − H) R for the line's hat matrix H and the correlations R.
+    /// Returns the mean χ²: the trace of (I − H) R for the line's hat matrix H and the correlations R.
     fn mean_chi_square(&self, num: usize) -> f64 {
         let middle = (num - 1) as f64 / 2.0;
         let places: Vec<f64> = (0..num).map(|at| at as f64 - middle).collect();
@@ -107,7 +108,7 @@ mod tests {
         let correlation = Correlation::of(&[1.0, 1.0, 1.0]);
         assert_eq!(correlation.by_distance, [1.0, 2.0 / 3.0, 1.0 / 3.0]);
         assert_eq!(correlation.independent_distance(), 3);
-        // The mean of three such points: (3 + 2·2·2/3 + 2·1/3) / 9.
+        // The mean for three such points: (3 + 2·2·2/3 + 2·1/3) / 9.
         let third = 1.0 / 3.0;
         assert!((correlation.variance(&[third; 3]) - (19.0 / 3.0) / 9.0).abs() < 1e-12);
     }

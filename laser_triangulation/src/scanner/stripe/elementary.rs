@@ -1,6 +1,6 @@
-//! Elementary functions without branches or calls, for loops over lanes: the same bits on every machine.
+//! Elementary functions without branches or calls, for loops over lanes. They return the same bits on every machine.
 
-/// x, but not below `low` and not above `high`; what is no number becomes `low`.
+/// Limits x to `low`..=`high`; NaN becomes `low`.
 #[inline(always)]
 #[allow(clippy::manual_clamp, reason = "clamp would keep what is no number")]
 pub(super) fn bounded(x: f32, low: f32, high: f32) -> f32 {
@@ -8,12 +8,12 @@ pub(super) fn bounded(x: f32, low: f32, high: f32) -> f32 {
     if x < high { x } else { high }
 }
 
-/// eˣ for x ≤ 0, to 3·10⁻⁷ of its value; below -87 it stays at e⁻⁸⁷.
+/// Returns eˣ for x ≤ 0 with a relative error of 3·10⁻⁷; below -87 it returns e⁻⁸⁷.
 ///
-/// x = n ln 2 + r, |r| ≤ ln 2 / 2; the Taylor series to r⁶, n into the exponent's bits.
+/// x = n ln 2 + r, |r| ≤ ln 2 / 2: the Taylor series to r⁶, with n placed into the exponent's bits.
 #[inline(always)]
 pub(super) fn exp(x: f32) -> f32 {
-    // Adding 1.5 · 2²³ rounds to an integer, which then stands in the lowest bits.
+    // Adding 1.5 · 2²³ rounds to an integer, which ends up in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;
@@ -29,10 +29,10 @@ pub(super) fn exp(x: f32) -> f32 {
     series * power
 }
 
-/// The hazard λ(z) = φ(z) / Φ(-z) of a standard normal distribution: how fast ln Φ(-z) falls with z.
+/// Returns the hazard λ(z) = φ(z) / Φ(-z) of a standard normal distribution: the rate at which ln Φ(-z) falls with z.
 ///
-/// For z ≥ 0, λ(z) - z is a ratio of polynomials that was fitted to it: off by 4·10⁻⁶ of its value. For z < 0,
-/// Φ(-z) = 1 - Φ(z) leads back to it. One division serves both. Beyond ±10⁶ it stays as it is there.
+/// For z ≥ 0, λ(z) - z is approximated by a fitted ratio of polynomials, relative error 4·10⁻⁶. For z < 0, Φ(-z) = 1 -
+/// Φ(z) reduces it to that case. One division serves both. Beyond ±10⁶ the value is held constant.
 #[inline(always)]
 pub(super) fn hazard(z: f32) -> f32 {
     let a = bounded(z.abs(), 0.0, 1e6);

@@ -1,4 +1,5 @@
-//! The same method, its costly steps only where stripe can be. Equal to [`reference`](super::reference) bit for bit.
+//! The optimized method: costly steps run only where the stripe can be. Equals [`reference`](super::reference) bit for
+//! bit.
 
 use super::{
     Centerline,
@@ -26,7 +27,7 @@ use crate::scanner::{
 };
 use fearless_simd::Simd;
 
-/// Extracts frame after frame without allocating once the first of a size has been seen.
+/// Extracts centrelines frame after frame. Allocates nothing after the first frame of a size.
 #[derive(Debug)]
 pub(super) struct FastExtractor<S: Sample> {
     kernel: Kernel,
@@ -48,7 +49,7 @@ pub(super) struct FastExtractor<S: Sample> {
 }
 
 impl<S: Sample> FastExtractor<S> {
-    /// An extractor with these settings.
+    /// Creates an extractor with these settings.
     pub(super) fn new(params: ExtractionParams, direction: StripeDirection) -> Self {
         Self {
             kernel: Kernel::gaussian(params.blur_radius),
@@ -70,14 +71,14 @@ impl<S: Sample> FastExtractor<S> {
         }
     }
 
-    /// Takes this frame for the light without laser, for `background: reference`. It has the size of those that follow.
+    /// Stores a frame without laser light for `background: reference`. It must have the size of the frames that follow.
     pub(super) fn set_ambient(&mut self, plane: &Plane<'_, S>) {
         let Self { kernel, tiles, background, vectors, .. } = self;
         vectors.run(Blur { tiles, kernel, plane, threshold: None });
         background.set_ambient(tiles.samples_mut());
     }
 
-    /// Forgets the last frame: the next one is searched everywhere.
+    /// Discards the last frame's stripes: the next frame is searched everywhere.
     pub(super) const fn reset(&mut self) {
         self.selector.reset();
     }
@@ -158,7 +159,7 @@ impl<S: Sample> FastExtractor<S> {
         }
     }
 
-    /// Finds all candidates, in order of their lines and of their positions; returns the segment threshold, blurred units.
+    /// Finds all candidates, sorted by line and position; returns the segment threshold, blurred units.
     fn find(&mut self, plane: &Plane<'_, S>, full_scale: u32) -> u32 {
         let Self { kernel, params, direction, tiles, background, noise_threshold, vectors, .. } =
             self;
@@ -189,7 +190,7 @@ impl<S: Sample> FastExtractor<S> {
         threshold
     }
 
-    /// Step 4, once the tiles are blurred.
+    /// Step 4, after the tiles are blurred.
     #[inline(always)]
     pub(super) fn segment<V: Simd>(&mut self, vectors: V, threshold: u32) {
         self.tiles.segment(vectors, threshold, &mut self.regions);
@@ -199,7 +200,7 @@ impl<S: Sample> FastExtractor<S> {
         }
     }
 
-    /// The candidates of a vertical stripe: the kept runs themselves.
+    /// Returns the candidates of a vertical stripe: the kept runs themselves.
     #[inline(always)]
     fn find_in_rows(&mut self) {
         let Self { tiles, regions, found, params, .. } = self;
@@ -212,7 +213,7 @@ impl<S: Sample> FastExtractor<S> {
         }));
     }
 
-    /// The candidates of a horizontal stripe: what the kept runs make in every column.
+    /// Returns the candidates of a horizontal stripe: the kept runs, collected column by column.
     #[inline(always)]
     fn find_in_columns(&mut self) {
         let Self { tiles, regions, found, params, .. } = self;

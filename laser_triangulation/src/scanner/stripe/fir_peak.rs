@@ -1,15 +1,15 @@
 //! Zero crossing of a smoothed derivative (Forest, Salvi, Cabruja, Pous 2004, "Laser stripe peak detector for 3D scanners. A FIR
 //! filter approach", ICPR).
 //!
-//! The raw cross-section goes through a finite impulse response that differentiates and smooths; where the response falls
-//! through zero lies the centre. Forest takes a low-pass and the difference of neighbours, and a straight line between
-//! the two responses about zero. Here both filters are one, h(k) = k exp(-k²/2w²), and the curve through four responses is
-//! a cubic: a straight line leaves 0.005 px of a two-pixel stripe.
+//! The raw cross-section passes through a finite impulse response filter that differentiates and smooths; the centre
+//! lies where the response falls through zero. Forest uses a low-pass, the difference of neighbours, and a straight
+//! line between the two responses about zero. Here one filter does both, h(k) = k exp(-k²/2w²), and a cubic goes
+//! through four responses: a straight line leaves an error of 0.005 px for a two-pixel stripe.
 //!
-//! Its width w is derived from the noise: of all odd filters the one that is the stripe's own slope, -G′(x) ~
-//! x exp(-x²/2s²), has the smallest ratio of noise to slope at zero (a matched filter; the variance of the crossing is Σ h²v / (Σ h G′)²,
-//! minimal for h ~ G′ by Cauchy and Schwarz). So w is the stripe's standard deviation s from the first guess; of a saturated stripe,
-//! the distance at which its flat top ends, where alone it has a slope.
+//! The width w follows from the noise. Of all odd filters, the stripe's own slope, -G′(x) ~ x exp(-x²/2s²), has the
+//! smallest ratio of noise to slope at zero (a matched filter: the variance of the crossing is Σ h²v / (Σ h G′)²,
+//! minimal for h ~ G′ by Cauchy and Schwarz). So w is the stripe's standard deviation s from the first guess. For a
+//! saturated stripe, w is the distance at which its flat top ends, the only part with a slope.
 
 use super::{
     elementary::{bounded, exp},
@@ -19,13 +19,13 @@ use super::{
     noise::PixelNoise,
 };
 
-/// Places at which the filter is laid, from one below the guessed centre.
+/// Number of positions at which the filter is evaluated, starting one below the guessed centre.
 const PLACES: usize = 4;
-/// Variance that clipping at 0 leaves of noise about 0: 1/2 - 1/2π.
+/// Variance of zero-mean noise after clipping at 0, as a share of its own: 1/2 - 1/2π.
 const CLIPPED_SHARE: f32 = 0.341;
 
-/// The zero crossing in every lane. Where there is none within a pixel or two of the first guess, that stands in, and
-/// its uncertainty is that of any place in the candidate.
+/// Finds the zero crossing in every lane. If there is none within a pixel or two of the first guess, returns the guess
+/// with the uncertainty of a uniform distribution over the candidate.
 #[inline(always)]
 pub(super) fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let start = Start::of(sections, noise, full_scale);
@@ -47,7 +47,7 @@ pub(super) fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) 
         centres.position_px[lane] = if is_found { position } else { guessed };
         let any = 0.289 * length;
         let sigma = (crossing.variance.max(0.0).sqrt() / -crossing.slope).min(length);
-        // A stripe that the border or a neighbour cuts is pulled away from there.
+        // Where the border or a neighbour cuts the stripe, the crossing is pulled away from it.
         let reach = 1.5 * start.curve.sigma_px[lane];
         let row = sections.first[lane] + position;
         let is_cut = (row - reach < start.from[lane]) | (row + reach > start.to[lane] - 1.0);
@@ -57,20 +57,20 @@ pub(super) fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) 
     centres
 }
 
-/// What the filter gives at four places of every lane.
+/// Filter responses at four positions of every lane.
 struct Responses {
     response: [Lane; PLACES],
-    /// Variances of the responses at the two places about the guess.
+    /// Variances of the responses at the two positions about the guess.
     variance: [Lane; 2],
 }
 
-/// Where a lane's response falls through zero.
+/// Position at which a lane's response falls through zero.
 struct Crossing {
-    /// From the place at or below the guess.
+    /// Distance from the position at or below the guess.
     place: f32,
-    /// Of the response there, per pixel.
+    /// Slope of the response there, per pixel.
     slope: f32,
-    /// Of the response there.
+    /// Variance of the response there.
     variance: f32,
 }
 
@@ -89,7 +89,7 @@ impl Responses {
             for lane in 0..LANES {
                 let holds = start.holds(i as f32, lane);
                 let sample = samples[lane];
-                // Beyond the window is background: taken off, it counts nothing.
+                // Beyond the window is background, which contributes zero after subtraction.
                 let light = if holds { sample - start.curve.background[lane] } else { 0.0 };
                 let share = if sample >= full_scale {
                     0.0
@@ -112,11 +112,11 @@ impl Responses {
         responses
     }
 
-    /// The cubic's zero, by Newton's steps from the guess.
+    /// Finds the cubic's zero by Newton's method, starting at the guess.
     #[inline(always)]
     fn crossing(&self, lane: usize, guess: f32) -> Crossing {
         let [a, b, c, d] = lane_of(&self.response, lane);
-        // Through (-1, a), (0, b), (1, c), (2, d).
+        // The cubic goes through (-1, a), (0, b), (1, c), (2, d).
         let second = 0.5 * (a + c) - b;
         let third = (d - a) / 6.0 - 0.5 * (c - b);
         let first = c - b - second - third;
@@ -133,7 +133,7 @@ impl Responses {
     }
 }
 
-/// 1/2w² of every lane.
+/// Returns 1/2w² of every lane.
 #[inline(always)]
 fn filter_rate(start: &Start, full_scale: f32) -> Lane {
     each(|lane| {

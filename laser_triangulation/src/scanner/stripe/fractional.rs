@@ -1,24 +1,24 @@
-//! Step 8 without rounding: a window whose ends may lie anywhere, centred on its own result.
+//! Step 8 without rounding: a window with fractional ends, centred on its own result.
 //!
-//! The paper rounds the window to pixels, which pulls the result to pixels. Here the blurred cross-section is a curve,
-//! its samples joined by straight lines; the window `[c - R, c + R]` cuts that curve where it will, and c is the place
-//! at which the window's centre of gravity is c itself.
+//! The paper rounds the window to pixels, which biases the result towards pixel centres. Here the blurred cross-section
+//! is a curve, its samples joined by straight lines. The window `[c - R, c + R]` cuts that curve anywhere; c is the
+//! position at which the window's centre of gravity is c itself.
 
 use super::{
     lanes::{Centres, LANES, Lane, Sections, each},
     section::Noise,
 };
 
-/// Rounds of re-centring after which a window that does not stand still is left where it is.
+/// Rounds of re-centring; a window still moving after these stays at its last position.
 const MAX_ROUNDS: u32 = 12;
-/// The window covers three pixels at least, as the rounded one does.
+/// The window covers at least three pixels, as the rounded one does.
 const MIN_REACH_PX: f32 = 1.5;
-/// A window that moves by less stands still, pixels. Each of Newton's steps squares the error: what is left after one of
-/// this length is a millionth of a pixel.
+/// A window that moves by less than this has converged, pixels. Each of Newton's steps squares the error: after a step
+/// of this length the error is a millionth of a pixel.
 const STANDSTILL_PX: f32 = 4e-3;
 
-/// Formula 7 as integrals, c = ∫ x·G dx / ∫ G dx over `[c - R, c + R]`: the centre of gravity of a window about itself,
-/// which reaches R = L to either side of it. A border of the image cuts the window short.
+/// Computes formula 7 as integrals, c = ∫ x·G dx / ∫ G dx over `[c - R, c + R]`: the centre of gravity of a window
+/// about itself that reaches R = L to either side. The border of the image cuts the window short.
 #[inline(always)]
 pub(super) fn fractional_window_gravity(
     sections: &Sections,
@@ -40,18 +40,18 @@ pub(super) fn fractional_window_gravity(
         let mut moved_px = [0.0; LANES];
         for lane in 0..LANES {
             let centroid = window.moment[lane] / window.level[lane];
-            // The centroid f(c) of a window about c moves by f'(c) when the window moves: by what its ends take in. An
-            // end that the border holds back takes in nothing.
+            // When the window about c moves, its centroid f(c) changes by f'(c), from the light at the window's ends.
+            // An end held back by the border contributes nothing.
             let low_pull = window.low_level[lane] * (centroid - low[lane]);
             let high_pull = window.high_level[lane] * (high[lane] - centroid);
             let pull = (if low[lane] > start[lane] { low_pull } else { 0.0 }
                 + if high[lane] < end[lane] { high_pull } else { 0.0 })
                 / window.level[lane];
-            // Newton's step towards c = f(c). Noise that moves f by δ moves that c by δ / (1 - f').
+            // Newton's step towards c = f(c). An error δ of f shifts that c by δ / (1 - f').
             let room = 1.0 - pull.min(0.9);
             let step = (centroid - centre[lane]) / room;
             let next = (centre[lane] + step).max(0.0).min(last[lane]);
-            // A window that stood still in an earlier round is left alone, whatever its neighbours do.
+            // A window that converged in an earlier round stays, whatever its neighbours do.
             let is_moving = (moves[lane] > 0.0) & (window.level[lane] > 0.0);
             moved_px[lane] = if is_moving { (next - centre[lane]).abs() } else { 0.0 };
             centre[lane] = if is_moving { next } else { centre[lane] };
@@ -74,7 +74,7 @@ pub(super) fn fractional_window_gravity(
     }
 }
 
-/// ∫ G and ∫ x·G of the curve between two places, and the curve's levels there.
+/// ∫ G and ∫ x·G of the curve between two positions, and the curve's levels there.
 struct Integral {
     level: Lane,
     moment: Lane,
@@ -83,16 +83,16 @@ struct Integral {
 }
 
 impl Integral {
-    /// Between `low` and `high`, places within the window.
+    /// Integrates between the positions `low` and `high` within the window.
     ///
-    /// Samples joined by straight lines are the sum of one triangle a sample, G·(1 - |u|) for |u| ≤ 1, u pixels from it.
-    /// Up to u that triangle holds ∫ = u - u|u|/2 and ∫ u du = u²/2 - |u|³/3, but for a constant.
+    /// Samples joined by straight lines are the sum of one triangle per sample, G·(1 - |u|) for |u| ≤ 1, u pixels from
+    /// it. Up to u that triangle contributes ∫ = u - u|u|/2 and ∫ u du = u²/2 - |u|³/3, up to a constant.
     #[inline(always)]
     fn of(sections: &Sections, low: &Lane, high: &Lane) -> Self {
         let none = [0.0; LANES];
         let mut sum = Self { level: none, moment: none, low_level: none, high_level: none };
-        // Whole numbers first: a sum with the row of the candidate would round, and then which rows count as cut would
-        // depend on where in the batch the candidate lies.
+        // Round down first: a sum that includes the candidate's row would round, and the set of cut rows would then
+        // depend on the candidate's place in the batch.
         let from = each(|lane| sections.first[lane] + low[lane].floor());
         let to = each(|lane| sections.first[lane] + high[lane].floor() + 1.0);
         let whole = sections.within(
@@ -101,7 +101,7 @@ impl Integral {
         );
         let reached = sections.reach(&from, &to);
         let (before, behind) = if whole.is_empty() {
-            // Ends in one row: both are looked at in each.
+            // If both ends lie in one row, it is checked for both.
             for i in reached {
                 sum.add_cut::<true, true>(sections, i, (low, high));
             }
@@ -112,7 +112,7 @@ impl Integral {
         for i in before {
             sum.add_cut::<true, false>(sections, i, (low, high));
         }
-        // All of every lane's triangle: area 1, lever 0, and no level at an end.
+        // A lane's whole triangle: area 1, lever 0, and no level at an end.
         for i in whole {
             let (place, sample) = (sections.place(i), sections.blurred[i]);
             for lane in 0..LANES {
@@ -126,7 +126,7 @@ impl Integral {
         sum
     }
 
-    /// Adds a row whose triangles the window may cut at its LOW end, at its HIGH end; an end that cannot is not looked at,
+    /// Adds a row whose triangles the window may cut at its LOW or HIGH end. An end that cannot cut it is skipped,
     /// which changes no bit.
     #[inline(always)]
     fn add_cut<const LOW: bool, const HIGH: bool>(

@@ -8,20 +8,20 @@ use super::{
     section::Noise,
 };
 
-/// Maximum of the Gaussian fitted to the candidate's samples, pixels from the first of them.
+/// Returns the maximum of the Gaussian fitted to the candidate's samples, pixels from the first of them.
 ///
 /// The logarithm of a Gaussian is a parabola: ln G(t) = p₀ + p₁t + p₂t². Least squares in the logarithm, each sample
-/// weighted by G² because noise of ln G is that of G divided by G (Guo 2011, doi 10.1109/MSP.2011.941846). The maximum
-/// lies at -p₁ / 2p₂; for a parabola that opens upwards, or a maximum outside the candidate, the brightest sample stands
-/// in.
+/// weighted by G², because noise of ln G is that of G divided by G (Guo 2011, doi 10.1109/MSP.2011.941846). The maximum
+/// lies at -p₁ / 2p₂. If the parabola opens upwards, or its maximum lies outside the candidate, the brightest sample is
+/// returned.
 #[inline(always)]
 pub(super) fn coarse_peak(sections: &Sections, brightest: &Lane) -> Lane {
     let fit = Fit::of(sections, brightest);
     each(|lane| if fit.is_peak[lane] > 0.0 { fit.position_px[lane] } else { brightest[lane] })
 }
 
-/// The same as an estimator of its own, with its uncertainty: the derivative of the maximum by each sample times that
-/// sample's noise. Where the brightest sample stands in, the uncertainty is half the candidate.
+/// The same fit as a complete estimator with uncertainty: the derivative of the maximum with respect to each sample
+/// times that sample's noise. Where the brightest sample is returned, the uncertainty is half the candidate.
 #[inline(always)]
 pub(super) fn gaussian_fit(sections: &Sections, brightest: &Lane, noise: &Noise<'_>) -> Centres {
     let fit = Fit::of(sections, brightest);
@@ -39,11 +39,11 @@ pub(super) fn gaussian_fit(sections: &Sections, brightest: &Lane, noise: &Noise<
 
 /// A parabola through the logarithms of every lane, t = 0 at the brightest sample, levels in shares of the peak.
 struct Fit {
-    /// Whether the parabola has its maximum inside the candidate: 1 or 0.
+    /// 1 if the parabola has its maximum inside the candidate, else 0.
     is_peak: Lane,
-    /// Where the maximum lies, pixels from the candidate's first sample.
+    /// Position of the maximum, pixels from the candidate's first sample.
     position_px: Lane,
-    /// How the maximum moves with the right-hand side Σ w tᵏ ln G of the normal equations, k = 0, 1, 2.
+    /// Derivative of the maximum with respect to the right-hand side Σ w tᵏ ln G of the normal equations, k = 0, 1, 2.
     gradient: [Lane; 3],
 }
 
@@ -62,7 +62,7 @@ impl Fit {
                 let share = level[lane] * by_peak[lane];
                 let weight = if is_inside { share * share } else { 0.0 };
                 let t = place[lane] - brightest[lane];
-                // Relative to the peak, so that equal samples make an exactly level parabola.
+                // Relative to the peak, so that equal samples give an exactly level parabola.
                 let logarithm = ln(if is_inside { level[lane] } else { 1.0 }) - ln_peak[lane];
                 sums.add(lane, weight, (t, logarithm));
             }
@@ -79,11 +79,12 @@ impl Fit {
                 sums.solve(lane);
             let [a11, a12, a22] = matrix;
             let position_px = brightest[lane] - slope / (2.0 * curvature);
-            // Not so for too few samples either: the position is not a number.
+            // Also false for too few samples: the position is then NaN.
             let is_peak = (curvature < 0.0) & (position_px >= 0.0) & (position_px <= last[lane]);
             fit.is_peak[lane] = if is_peak { 1.0 } else { 0.0 };
             fit.position_px[lane] = position_px;
-            // d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂², with p₁ and p₂ by b₁ and b₂, and those by the right-hand side.
+            // d(-p₁/2p₂) = -dp₁/2p₂ + p₁dp₂/2p₂², with p₁ and p₂ as functions of b₁ and b₂, and those of the right-hand
+            // side.
             let (by_slope, by_curvature) =
                 (-0.5 / curvature, 0.5 * slope / (curvature * curvature));
             let by_b1 = (by_slope * a22 - by_curvature * a12) / determinant;
@@ -95,8 +96,8 @@ impl Fit {
         fit
     }
 
-    /// Standard deviation of the maximum: every raw sample's noise times what it moves, through the blur that has made
-    /// the noise of neighbours one.
+    /// Returns the standard deviation of the maximum: every raw sample's noise times its effect on the maximum, through
+    /// the blur, which correlates the noise of neighbours.
     #[inline(always)]
     fn sigma(&self, sections: &Sections, brightest: &Lane, noise: &Noise<'_>) -> Lane {
         let kernel = noise.kernel.weights();
@@ -104,7 +105,7 @@ impl Fit {
         let last = sections.last_place();
         let rows = sections.candidate_rows();
         let mut variance = [0.0; LANES];
-        // The raw sample at row `i - r` reaches the blurred samples up to r away.
+        // The raw sample at row `i - r` affects blurred samples up to r away.
         for i in rows.start..rows.end + 2 * r {
             let mut moved = [0.0; LANES];
             for near in i.saturating_sub(2 * r).max(rows.start)..(i + 1).min(rows.end) {
@@ -114,13 +115,14 @@ impl Fit {
                     let is_inside = (place[lane] >= 0.0) & (place[lane] <= last[lane]);
                     let t = place[lane] - brightest[lane];
                     let [g0, g1, g2] = lane_of(&self.gradient, lane);
-                    // d(w ln G) = w dG / G: the weight times what the maximum moves with the logarithm.
+                    // d(w ln G) = w dG / G: the weight times the derivative of the maximum with respect to the
+                    // logarithm.
                     let by_level = (g0 + t * (g1 + t * g2)) * level[lane];
                     moved[lane] += if is_inside { by_level * weight } else { 0.0 };
                 }
             }
             for lane in 0..LANES {
-                // The level beyond the candidate is that of its end.
+                // Beyond the candidate, use the level of its end.
                 let row = (i as f32 - r as f32).max(sections.first[lane]).min(sections.last[lane]);
                 let level = sections.blurred[row as usize][lane];
                 variance[lane] += moved[lane]

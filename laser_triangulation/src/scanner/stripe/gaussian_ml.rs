@@ -1,13 +1,14 @@
 //! Maximum likelihood: the Gaussian, integrated over pixels, under which the raw samples are most probable.
 //!
-//! A cross-section is A G(x; c, s) + B with four unknowns; a sample of level μ has normal noise of variance
-//! v(μ) = read² + shot·μ + 1/12 and is clipped to 0 … full scale. Fisher scoring (Kay, Estimation Theory, 1993, section
-//! 7.7) climbs the likelihood: θ ← θ + J⁻¹ Σ score ∇μ with J = Σ information ∇μ ∇μᵀ, a few rounds. Clipped samples are
-//! censored, not left out. The inverse of J says how sure the centre is: it is the Cramér–Rao bound at the estimate.
+//! A cross-section is A G(x; c, s) + B with four unknowns; a sample of level μ has normal noise of variance v(μ) =
+//! read² + shot·μ + 1/12 and is clipped to 0 … full scale. A few rounds of Fisher scoring (Kay, Estimation Theory,
+//! 1993, section 7.7) maximize the likelihood: θ ← θ + J⁻¹ Σ score ∇μ with J = Σ information ∇μ ∇μᵀ. Clipped samples
+//! are censored, not left out. The inverse of J gives the uncertainty of the centre: the Cramér–Rao bound at the
+//! estimate.
 //!
-//! What a cross-section cannot tell, weak priors about the start hold: s and B of very noisy stripes, everything of
-//! stripes of one pixel or of nothing but saturated samples. They weigh a few percent of the samples of a stripe whose noise is a sixth of its
-//! height, and less of any better one.
+//! Weak priors about the start constrain what a cross-section cannot determine: s and B of very noisy stripes, and all
+//! parameters of stripes of one pixel or of only saturated samples. Where the noise is a sixth of the stripe's height,
+//! the priors weigh a few percent of the samples; for better stripes, less.
 
 pub(super) mod curve;
 mod likelihood;
@@ -23,17 +24,17 @@ use curve::Curve;
 use normal_equations::{NormalEquations, Solution};
 use start::{SIGMA_RANGE_PX, Start};
 
-/// Rounds after which a lane that still moves is left where it is.
+/// Maximum number of rounds; a lane that still moves keeps its last estimate.
 const MAX_ROUNDS: u32 = 16;
-/// A lane stands still when its centre moves by less than this share of its uncertainty, and its shape by less than
-/// [`STILL_SHAPE`]. That step is still taken: what the next one would add is a small share of it.
+/// A lane has converged when its centre moves by less than this share of its uncertainty, and its shape by less than
+/// [`STILL_SHAPE`]. That step is still taken; the next one would be only a small share of it.
 const STILL_CENTRE: f32 = 0.06;
-/// The smallest uncertainty that is told: single precision knows no less, pixels.
+/// Smallest reported uncertainty, the limit of single precision, pixels.
 const LEAST_PX: f32 = 1e-5;
-/// Relative change of height and width.
+/// Relative change of height and width below which the shape has converged.
 const STILL_SHAPE: f32 = 0.04;
 
-/// The most probable centre of every lane.
+/// Returns the most probable centre of every lane.
 #[inline(always)]
 pub(super) fn gaussian_ml(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let start = Start::of(sections, noise, full_scale);
@@ -75,7 +76,7 @@ struct Next {
     uncertainty_px: f32,
 }
 
-/// A step, not longer than the curve can be trusted.
+/// Takes a step, limited to the range in which the linear model holds.
 #[inline(always)]
 fn stepped(curve: &Curve, solution: &Solution, lane: usize, last: f32) -> Next {
     let (amplitude, sigma_px) = (curve.amplitude[lane], curve.sigma_px[lane]);
@@ -91,19 +92,19 @@ fn stepped(curve: &Curve, solution: &Solution, lane: usize, last: f32) -> Next {
     }
 }
 
-/// What is known before the samples are asked, each with its precision: the centre lies in the candidate, the width is
-/// the start's within a factor of two or so, the background the start's within [`BACKGROUND_SPREAD`].
+/// Prior knowledge, each with its precision: the centre lies in the candidate; the width equals the start's within
+/// about a factor of two; the background equals the start's within [`BACKGROUND_SPREAD`].
 struct Prior {
     curve: Curve,
     centre_precision: Lane,
     background_precision: Lane,
 }
 
-/// Standard deviation of the prior of s, share of it.
+/// Standard deviation of the prior of s, as a share of s.
 const SIGMA_SPREAD: f32 = 0.5;
-/// Standard deviation of the prior of B, noise of a dark pixel.
+/// Standard deviation of the prior of B, in multiples of the noise of a dark pixel.
 const BACKGROUND_SPREAD: f32 = 3.0;
-/// Height: no prior, but its logarithm goes no farther in a round than samples with this much information tell.
+/// The height has no prior, but each step of its logarithm is damped by this much information.
 const AMPLITUDE_PRECISION: f32 = 0.25;
 
 /// Precisions and gradients of the prior for one lane, in the units of the normal equations.
@@ -123,7 +124,7 @@ impl Prior {
         Self { curve: *curve, centre_precision, background_precision: [1.0 / spread; LANES] }
     }
 
-    /// For steps relative to the curve's own height and width.
+    /// Returns the prior for steps relative to the curve's own height and width.
     #[inline(always)]
     fn of_lane(&self, lane: usize, curve: &Curve) -> LanePrior {
         let (amplitude, sigma_px) = (curve.amplitude[lane], curve.sigma_px[lane]);

@@ -1,4 +1,4 @@
-//! Steps 6 to 8 as Yao et al. 2023 have them: the width, the window it sets, and the grey-level centre of gravity in
+//! Steps 6 to 8 as in Yao et al. 2023: the width, the window derived from it, and the grey-level centre of gravity in
 //! whole pixels.
 
 use super::{
@@ -6,7 +6,8 @@ use super::{
     section::Noise,
 };
 
-/// Step 6: the width D, the number of the candidate's samples above the width threshold, a grey level in sample units.
+/// Step 6: returns the width D, the number of the candidate's samples above the width threshold, a grey level in sample
+/// units.
 #[inline(always)]
 pub(super) fn width_samples(sections: &Sections, width_threshold: f32) -> Lane {
     let mut width = [0.0; LANES];
@@ -23,17 +24,17 @@ pub(super) fn width_samples(sections: &Sections, width_threshold: f32) -> Lane {
     width
 }
 
-/// Step 7: how far the window reaches to either side of its centre, L = 2D/3, pixels.
+/// Step 7: returns the window's half length, L = 2D/3, pixels.
 #[inline(always)]
 pub(super) fn window_half_length_px(width_samples: &Lane) -> Lane {
     each(|lane| 2.0 * width_samples[lane] / 3.0)
 }
 
-/// Step 8 with the window as printed in the paper: the coarse peak rounded to a pixel, L rounded, but at least 1.
+/// Step 8 with the window as printed in the paper: the coarse peak rounded to a pixel; L rounded, but at least 1.
 ///
-/// In the paper's example a coarse peak at 1165.115 is taken as 1165, and D = 7 makes L = 14/3 = 4.67, which it prints
-/// "rounded to 4"; the nearest is 5, and that is taken here. Locks the result to pixels (`rounded_window_locks_to_pixels`
-/// shows by how much); `window: fractional` does not.
+/// In the paper's example the coarse peak 1165.115 becomes 1165, and D = 7 gives L = 14/3 = 4.67, which the paper
+/// prints as "rounded to 4". The nearest integer is 5, which is used here. Rounding locks the result to pixels
+/// (`rounded_window_locks_to_pixels` shows by how much); `window: fractional` does not.
 #[inline(always)]
 pub(super) fn rounded_window_gravity(
     sections: &Sections,
@@ -79,7 +80,7 @@ fn gravity(sections: &Sections, from: &Lane, to: &Lane, noise: &Noise<'_>) -> Ce
     }
 }
 
-/// The nearest whole number of one that is not negative, half up.
+/// Rounds a non-negative number to the nearest integer, half up.
 #[inline(always)]
 fn round(number: f32) -> f32 {
     (number + 0.5) as u32 as f32

@@ -1,25 +1,25 @@
-//! Cross-sections side by side, one a lane, so that one instruction serves many of them.
+//! Cross-sections side by side, one per lane, so that one instruction processes many of them.
 //!
-//! Every lane is computed by the same operations in the same order, whatever its neighbours hold: what a lane gives
-//! depends on its own samples only, not on where the batch's rows begin or on how wide the machine's registers are.
-//! Estimators keep to two rules for that: rows outside a lane's window count nothing, and places are counted from the
+//! Every lane is computed by the same operations in the same order, whatever its neighbours hold. A lane's result
+//! depends only on its own samples, not on where the batch's rows begin or on the width of the machine's registers.
+//! Estimators therefore keep to two rules: rows outside a lane's window have no effect, and positions count from the
 //! candidate's first sample.
 
 use super::section::{Candidate, grey};
 use std::ops::Range;
 
-/// Cross-sections in a batch: one 512-bit register of `f32`.
+/// Cross-sections per batch: one 512-bit register of `f32`.
 pub(super) const LANES: usize = 16;
-/// Longest candidate that an estimator is given, samples. Longer ones are no cross-section of a stripe.
+/// Longest candidate passed to an estimator, samples. Longer ones are not a cross-section of a stripe.
 pub(super) const MAX_ROWS: usize = 192;
 
-/// One number a lane.
+/// One number per lane.
 pub(super) type Lane = [f32; LANES];
 
 /// Up to [`LANES`] cross-sections. Row i of a lane lies i positions across the stripe from its row 0.
 #[derive(Clone, Debug)]
 pub(super) struct Sections {
-    /// Lanes in use, from lane 0; the others repeat the window of lane 0 over samples that mean nothing.
+    /// Lanes in use, from lane 0; the others repeat the window of lane 0 over undefined samples.
     pub count: usize,
     /// Unblurred samples, sample units, row by row; as many rows as the longest reach of a window.
     pub raw: Vec<Lane>,
@@ -37,7 +37,7 @@ pub(super) struct Sections {
     pub peak: Lane,
 }
 
-/// What an estimator says of every lane.
+/// An estimator's result for every lane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Centres {
     /// Centre, pixels from the candidate's first sample.
@@ -62,7 +62,7 @@ impl Default for Sections {
     }
 }
 
-/// What `f` gives for every lane.
+/// Returns `f` evaluated for every lane.
 #[inline(always)]
 pub(super) fn each(f: impl Fn(usize) -> f32) -> Lane {
     let mut lanes = [0.0; LANES];
@@ -82,7 +82,7 @@ pub(super) fn lane_of<const N: usize>(numbers: &[Lane; N], lane: usize) -> [f32;
     of_lane
 }
 
-/// What `f` makes of all lanes, by halves. `f32::min` and `f32::max` pass over NaN.
+/// Reduces all lanes with `f`, by halves. `f32::min` and `f32::max` ignore NaN.
 #[inline(always)]
 fn fold(lanes: &Lane, f: fn(f32, f32) -> f32) -> f32 {
     let mut half: [f32; 8] = std::array::from_fn(|i| f(lanes[i], lanes[i + 8]));
@@ -95,42 +95,42 @@ fn fold(lanes: &Lane, f: fn(f32, f32) -> f32) -> f32 {
 }
 
 impl Sections {
-    /// Rows held.
+    /// Returns the number of rows held.
     pub(super) fn rows(&self) -> usize {
         self.raw.len()
     }
 
-    /// Place of row `i` in every lane, pixels from the candidate's first sample.
+    /// Returns the position of row `i` in every lane, pixels from the candidate's first sample.
     #[inline(always)]
     pub(super) fn place(&self, i: usize) -> Lane {
         each(|lane| i as f32 - self.first[lane])
     }
 
-    /// Place of the candidate's last sample in every lane, pixels from its first.
+    /// Returns the position of the candidate's last sample in every lane, pixels from its first.
     #[inline(always)]
     pub(super) fn last_place(&self) -> Lane {
         each(|lane| self.last[lane] - self.first[lane])
     }
 
-    /// Samples of every lane's candidate.
+    /// Returns the number of samples of every lane's candidate.
     #[inline(always)]
     pub(super) fn length(&self) -> Lane {
         each(|lane| self.last[lane] - self.first[lane] + 1.0)
     }
 
-    /// Which lanes are in use: 1 or 0.
+    /// Returns 1 for lanes in use, else 0.
     #[inline(always)]
     pub(super) fn in_use(&self) -> Lane {
         each(|lane| if lane < self.count { 1.0 } else { 0.0 })
     }
 
-    /// Rows in which some lane has a sample of its candidate.
+    /// Returns the rows in which any lane has a sample of its candidate.
     #[inline(always)]
     pub(super) fn candidate_rows(&self) -> Range<usize> {
         self.reach(&self.first, &self.last)
     }
 
-    /// Rows that hold every place between `low` and `high` (rows, as numbers) of the lanes.
+    /// Returns the rows that hold every position between `low` and `high` (fractional rows) of the lanes.
     #[inline(always)]
     pub(super) fn reach(&self, low: &Lane, high: &Lane) -> Range<usize> {
         let (from, to) = (fold(low, f32::min), fold(high, f32::max));
@@ -138,7 +138,7 @@ impl Sections {
         (from.max(0.0) as usize).min(end)..end
     }
 
-    /// Rows that lie between `low` and `high` (rows, as numbers, both included) in every lane.
+    /// Returns the rows that lie between `low` and `high` (fractional rows, both included) in every lane.
     #[inline(always)]
     pub(super) fn within(&self, low: &Lane, high: &Lane) -> Range<usize> {
         let (from, to) = (fold(low, f32::max), fold(high, f32::min));
@@ -146,14 +146,15 @@ impl Sections {
         (from.max(0.0).ceil() as usize).min(end)..end
     }
 
-    /// Makes room for `rows` rows of `count` lanes. Samples of earlier batches stay where they are: they lie in no window.
+    /// Makes room for `rows` rows of `count` lanes. Samples of earlier batches remain, but lie in no window.
     pub(super) fn clear(&mut self, count: usize, rows: usize) {
         self.count = count;
         self.raw.resize(rows, [0.0; LANES]);
         self.blurred.resize(rows, [0.0; LANES]);
     }
 
-    /// Says, lane after lane from lane 0, where in a lane a candidate lies whose window `held` (positions) begins in row `start`.
+    /// Records the candidate's position in a lane, whose window `held` (positions) begins in row `start`. Call it for
+    /// each lane in order, from lane 0.
     pub(super) fn place_lane(
         &mut self,
         lane: usize,

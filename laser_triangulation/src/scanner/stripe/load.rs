@@ -1,4 +1,4 @@
-//! Cross-sections about candidates, taken from the plane and from the blurred tiles.
+//! Cross-sections about candidates, read from the plane and from the blurred tiles.
 
 use super::{
     blur::{Kernel, Sample, UNITS},
@@ -11,21 +11,21 @@ use crate::scanner::{channel::Plane, params::StripeDirection};
 use fearless_simd::Simd;
 use std::ops::Range;
 
-/// Takes cross-sections from one frame.
+/// Reads cross-sections from one frame.
 #[derive(Debug)]
 pub(super) struct Loader<'a, S: Sample> {
     /// The frame.
     pub plane: &'a Plane<'a, S>,
     /// The blur.
     pub kernel: &'a Kernel,
-    /// What is blurred of the frame; grows by what a section reaches beyond it.
+    /// The blurred part of the frame; extended where a section reaches beyond it.
     pub tiles: &'a mut BlurredTiles<S>,
-    /// Which way the stripe runs.
+    /// Direction of the stripe.
     pub direction: StripeDirection,
 }
 
 impl<S: Sample> Loader<'_, S> {
-    /// Replaces `sections` by those about the candidates, one a lane.
+    /// Replaces `sections` by those about the candidates, one per lane.
     #[inline(always)]
     pub(super) fn load<V: Simd>(
         &mut self,
@@ -77,7 +77,7 @@ impl<S: Sample> Loader<'_, S> {
         }
     }
 
-    /// Rows from `y` on of the columns from `x` on: consecutive samples are consecutive lanes.
+    /// Copies rows from `y` on of the columns from `x` on: consecutive samples are consecutive lanes.
     #[inline(always)]
     fn copy_rows(&self, x: usize, y: usize, sections: &mut Sections) {
         let width = self.plane.width;
@@ -95,7 +95,7 @@ impl<S: Sample> Loader<'_, S> {
         }
     }
 
-    /// The held positions of one line.
+    /// Copies the held positions of one line.
     #[inline(always)]
     fn copy_lane(&self, lane: usize, (line, held): (usize, Range<usize>), sections: &mut Sections) {
         let rows = sections.raw.iter_mut().zip(&mut sections.blurred);
@@ -106,8 +106,8 @@ impl<S: Sample> Loader<'_, S> {
         }
     }
 
-    /// Adds up candidates that are too long for cross-sections and lie in consecutive lines, in row order: where a row
-    /// of samples crosses a horizontal stripe's candidates it crosses many.
+    /// Sums up candidates in consecutive lines that are too long for cross-sections. Works in row order, because a row
+    /// of samples crosses many candidates of a horizontal stripe.
     #[inline(always)]
     pub(super) fn add_up(&self, batch: &[LineCandidate], runs: &mut BroadRuns) {
         runs.clear(batch);
@@ -128,7 +128,7 @@ impl<S: Sample> Loader<'_, S> {
         }
     }
 
-    /// What is told of candidate i of those.
+    /// Returns the measurements of candidate i of those.
     pub(super) fn broad(&self, found: &LineCandidate, (i, runs): (usize, &BroadRuns)) -> Broad {
         let first = found.candidate.first as usize;
         let length = found.candidate.length() as usize;
@@ -153,7 +153,7 @@ impl<S: Sample> Loader<'_, S> {
         self.tiles.ensure(vectors, (self.plane, self.kernel), pixels);
     }
 
-    /// The raw and the blurred sample at a position of a line.
+    /// Returns the raw and the blurred sample at a position of a line.
     fn sample(&self, line: usize, position: usize) -> (u32, u32) {
         let (x, y) = match self.direction {
             StripeDirection::Horizontal => (line, position),
@@ -163,9 +163,9 @@ impl<S: Sample> Loader<'_, S> {
     }
 }
 
-/// Grey level of a blurred sample, at most 2²⁴ - 1.
+/// Returns the grey level of a blurred sample, at most 2²⁴ - 1.
 #[inline(always)]
 fn grey_of(sample: u32) -> f32 {
-    // Signed: vector units convert that faster.
+    // Signed, because vector units convert signed integers faster.
     sample as i32 as f32 * (1.0 / UNITS as f32)
 }

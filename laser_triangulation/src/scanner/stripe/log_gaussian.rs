@@ -1,14 +1,15 @@
 //! Weighted least squares in the logarithm (Guo 2011, "A Simple Algorithm for Fitting a Gaussian Function",
 //! doi 10.1109/MSP.2011.941846).
 //!
-//! The logarithm of a Gaussian is a parabola, ln(y - B) = p₀ + p₁t + p₂t², with its maximum at -p₁/2p₂. Noise of the logarithm
-//! is that of y divided by the level, so each sample weighs level² / variance; Guo takes the levels of the last round's
-//! fit (his eq. 12), because a noisy sample would otherwise weigh by its own noise. Which samples count is decided by that fit
-//! too: those above a tenth of the height (of full scale, where that is lower), and those that saturation cannot have touched.
+//! The logarithm of a Gaussian is a parabola, ln(y - B) = p₀ + p₁t + p₂t², with its maximum at -p₁/2p₂. The noise of
+//! the logarithm is that of y divided by the level, so each sample weighs level² / variance. Guo takes the levels from
+//! the previous round's fit (his eq. 12), because otherwise a noisy sample would be weighted by its own noise. That fit
+//! also selects the samples: those above a tenth of the height (of full scale, where that is lower), and those that
+//! saturation cannot have affected.
 //!
-//! The background B is the mean of the raw samples beyond 3.2 standard deviations of the first guess; a neighbour or a slope of
-//! the background there pulls the result aside. Below a signal of about ten times the noise the logarithm bends the
-//! noise: there [`gaussian_ml`](super::gaussian_ml) is better by a quarter and more.
+//! The background B is the mean of the raw samples beyond 3.2 standard deviations of the first guess; a neighbour or a
+//! sloping background there biases the result. Below a signal of about ten times the noise the logarithm distorts the
+//! noise; there [`gaussian_ml`](super::gaussian_ml) is better by a quarter or more.
 
 use super::{
     elementary::exp,
@@ -19,21 +20,21 @@ use super::{
     parabola::{NormalSums, Parabola},
 };
 
-/// Rounds of weighing anew.
+/// Number of reweighting rounds.
 const ROUNDS: u32 = 4;
-/// Samples below this share of the height or of full scale count nothing.
+/// Samples below this share of the height or of full scale are ignored.
 const FAINTEST: f32 = 0.1;
 /// Samples this far beyond the first guess are background, standard deviations of the stripe.
 const BACKGROUND_SIGMAS: f32 = 3.2;
 
-/// The parabola's maximum in every lane. Where none is found, the first guess stands in, and its uncertainty is that of
-/// any place in the candidate.
+/// Returns the parabola's maximum in every lane. Where none is found, returns the first guess with the uncertainty of a
+/// uniform distribution over the candidate.
 #[inline(always)]
 pub(super) fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let mut start = Start::of(sections, noise, full_scale);
     start.curve.background = background(sections, &start);
     let length: Lane = each(|lane| sections.last[lane] - sections.first[lane] + 1.0);
-    // Any place in the candidate: 1/√12 of its length.
+    // Uniform over the candidate: 1/√12 of its length.
     let mut sigma_px: Lane = each(|lane| 0.289 * length[lane]);
     for _ in 0..ROUNDS {
         let sums = weighed(sections, &start, noise, full_scale);
@@ -68,7 +69,7 @@ pub(super) fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f
     Centres { position_px: start.curve.centre_px, sigma_px }
 }
 
-/// Mean of the samples that the stripe does not reach; the first guess's own where there are none.
+/// Returns the mean of the samples that the stripe does not reach; if there are none, the first guess's background.
 #[inline(always)]
 fn background(sections: &Sections, start: &Start) -> Lane {
     let (mut sum, mut rows) = ([0.0_f32; LANES], [0.0_f32; LANES]);
@@ -95,20 +96,20 @@ struct Maximum {
     curvature: f32,
     /// -p₁ / 2p₂.
     place: f32,
-    /// Its value there.
+    /// Value of the parabola there.
     rise: f32,
     /// Variance of the maximum's place.
     variance: f32,
 }
 
-/// The normal equations in t = (x - c)/s of the last round's curve; logarithms relative to its height.
+/// Sets up the normal equations in t = (x - c)/s of the previous round's curve; logarithms relative to its height.
 #[inline(always)]
 fn weighed(sections: &Sections, start: &Start, noise: PixelNoise, full_scale: f32) -> NormalSums {
     let mut sums = NormalSums::default();
     let curve = &start.curve;
     let by_sigma = each(|lane| 1.0 / curve.sigma_px[lane]);
     let by_amplitude = each(|lane| 1.0 / curve.amplitude[lane]);
-    // A sample whose level is three standard deviations below full scale is hardly ever cut.
+    // A sample whose level is three standard deviations below full scale is rarely clipped.
     let bright = full_scale - 3.0 * noise.variance(full_scale).sqrt();
     for i in start.rows(sections) {
         let (place, samples) = (sections.place(i), sections.raw[i]);
@@ -124,7 +125,7 @@ fn weighed(sections: &Sections, start: &Start, noise: PixelNoise, full_scale: f3
                 & (sample < full_scale)
                 & (total < bright.max(0.8 * full_scale));
             let weight = if counts { level * level / noise.variance(total) } else { 0.0 };
-            // Noise may leave nothing to take the logarithm of.
+            // Noise may leave no positive value for the logarithm.
             let seen = (sample - curve.background[lane]).max(0.05 * level).max(1e-6);
             let logarithm = ln(seen * by_amplitude[lane]);
             sums.add(lane, weight, (t, logarithm));
@@ -133,7 +134,7 @@ fn weighed(sections: &Sections, start: &Start, noise: PixelNoise, full_scale: f3
     sums
 }
 
-/// Its covariance is the inverse of the equations.
+/// Solves the equations; their inverse is the covariance.
 #[inline(always)]
 fn maximum(sums: &NormalSums, lane: usize) -> Maximum {
     let Parabola { constant, slope, curvature, matrix, determinant, .. } = sums.solve(lane);

@@ -1,12 +1,12 @@
 //! The natural logarithm of every lane, in operations that vector units have.
 
-/// ln 2 in two parts, the first with few bits, so that an exponent times it is exact.
+/// ln 2 in two parts. The first has few bits, so that its product with an exponent is exact.
 const LN_2_HIGH: f32 = 0.693_359_4;
 const LN_2_LOW: f32 = -2.121_944_4e-4;
-/// Bits of √½: mantissas from there to √2.
+/// Bits of √½: mantissas range from there to √2.
 const ROOT_HALF: u32 = 0x3f35_04f3;
 
-/// ln x for positive, normal x, to 2 units in the last place; ln 1 is exactly 0.
+/// Returns ln x for positive, normal x, to 2 units in the last place; ln 1 is exactly 0.
 ///
 /// x = 2ᵉ·m with m from √½ to √2, and ln m = 2·artanh(s), s = (m - 1) / (m + 1): the odd series in s converges fast, as
 /// |s| ≤ 0.172.

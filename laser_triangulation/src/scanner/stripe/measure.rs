@@ -1,4 +1,4 @@
-//! Steps 5 to 8 on cross-sections side by side, and the points put together to a centreline.
+//! Steps 5 to 8 on cross-sections side by side; assembles the points into a centreline.
 
 use super::{
     Centerline,
@@ -19,17 +19,18 @@ use crate::scanner::{
     params::{GravityWindow, Method, StripeDirection},
 };
 
-/// Steps 5 to 8: the centres of cross-sections by the chosen method; `brightest` is the place of each one's peak.
+/// Steps 5 to 8: returns the centres of cross-sections by the chosen method; `brightest` is the position of each one's
+/// peak.
 ///
-/// **A new estimator is one more arm here**: a function from [`Sections`] to [`Centres`] in a file of its own, and its
-/// name in [`Method`]. The parameter's choices and the property that fast equals reference follow from the name.
+/// **To add an estimator, add one arm here**: a function from [`Sections`] to [`Centres`] in a file of its own, and its
+/// name in [`Method`]. The parameter's choices and the test that fast equals reference follow from the name.
 #[inline(always)]
 pub(super) fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Centres {
     let noise = &levels.noise;
     let full_scale = levels.full_scale as f32;
     match levels.method {
         Method::GrayGravity => gray_gravity(sections, noise),
-        // The ridge needs the picture; it begins at the fit's maximum.
+        // The ridge search needs the picture; it starts at the fit's maximum.
         Method::GaussianFit | Method::Steger => gaussian_fit(sections, brightest, noise),
         Method::GaussianMl => gaussian_ml(sections, noise.into(), full_scale),
         Method::LogGaussian => log_gaussian(sections, noise.into(), full_scale),
@@ -75,8 +76,8 @@ impl<'a> Assembler<'a> {
         Self { centerline, direction, offset, length_across: length_across as u32, previous: None }
     }
 
-    /// Measures cross-sections, one a lane, in which these candidates were found, and adds their points.
-    /// `refine` may move the centres by what more of the picture tells.
+    /// Measures the cross-sections of these candidates, one per lane, and adds their points. `refine` may correct the
+    /// centres with further information from the picture.
     #[inline(always)]
     pub(super) fn push(
         &mut self,
@@ -111,8 +112,8 @@ impl<'a> Assembler<'a> {
         self.centerline.sigma_px.extend_from_slice(&centres.sigma_px[..count]);
     }
 
-    /// Adds the point of a candidate that is too long for a cross-section of the stripe: its centre of gravity, which
-    /// may be anywhere in it.
+    /// Adds the point of a candidate that is too long for a cross-section of the stripe: its centre of gravity. The
+    /// true centre may be anywhere in it.
     pub(super) fn push_broad(&mut self, found: &LineCandidate, broad: &Broad, levels: &Levels<'_>) {
         let is_saturated = broad.brightest_raw >= levels.full_scale;
         self.join(found, flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 });
@@ -120,12 +121,12 @@ impl<'a> Assembler<'a> {
         self.across().push(across_px);
         self.centerline.width_px.push(f32::NAN);
         self.centerline.intensity.push(broad.intensity);
-        // As if it were anywhere in the candidate.
+        // Uniform distribution over the candidate.
         let sigma_px = f64::from(found.candidate.length()) / 12.0_f64.sqrt();
         self.centerline.sigma_px.push(sigma_px as f32);
     }
 
-    /// Adds the line and the flags of a point: those given, and what its candidate tells.
+    /// Adds the line and the flags of a point: the given flags and those from its candidate.
     #[inline(always)]
     fn join(&mut self, found: &LineCandidate, mut flags: u8) {
         let LineCandidate { line, candidate } = *found;
@@ -150,7 +151,7 @@ impl<'a> Assembler<'a> {
         }
     }
 
-    /// Position across the stripe in the image of a place in a candidate, pixels.
+    /// Returns the position across the stripe in the image of a position in a candidate, pixels.
     #[inline(always)]
     fn across_px(&self, found: &LineCandidate, position_px: f64) -> f32 {
         let offset = match self.direction {
@@ -160,7 +161,7 @@ impl<'a> Assembler<'a> {
         (f64::from(offset as u32 + found.candidate.first) + position_px) as f32
     }
 
-    /// Where positions across the stripe are kept.
+    /// Returns the array that holds positions across the stripe.
     #[inline(always)]
     const fn across(&mut self) -> &mut Vec<f32> {
         match self.direction {
@@ -170,7 +171,7 @@ impl<'a> Assembler<'a> {
     }
 }
 
-/// Whether a candidate touches that of the line before, corners included.
+/// True if a candidate touches that of the line before, corners included.
 const fn continues(previous: &LineCandidate, next: &LineCandidate) -> bool {
     let (above, below): (&Candidate, &Candidate) = (&previous.candidate, &next.candidate);
     previous.line + 1 == next.line && below.first <= above.last + 1 && above.first <= below.last + 1
@@ -189,7 +190,7 @@ mod tests {
     };
     use proptest::prelude::*;
 
-    /// The longest run of samples above the threshold.
+    /// Returns the longest run of samples above the threshold.
     fn longest_run(samples: &[u32], threshold: u32) -> Option<Candidate> {
         let mut longest: Option<Candidate> = None;
         let mut first = 0;
@@ -204,7 +205,7 @@ mod tests {
         longest
     }
 
-    /// Any levels, or the same forwards and backwards.
+    /// Any levels, or a symmetric section.
     fn any_section() -> impl Strategy<Value = Vec<u32>> {
         (prop::collection::vec(0..255_u32, 6..20), any::<bool>(), 0..2_usize).prop_map(
             |(half, is_even, shared)| {
@@ -214,7 +215,7 @@ mod tests {
         )
     }
 
-    /// Sections of whole samples, each from a row of its own.
+    /// Sections of whole samples, each starting in its own row.
     fn placed(lanes: &[(usize, &Vec<u32>, Candidate)]) -> Sections {
         let mut sections = Sections::default();
         let rows = lanes.iter().map(|(start, samples, _)| start + samples.len()).max();
@@ -230,7 +231,7 @@ mod tests {
     }
 
     proptest! {
-        /// Nothing that any estimator looks at lies beyond the margin of its section.
+        /// No estimator reads anything beyond the margin of its section.
         #[test]
         fn the_margin_is_wide_enough(
             samples in prop::collection::vec(0..255 * UNITS, 1..80),
@@ -265,7 +266,7 @@ mod tests {
                         let centres = centres(&sections, &brightest(&sections), &levels);
                         (centres.position_px[0], centres.sigma_px[0])
                     });
-                    // These take the section as it is: what is loaded is their window.
+                    // These use the whole loaded section as their window.
                     let takes_all =
                         [Method::GaussianMl, Method::LogGaussian, Method::FirPeak].contains(&method);
                     prop_assert!(takes_all || expected == actual, "{expected:?} {actual:?}");
@@ -274,8 +275,8 @@ mod tests {
             }
         }
 
-        /// A lane gives the same bits wherever in the batch its window begins, and beside whatever neighbour. The
-        /// windows of even sections end a rounding error beside a sample, where such places could be told apart.
+        /// A lane gives the same bits wherever in the batch its window begins, and beside any neighbour. In even
+        /// sections, windows end within a rounding error of a sample, where a dependence on position would show.
         #[test]
         fn a_lane_does_not_know_its_place(
             samples in any_section(),

@@ -1,5 +1,5 @@
-//! From a grey image to the stripe's sub-pixel centreline: the method of Yao et al. 2023 (doi 10.3390/app13179831), each
-//! step a function of its own.
+//! Extracts the stripe's sub-pixel centreline from a grey image: the method of Yao et al. 2023 (doi
+//! 10.3390/app13179831), each step a function of its own.
 //!
 //! | step | in the code |
 //! |---|---|
@@ -14,9 +14,9 @@
 //! | 7 window L | `gravity::window_half_length_px` |
 //! | 8 centre | `fractional`; `gravity::rounded_window_gravity` as printed in the paper |
 //!
-//! `fast` runs the costly steps only where the stripe can be. `reference`, which only the tests compile, runs them on every
+//! `fast` runs the costly steps only where the stripe can be. `reference`, compiled only for tests, runs them on every
 //! pixel and defines the result: both are equal bit for bit. Each cross-section goes to `measure`, which calls the
-//! estimator; a new estimator is added there. `smooth` follows if it is enabled.
+//! estimator; add new estimators there. `smooth` follows if it is enabled.
 
 mod blur;
 mod segment;
@@ -82,9 +82,10 @@ pub mod flag {
     pub const LOW_CONTRAST: u8 = 16;
 }
 
-/// Sub-pixel middle of the stripe in one frame: one entry a column (row, for a vertical stripe) in which it was found.
+/// Sub-pixel centre of the stripe in one frame: one entry per column (row, for a vertical stripe) in which it was
+/// found.
 ///
-/// All arrays but `stripe_start` have the same length. Full-image pixel coordinates, pixel centres at integers.
+/// All arrays except `stripe_start` have the same length. Full-image pixel coordinates, pixel centres at integers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Centerline {
     /// Column, pixels; an integer for a horizontal stripe.
@@ -93,29 +94,29 @@ pub struct Centerline {
     pub v_px: Vec<f32>,
     /// Index of the first point of each connected stripe, ascending from 0; empty when there are no points.
     pub stripe_start: Vec<u32>,
-    /// Full width at half maximum across the stripe, pixels, without the blur's share; NaN where the border of the
-    /// image or a bright background hides an edge.
+    /// Full width at half maximum across the stripe, pixels, with the blur's contribution removed; NaN where the border
+    /// of the image or a bright background hides an edge.
     pub width_px: Vec<f32>,
-    /// Grey level at the centre before the blur, in units of the source's samples, linear between two of them.
+    /// Grey level at the centre before the blur, in units of the source's samples, linearly interpolated.
     pub intensity: Vec<f32>,
-    /// One standard deviation of the centre across the stripe, pixels, from the stated noise.
+    /// Standard deviation of the centre across the stripe, pixels, from the stated noise.
     pub sigma_px: Vec<f32>,
     /// Bits of [`flag`].
     pub flags: Vec<u8>,
 }
 
 impl Centerline {
-    /// Number of points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.u_px.len()
     }
 
-    /// Whether no stripe was found.
+    /// True if no stripe was found.
     pub fn is_empty(&self) -> bool {
         self.u_px.is_empty()
     }
 
-    /// Becomes `other`, keeps the memory.
+    /// Copies `other`, reusing the memory.
     pub(super) fn copy_from(&mut self, other: &Self) {
         self.u_px.clone_from(&other.u_px);
         self.v_px.clone_from(&other.v_px);
@@ -126,7 +127,7 @@ impl Centerline {
         self.flags.clone_from(&other.flags);
     }
 
-    /// Forgets all points, keeps the memory.
+    /// Removes all points, keeps the memory.
     pub(super) fn clear(&mut self) {
         self.u_px.clear();
         self.v_px.clear();
@@ -138,10 +139,10 @@ impl Centerline {
     }
 }
 
-/// Extracts centrelines, frame after frame. Keeps all buffers: after the first frame of a size nothing is allocated.
+/// Extracts centrelines frame after frame. Allocates nothing after the first frame of a size.
 ///
-/// [`extract`](Self::extract) takes a whole image; [`extract_plane`](Self::extract_plane) takes samples that are decoded and
-/// cropped already.
+/// [`extract`](Self::extract) takes a whole image; [`extract_plane`](Self::extract_plane) takes samples that are
+/// already decoded and cropped.
 ///
 /// ```
 /// use laser_triangulation::scanner::{
@@ -182,14 +183,14 @@ pub struct Extractor {
 }
 
 impl Default for Extractor {
-    /// Default parameters, for a stripe that runs from left to right.
+    /// Returns an extractor with default parameters, for a stripe that runs from left to right.
     fn default() -> Self {
         Self::new(ExtractionParams::default(), StripeDirection::Horizontal)
     }
 }
 
 impl Extractor {
-    /// An extractor with these settings.
+    /// Creates an extractor with these settings.
     pub fn new(params: ExtractionParams, direction: StripeDirection) -> Self {
         Self {
             eight: FastExtractor::new(params, direction),
@@ -200,8 +201,8 @@ impl Extractor {
         }
     }
 
-    /// Extracts the centreline of a whole image. Grey images are taken as they are, of colour and Bayer images the largest
-    /// channel ([`Channel::Auto`]). Full scale is the format's largest level.
+    /// Extracts the centreline of a whole image. Uses grey images as they are, and the largest channel of colour and
+    /// Bayer images ([`Channel::Auto`]). Full scale is the format's largest level.
     ///
     /// For another channel, a region of interest or a lower full scale, decode the image with [`Decoder`] and call
     /// [`extract_plane`](Self::extract_plane).
@@ -242,7 +243,7 @@ impl Extractor {
         }
     }
 
-    /// Forgets the stripes of the last frame: tracking starts again.
+    /// Discards the stripes of the last frame: tracking starts again.
     pub const fn reset(&mut self) {
         self.eight.reset();
         self.sixteen.reset();

@@ -1,4 +1,4 @@
-//! The noise of one pixel, as lanes use it.
+//! The noise of one pixel, in the form that lanes use.
 
 use super::section::Noise;
 
@@ -24,7 +24,7 @@ impl From<&Noise<'_>> for PixelNoise {
 }
 
 impl PixelNoise {
-    /// Variance of a sample of that expected level. Below 0 there is no light.
+    /// Returns the variance of a sample with that expected level. Negative levels count as no light.
     #[inline(always)]
     pub(super) fn variance(&self, level: f32) -> f32 {
         self.constant + self.per_level * level.max(0.0)

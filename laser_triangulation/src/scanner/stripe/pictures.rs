@@ -202,7 +202,7 @@ fn limits_of_width_and_contrast_leave_candidates_out() {
     let positions = |params| extract(1, &column, params).v_px;
     assert_eq!(positions(plain()), [1.0]);
     assert_eq!(positions(ExtractionParams { min_width_px: 2, ..plain() }), [4.0]);
-    let narrow = ExtractionParams { min_width_px: 2, max_width_px: 2, ..plain() };
+    let narrow = ExtractionParams { min_width_px: 2, max_width_px: Some(2), ..plain() };
     assert_eq!(positions(narrow), [7.5]);
     assert!(positions(ExtractionParams { min_contrast: 50.0, ..narrow }).is_empty());
 }

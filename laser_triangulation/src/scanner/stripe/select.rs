@@ -86,7 +86,7 @@ impl Selector {
             return;
         }
         self.limit(found, levels, sample);
-        let margin = self.params.tracking_margin_px.saturating_mul(2);
+        let margin = self.params.tracking_margin_px.unwrap_or(0).saturating_mul(2);
         let last_frame = self.tracker.num_points();
         if margin > 0 && last_frame > 0 {
             let is_near = |possible: &&Possible| {
@@ -116,9 +116,9 @@ impl Selector {
         params.peak_selection != PeakSelection::Continuity
             && params.min_contrast <= 0.0
             && params.min_width_px <= 1
-            && params.max_width_px == 0
+            && params.max_width_px.is_none()
             && params.max_stripes <= 1
-            && params.tracking_margin_px == 0
+            && params.tracking_margin_px.is_none()
     }
 
     /// Makes `possible` of what was found.
@@ -131,7 +131,7 @@ impl Selector {
         let Self { params, possible, .. } = self;
         let scale = f64::from(levels.full_scale) / 255.0 * f64::from(UNITS);
         let min_peak = (params.min_contrast * scale).round() as u32;
-        let max_width = if params.max_width_px == 0 { u32::MAX } else { params.max_width_px };
+        let max_width = params.max_width_px.unwrap_or(u32::MAX);
         let widths = params.min_width_px..=max_width;
         possible.clear();
         for in_line in found.chunk_by(|a, b| a.line == b.line) {

@@ -1,4 +1,4 @@
-//! Checkerboards before the camera, with or without the laser's line on them.
+//! Checkerboards in front of the camera, with or without the laser line on them.
 
 use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
 use rand::RngExt;
@@ -11,52 +11,52 @@ use crate::simulate::{
     scenario::{Laser, ScenarioError, check_range},
 };
 
-/// Draws of a view until the whole board is in the picture.
+/// Most random draws until the whole board is in the image.
 const MAX_DRAWS: u32 = 10_000;
 const NEWTON_STEPS: u32 = 20;
-/// Blur of picture and pixel together, pixels: a pixel alone has √(1/12) = 0.29.
+/// Combined blur of lens and pixel, pixels: a pixel alone has √(1/12) = 0.29.
 const EDGE_SIGMA_PX: f64 = 0.8;
-/// Brightness of the line on a black square as a share of that on a white one.
+/// Brightness of the laser line on a black square relative to a white one.
 const BLACK_SHARE: f64 = 0.3;
 
-/// One board in many views, drawn at random.
+/// One board in many random views.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Boards {
-    /// Inner corners: along the board's x and y.
+    /// Numbers of inner corners along the board's x and y.
     pub corners: [u32; 2],
     /// Side of a square, metres.
     pub square_m: f64,
     /// Grey level of white.
     pub white: f64,
-    /// Grey level of black and of what is around the board.
+    /// Grey level of black and of everything around the board.
     pub black: f64,
-    /// Nearest and farthest middle of the board, metres.
+    /// Nearest and farthest distance of the board's middle, metres.
     pub distance_m: [f64; 2],
     /// Largest inclination about the camera's x and y, radians.
     pub max_tilt_rad: f64,
-    /// Whether the laser is on.
+    /// True if the laser is on.
     #[serde(default)]
     pub has_line: bool,
 }
 
-/// Where a board is: `point_in_camera = rotation · point_on_board + middle`; its origin is the middle of the pattern.
+/// Pose of a board: `point_in_camera = rotation · point_on_board + middle`; the origin is the middle of the pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// From the board to the camera.
+    /// Rotation from the board to the camera.
     pub rotation: Rotation3<f64>,
     /// Middle of the pattern in the camera's frame, metres.
     pub middle_m: Vector3<f64>,
 }
 
 impl Boards {
-    /// Half the size of the pattern with its outer squares, metres.
+    /// Returns half the size of the pattern with its outer squares, metres.
     fn half_m(&self) -> Vector2<f64> {
         Vector2::new(f64::from(self.corners[0]) + 1.0, f64::from(self.corners[1]) + 1.0)
             * (0.5 * self.square_m)
     }
 
-    /// The view of a frame: the whole pattern is in the picture.
+    /// Returns the view of a frame: the whole pattern is in the image.
     pub fn view(&self, rig: &Rig, seed: u64, frame: u32) -> View {
         let mut random = frame_rng(seed ^ 0xb0a2d, u64::from(frame));
         let mut between = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
@@ -94,7 +94,7 @@ impl Boards {
         })
     }
 
-    /// Where the inner corners are seen, row after row of the board.
+    /// Returns the image positions of the inner corners, row by row of the board.
     pub fn corners_px(&self, rig: &Rig, view: &View) -> Vec<Option<[f64; 2]>> {
         let [columns, rows] = self.corners;
         let at = |index: u32, count: u32| {
@@ -109,7 +109,7 @@ impl Boards {
             .collect()
     }
 
-    /// Draws the board, and the line where it lies on the board.
+    /// Draws the board, and the laser line on it.
     pub(super) fn expose(&self, rig: &Rig, laser: &Laser, view: &View, exposure: &mut Exposure) {
         let mut sights = Sights::new(rig, view);
         exposure.add(|column, row| {
@@ -132,8 +132,8 @@ impl Boards {
         sight.at_m.x.abs() < half.x && sight.at_m.y.abs() < half.y
     }
 
-    /// From 0 for black to 1 for white: squares whose edges the lens has blurred, with a white rim of one square. An edge
-    /// blurred by a Gaussian of the picture is the error function of the distance to it.
+    /// Returns 0 for black to 1 for white: squares with edges blurred by the lens, with a white rim of one square. An
+    /// edge blurred by a Gaussian is the error function of the distance to it.
     fn whiteness(&self, sight: &Sight) -> f64 {
         let half = self.half_m();
         let side = |axis: usize| {
@@ -141,9 +141,9 @@ impl Boards {
             let edge =
                 |distance_m: f64| libm::erf(distance_m / sigma_m * std::f64::consts::FRAC_1_SQRT_2);
             let at_m = sight.at_m[axis];
-            // Within the pattern, and within the rim.
+            // Distances inside the pattern, and inside the rim.
             let within = |half_m: f64| 0.5 * (edge(at_m + half_m) - edge(at_m - half_m));
-            // +1 and -1 by turns: the nearest edge decides.
+            // Alternates between +1 and -1: the nearest edge decides.
             let squares = (at_m + half[axis]) / self.square_m;
             let nearest = squares.round();
             let sign = if nearest.rem_euclid(2.0) == 0.0 { 1.0 } else { -1.0 };
@@ -173,28 +173,28 @@ impl Boards {
     }
 }
 
-/// What a pixel sees of the board.
+/// The point of the board that a pixel sees.
 struct Sight {
-    /// Place on the board from the middle of the pattern, metres.
+    /// Position on the board from the middle of the pattern, metres.
     at_m: Vector2<f64>,
-    /// How that changes with column and row, metres a pixel.
+    /// Change of the position with column and row, metres per pixel.
     at_per_px: Matrix2<f64>,
-    /// Distance of that place from the plane of light, metres.
+    /// Distance of that point from the laser plane, metres.
     off_plane_m: f64,
     off_plane_per_px: Vector2<f64>,
 }
 
-/// Looks from pixel to pixel: each starts with its neighbour's distortion.
+/// Computes the ray of one pixel after another. Each starts from its neighbour's distortion.
 struct Sights<'a> {
     lens: &'a Lens,
     view: &'a View,
     normal: Vector3<f64>,
     distance_m: f64,
-    /// How far the last pixel's ray is from that of a pinhole, on the plane z = 1.
+    /// Deviation of the last pixel's ray from that of a pinhole, on the plane z = 1.
     bend: Vector2<f64>,
 }
 
-/// Step of differences, on the plane z = 1 and, in metres, on the board.
+/// Step of the finite differences, on the plane z = 1 and, in metres, on the board.
 const STEP: f64 = 1e-6;
 
 impl<'a> Sights<'a> {
@@ -227,7 +227,7 @@ impl<'a> Sights<'a> {
         })
     }
 
-    /// The ray of a pixel, on the plane z = 1: Newton's method.
+    /// Returns the ray of a pixel, on the plane z = 1, by Newton's method.
     fn ray(&mut self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         let seen = |ray: Vector2<f64>| self.lens.project(ray.push(1.0).into()).map(Vector2::from);
         let [fx, fy] = self.lens.focal_px;
@@ -242,13 +242,13 @@ impl<'a> Sights<'a> {
                 return Some(ray);
             }
         }
-        // The next pixel starts anew.
+        // The next pixel starts from zero.
         self.bend = Vector2::zeros();
         None
     }
 }
 
-/// The derivative of a map by differences.
+/// Returns the derivative of a map by finite differences.
 fn slope(
     map: impl Fn(Vector2<f64>) -> Option<Vector2<f64>>,
     at: Vector2<f64>,

@@ -1,4 +1,4 @@
-//! Gauges whose heights are formulas, and where the camera sees the light on them.
+//! Gauges with heights given by formulas, and the image of the laser light on them.
 
 use serde::Deserialize;
 
@@ -20,10 +20,10 @@ pub struct Gauge {
     /// Height of the reference plane at x = y = 0, metres.
     #[serde(default)]
     pub height_m: f64,
-    /// Inclination of everything: rise along x and along y.
+    /// Inclination of the whole gauge: rise along x and along y.
     #[serde(default)]
     pub slope: [f64; 2],
-    /// What stands on the reference plane or is cut into it.
+    /// Shape on the reference plane.
     pub shape: Shape,
 }
 
@@ -33,7 +33,7 @@ pub struct Gauge {
 pub enum Shape {
     /// None.
     Flat {},
-    /// A groove along y, as ISO 5436-1 type A1 has it.
+    /// A groove along y, as in ISO 5436-1 type A1.
     Groove {
         /// Its width along x, metres.
         width_m: f64,
@@ -57,7 +57,7 @@ pub enum Shape {
 }
 
 impl Gauge {
-    /// Height at (x, y), metres.
+    /// Returns the height at (x, y), metres.
     pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         let over = match &self.shape {
             Shape::Flat {} => 0.0,
@@ -84,7 +84,8 @@ impl Gauge {
         self.height_m + self.slope[0] * x_m + self.slope[1] * y_m + over
     }
 
-    /// Light that one line of the picture shows, for a laser of amplitude 1; `at` is the position of the axis and the line.
+    /// Returns the light that one line of the image shows, for a laser of amplitude 1; `at` is the position of the axis
+    /// and the line.
     pub(super) fn cross_section(
         &self,
         rig: &Rig,
@@ -102,7 +103,7 @@ impl Gauge {
         CrossSection { center_px, amplitude: self.reflectance, sigma_px: 1.0 }
     }
 
-    /// The lit point that a line shows, x and z; `None` where it is hidden or lies in a wall.
+    /// Returns x and z of the lit point that a line shows; `None` if it is hidden or lies in a wall.
     fn lit_point(
         &self,
         rig: &Rig,
@@ -122,7 +123,7 @@ impl Gauge {
         None
     }
 
-    /// Whether the line of sight to the lens stays above the gauge.
+    /// Returns true if the line of sight to the lens stays above the gauge.
     fn sees(&self, world: &World, position_m: f64, (x_m, z_m): (f64, f64)) -> bool {
         if matches!(self.shape, Shape::Flat {}) {
             return true;
@@ -136,7 +137,7 @@ impl Gauge {
         })
     }
 
-    /// A height above everything within a metre of the origin, metres.
+    /// Returns a height above everything within a metre of the origin, metres.
     fn ceiling_m(&self) -> f64 {
         let over = match &self.shape {
             Shape::Flat {} | Shape::Groove { .. } => 0.0,
@@ -177,7 +178,7 @@ impl Gauge {
     }
 }
 
-/// x of the point at height `z_m` that a line shows, from a guess: the secant method.
+/// Returns x of the point at height `z_m` that a line shows, from an initial guess, by the secant method.
 fn along(rig: &Rig, world: &World, (guess_m, z_m): (f64, f64), line: f64) -> Option<f64> {
     let miss = |x_m: f64| {
         world

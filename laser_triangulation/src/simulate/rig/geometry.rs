@@ -1,11 +1,11 @@
-//! The frame in which gauges stand: origin where the optical axis meets the plane of light, x along the stripe, z in the
-//! plane towards the camera, y at right angles to the plane.
+//! The frame of the gauges: the origin is where the optical axis meets the laser plane, x runs along the stripe, z in
+//! the plane towards the camera, y along the plane's normal.
 
 use nalgebra::Vector3;
 
 use super::Rig;
 
-/// Axes and origin of that frame in the camera's.
+/// Axes and origin of that frame in the camera's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct World {
     origin_m: Vector3<f64>,
@@ -26,18 +26,18 @@ impl World {
         Self { origin_m, axes: [along, up.cross(&along), up] }
     }
 
-    /// A direction.
+    /// Returns a direction.
     pub(super) fn camera_from_world(&self, direction: Vector3<f64>) -> Vector3<f64> {
         self.axes[0] * direction.x + self.axes[1] * direction.y + self.axes[2] * direction.z
     }
 
-    /// (column, row) of a point of the plane of light.
+    /// Returns the image (column, row) of a point of the laser plane.
     pub(super) fn seen(&self, rig: &Rig, x_m: f64, z_m: f64) -> Option<[f64; 2]> {
         let point = self.origin_m + self.camera_from_world(Vector3::new(x_m, 0.0, z_m));
         rig.lens.project(point.into())
     }
 
-    /// Where the lens is, metres.
+    /// Returns the position of the lens, metres.
     pub(super) fn lens_m(&self) -> [f64; 3] {
         self.axes.map(|axis| -axis.dot(&self.origin_m))
     }

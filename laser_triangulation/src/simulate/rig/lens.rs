@@ -1,10 +1,10 @@
-//! Where a lens shows a point, written down after OpenCV's formulas and used for nothing but rendering.
+//! Projection through a lens, after OpenCV's formulas, used only for rendering.
 
 use serde::Deserialize;
 
 use crate::simulate::scenario::{ScenarioError, check_range};
 
-/// Pinhole, distortion and an inclined sensor.
+/// Pinhole, distortion and a tilted sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lens {
@@ -15,13 +15,13 @@ pub struct Lens {
     /// k1, k2, p1, p2, k3, k4, k5, k6.
     #[serde(default)]
     pub distortion: [f64; 8],
-    /// τx and τy of the sensor, radians.
+    /// τx and τy, the tilt of the sensor, radians.
     #[serde(default)]
     pub tilt_rad: [f64; 2],
 }
 
 impl Lens {
-    /// (column, row) of a point in the camera's frame; `None` behind the lens.
+    /// Returns the image (column, row) of a point in the camera's frame; `None` behind the lens.
     pub fn project(&self, [x_m, y_m, z_m]: [f64; 3]) -> Option<[f64; 2]> {
         if z_m.is_nan() || z_m <= 0.0 {
             return None;
@@ -41,7 +41,7 @@ impl Lens {
         Some([fx * u + cx, fy * v + cy])
     }
 
-    /// On the inclined sensor: the ray is turned into the sensor's frame and scaled to its distance.
+    /// Tilted sensor: the ray is rotated into the sensor's frame and scaled to its distance.
     fn tilted(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [tx, ty] = self.tilt_rad;
         let (sx, cx) = (libm::sin(tx), libm::cos(tx));

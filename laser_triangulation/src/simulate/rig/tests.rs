@@ -37,9 +37,9 @@ const SHAPES: [&str; 4] = [
     "{spheres: {radius_m: 0.012, centers_m: [[-0.02, 0.002, 0.0], [0.02, 0.001, 0.0]]}}",
 ];
 
-/// The instrument's camera knows nothing of the one that renders: it must take each stated centre back to the gauge.
+/// The instrument's camera model is independent of the renderer's: it must map each true centre back to the gauge.
 #[test]
-fn the_instrument_takes_the_truth_back_to_the_gauge() {
+fn the_instrument_maps_the_truth_back_to_the_gauge() {
     for is_vertical in [false, true] {
         for shape in SHAPES {
             let mut scenario = scenario(shape);
@@ -74,7 +74,7 @@ fn the_instrument_takes_the_truth_back_to_the_gauge() {
                 for (x_m, z_m) in profile.x_m.iter().zip(&profile.z_m) {
                     if z_m.is_finite() {
                         let truth_m = gauge.height_m(f64::from(*x_m), position_m);
-                        // 32 bits hold a centre of 100 px to 4e-6 px.
+                        // A 32-bit centre of 100 px has a resolution of 4e-6 px.
                         let error_m = (f64::from(*z_m) - truth_m).abs();
                         assert!(error_m < 2e-8, "{shape} {x_m} {z_m}: {error_m}");
                         num_points += 1;
@@ -86,13 +86,13 @@ fn the_instrument_takes_the_truth_back_to_the_gauge() {
     }
 }
 
-/// What moves along the axis of the calibration is what the laser plane meets later.
+/// Points that move along the calibrated axis reach the laser plane later.
 #[test]
 fn the_axis_carries_the_gauge_through_the_plane() {
     let scenario = scenario(SHAPES[0]);
     let rig = scenario.rig.calibration();
     let pose = rig.camera_from_laser(scenario.rig.stripe_direction());
-    // The part's point (0, 3 mm, 0) lies in the plane when the position is 3 mm.
+    // The part's point (0, 3 mm, 0) is in the plane at the position 3 mm.
     let at_start = pose * Point3::new(0.0, 0.003, 0.0);
     let moved = rig.axis.unwrap().pose(crate::scanner::axis::RawPosition(0.003)) * at_start;
     assert!((rig.plane.normal.dot(&moved.coords) - rig.plane.distance_m).abs() < 1e-12);
@@ -105,7 +105,7 @@ fn a_wall_hides_what_is_behind_it_on_the_side_away_from_the_lens() {
     let world = geometry::World::new(&scenario.rig);
     let lens_y_m = world.lens_m()[1];
     assert!(lens_y_m.abs() > 0.05, "{lens_y_m}");
-    // Just beside the ball, in its middle line: before it and behind it, as the lens sees it.
+    // Just beside the ball, on its middle line: in front of it and behind it, as the lens sees it.
     let sees = |y_m: f64| {
         let section = gauge.cross_section(&scenario.rig, &world, (y_m, 161));
         section.center_px.is_finite()
@@ -128,7 +128,7 @@ rig:
 boards: {corners: [7, 5], square_m: 0.02, white: 200.0, black: 20.0, distance_m: [0.4, 0.5], max_tilt_rad: 0.4}
 ";
 
-/// Where the surface of second order through 25 pixels about the origin is level.
+/// Returns the stationary point of a second-order surface through 25 pixels about the origin.
 fn saddle(level: impl Fn(i32, i32) -> f64) -> [f64; 2] {
     let places: Vec<(i32, i32)> = (-2..=2).flat_map(|v| (-2..=2).map(move |u| (u, v))).collect();
     let terms = DMatrix::from_row_iterator(
@@ -145,9 +145,9 @@ fn saddle(level: impl Fn(i32, i32) -> f64) -> [f64; 2] {
     (-(curvature.try_inverse().unwrap() * Vector2::new(fit[1], fit[2]))).into()
 }
 
-/// Around a corner the picture is a saddle: opposite sides are equal, neighbouring ones white and black.
+/// The image of a corner is a saddle: opposite squares are equal, neighbouring ones white and black.
 #[test]
-fn corners_are_where_they_are_stated() {
+fn corners_match_their_stated_positions() {
     let scenario = RigScenario::from_yaml(BOARDS).unwrap();
     let boards = scenario.boards.unwrap();
     let mut frame = RenderedFrame::default();
@@ -162,7 +162,7 @@ fn corners_are_where_they_are_stated() {
             let (u, v) = (column.round() as i32, row.round() as i32);
             let [du, dv] = saddle(|x, y| level(u + x, v + y));
             let missed = Vector2::new(du + f64::from(u) - column, dv + f64::from(v) - row);
-            // Pixels lie unevenly about a corner: what that does to one fit is gone in the mean.
+            // Pixels lie unevenly about a corner: the mean over many corners removes that effect.
             assert!(missed.norm() < 0.2, "{number}: {missed} at {column}, {row}");
             sum += missed;
             let ring: Vec<f64> = (0..16)
@@ -181,7 +181,7 @@ fn corners_are_where_they_are_stated() {
     assert!(mean.norm() < 0.02, "{mean}");
 }
 
-/// The line is where the plane of light cuts the board.
+/// The laser line is where the laser plane cuts the board.
 #[test]
 fn the_line_lies_on_board_and_plane() {
     let mut scenario = RigScenario::from_yaml(BOARDS).unwrap();
@@ -209,7 +209,7 @@ fn the_line_lies_on_board_and_plane() {
             let ray = rig.camera.ray(nalgebra::Point2::new(column as f64, center)).unwrap();
             let point = rig.plane.meet(ray).unwrap();
             let off_board_m = normal.dot(&(point.coords - view.middle_m));
-            // Edges of squares and of the board pull the centroid of a cross-section towards the brighter side.
+            // Edges of the squares and of the board pull the centroid of a cross-section towards the brighter side.
             assert!(off_board_m.abs() < 3e-3, "{number} {column}: {off_board_m}");
             off_m.push(off_board_m);
         }
@@ -221,7 +221,7 @@ fn the_line_lies_on_board_and_plane() {
 }
 
 #[test]
-fn a_wrong_value_is_refused_with_key_value_and_range() {
+fn an_invalid_value_is_rejected_with_key_value_and_range() {
     let flat = RIG.replace("  shape:\n", "  shape: {flat: {}}\n");
     for (from, to, message) in [
         ("frames: 3", "frames: 0", "frames is 0"),

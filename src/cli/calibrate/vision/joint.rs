@@ -24,7 +24,7 @@ pub(super) struct Joint {
     /// Of an encoder.
     counter: Counter,
     /// Metres or radians a count; 0: as the messages say.
-    count_scale: f64,
+    count_scale: Option<f64>,
     stated: Vec<(i64, f64)>,
 }
 
@@ -62,7 +62,7 @@ fn listed(topics: &[String]) -> String {
 impl Joint {
     /// No positions yet, of the named joint or of the only one; or of an encoder, whose counts are understood as by the node.
     pub(super) fn new(name: Option<String>, motion: &MotionParams) -> Self {
-        let counter = Counter::new(motion.encoder_bits);
+        let counter = Counter::new(motion.encoder_bits.unwrap_or(0));
         Self { name, counter, count_scale: motion.scale, stated: Vec::new() }
     }
 
@@ -95,7 +95,7 @@ impl Joint {
     fn take_counts(&mut self, message: &RawMessage) -> anyhow::Result<()> {
         let sample: EncoderStamped<'_> = cdr::decode(&message.data)?;
         ensure!(sample.error == 0, "the encoder reports error bits {:#x}", sample.error);
-        let scale = if self.count_scale == 0.0 { sample.scale } else { self.count_scale };
+        let scale = self.count_scale.unwrap_or(sample.scale);
         ensure!(
             scale != 0.0 && scale.is_finite(),
             "the encoder's scale is {scale} m per count, which is not valid: set motion.scale (-p motion.scale:=1e-6)"

@@ -1,4 +1,4 @@
-//! What is fast equals what is plain, bit for bit, at every level of vectors.
+//! The fast extractor equals the reference bit for bit, at every level of vector instructions.
 
 use super::*;
 use crate::scanner::{
@@ -15,7 +15,7 @@ const OFFSET: Offset = Offset { column: 3, row: 7 };
 /// Width, height, stride and samples.
 type OwnedPlane<S> = (usize, usize, usize, Vec<S>);
 
-/// Every value of a choice, by its names: a new estimator is tested as soon as it has one.
+/// Generates every value of a choice from its names, so that a new estimator is tested automatically.
 fn any_of<T: Clone + std::fmt::Debug + 'static>(
     names: &'static [&'static str],
     from_name: fn(&str) -> Option<T>,
@@ -29,9 +29,9 @@ fn any_params() -> impl Strategy<Value = ExtractionParams> {
         any_of(GravityWindow::NAMES, GravityWindow::from_name),
         any_of(PeakSelection::NAMES, PeakSelection::from_name),
     );
-    // The plain definition takes (2r + 1)² steps a pixel: large radii now and then.
+    // The reference takes (2r + 1)² steps a pixel: large radii only rarely.
     let radius = prop_oneof![3 => 0..4_u32, 1 => 4..=15_u32];
-    // Halves of grey levels: samples can lie exactly on a threshold, and between two.
+    // Half grey levels: samples can lie exactly on a threshold and between two thresholds.
     let threshold = prop_oneof![0..20_u32, 0..200_u32];
     (choices, radius, threshold, 0..40_u32, 0..255_u32, any_scene()).prop_map(
         |((method, window, peak_selection), blur_radius, threshold, area, width, scene)| {
@@ -49,7 +49,7 @@ fn any_params() -> impl Strategy<Value = ExtractionParams> {
     )
 }
 
-/// What scenes that are not black need, each as often as not.
+/// Parameters for scenes that are not black, each switched on half of the time.
 fn any_scene() -> impl Strategy<Value = ExtractionParams> {
     let choices = (
         any_of(Background::NAMES, Background::from_name),
@@ -66,16 +66,16 @@ fn any_scene() -> impl Strategy<Value = ExtractionParams> {
             threshold_sigmas: f64::from(sigmas) / 2.0,
             min_contrast: f64::from(contrast),
             min_width_px: widths.0,
-            max_width_px: widths.1,
+            max_width_px: (widths.1 > 0).then_some(widths.1),
             max_stripes: lines.0,
             max_step_px: f64::from(lines.1) / 2.0,
-            tracking_margin_px: lines.2,
+            tracking_margin_px: (lines.2 > 0).then_some(lines.2),
             ..ExtractionParams::default()
         },
     )
 }
 
-/// From 1 to `tiles` tiles and a little, half of them about the border of a tile.
+/// A side length of 1 to `tiles` tiles and a little more, half of the values near a tile border.
 fn any_side(tile: usize, tiles: usize) -> impl Strategy<Value = usize> {
     let about_borders = (1..=tiles, 0..=2_usize);
     prop_oneof![
@@ -84,12 +84,12 @@ fn any_side(tile: usize, tiles: usize) -> impl Strategy<Value = usize> {
     ]
 }
 
-/// Any level, or one about the lower thresholds.
+/// Any level, or one near the lower thresholds.
 fn any_level<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = S> {
     prop_oneof![any::<S>(), (0..12_u8).prop_map(S::from)]
 }
 
-/// Over an even background, a few blocks that leave most tiles cold, or dense noise; a stride wider than the rows.
+/// An even background with a few blocks that leave most tiles cold, or dense noise; a stride wider than the rows.
 fn any_plane<S: Sample + Arbitrary + From<u8>>(
     (width, height, padding): (usize, usize, usize),
 ) -> impl Strategy<Value = OwnedPlane<S>> {
@@ -121,7 +121,7 @@ fn any_planes<S: Sample + Arbitrary + From<u8>>() -> impl Strategy<Value = Vec<O
         .prop_map(|(one, other)| one.into_iter().chain(other).collect())
 }
 
-/// Bits, so that NaN equals itself.
+/// Converts to bits, so that NaN equals itself.
 fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|v| v.to_bits()).collect()
 }
@@ -138,7 +138,7 @@ fn assert_equal(fast: &Centerline, reference: &Centerline) {
 
 fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPlane<S>]) {
     for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
-        // One extractor for all: what an earlier frame left behind must not show. One for every level of vectors.
+        // One extractor per vector level for all frames: leftovers of an earlier frame must not show.
         let mut fast: Vec<_> = Vectors::all()
             .into_iter()
             .map(|vectors| FastExtractor { vectors, ..FastExtractor::new(params, direction) })
@@ -148,7 +148,7 @@ fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPl
         let mut previous: Option<Plane<'_, S>> = None;
         for (width, height, stride, samples) in planes {
             let plane = Plane { width: *width, height: *height, stride: *stride, samples };
-            // The frame before stands for the one without laser, if it has the size.
+            // The previous frame serves as the frame without laser, if it has the same size.
             let ambient = previous.filter(|p| (p.width, p.height) == (*width, *height));
             let ambient = ambient.unwrap_or(plane);
             let frame = LitFrame { plane: &plane, ambient: Some(&ambient) };
@@ -183,7 +183,7 @@ proptest! {
     }
 }
 
-/// One run every second pixel, joined into one region (a checkerboard) or each a region of its own (dots).
+/// One run every second pixel: joined into one region (a checkerboard), or each a region of its own (dots).
 #[test]
 fn the_densest_patterns_are_measured_too() {
     let (width, height) = (130, 70);

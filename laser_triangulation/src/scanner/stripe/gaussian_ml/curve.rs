@@ -5,10 +5,10 @@ use super::super::{
     lanes::{LANES, Lane},
 };
 
-/// A Gaussian stripe over an even background, one a lane. The expected level of the pixel at x is A G(x) + B.
+/// Gaussian stripes over an even background, one per lane. The expected level of the pixel at x is A G(x) + B.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Curve {
-    /// A: level at the centre above the background if pixels were points, sample units.
+    /// A: level at the centre above the background for a point-like pixel, sample units.
     pub amplitude: Lane,
     /// c, pixels from the candidate's first sample.
     pub centre_px: Lane,
@@ -25,7 +25,7 @@ impl Default for Curve {
     }
 }
 
-/// What one pixel sees of a Gaussian g = exp(-u²/2), u = (x - c)/s.
+/// Response of one pixel to a Gaussian g = exp(-u²/2), u = (x - c)/s.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Pixel {
     /// G, the mean of g over the pixel.
@@ -36,7 +36,7 @@ pub(in super::super) struct Pixel {
     pub by_sigma: f32,
 }
 
-/// 1/(24 s²) and 1/(1920 s⁴): what a pixel's width means for a stripe of standard deviation s.
+/// 1/(24 s²) and 1/(1920 s⁴): the effect of the pixel's width for a stripe of standard deviation s.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct PixelWidth {
     second: f32,
@@ -52,10 +52,11 @@ impl PixelWidth {
 }
 
 impl Pixel {
-    /// The mean over a pixel is G = g + g″/24 + g⁗/1920 + …, and the derivatives of g are Hermite polynomials of u times
-    /// g. s ∂G/∂s = G + s² G″, for s√(2π) times a normal density obeys the heat equation.
+    /// Computes the mean over a pixel, G = g + g″/24 + g⁗/1920 + …, and its derivatives. The derivatives of g are
+    /// Hermite polynomials of u times g. s ∂G/∂s = G + s² G″, because s√(2π) times a normal density obeys the heat
+    /// equation.
     ///
-    /// From s = 0.6 px on, what the series leaves out moves a fitted centre by less than 10⁻⁴ px.
+    /// For s ≥ 0.6 px, truncating the series moves a fitted centre by less than 10⁻⁴ px.
     #[inline(always)]
     pub(in super::super) fn at(u: f32, width: PixelWidth) -> Self {
         let PixelWidth { second, fourth } = width;
@@ -78,7 +79,7 @@ impl Pixel {
 mod tests {
     use super::*;
 
-    /// The mean over the pixel at x, from the error function.
+    /// Returns the mean over the pixel at x, from the error function.
     fn mean(x: f64, centre: f64, sigma: f64) -> f64 {
         let below = |edge: f64| 0.5 * libm::erfc(-(edge - centre) / sigma * 0.5_f64.sqrt());
         sigma * std::f64::consts::TAU.sqrt() * (below(x + 0.5) - below(x - 0.5))

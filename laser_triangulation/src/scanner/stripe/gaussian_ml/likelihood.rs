@@ -1,17 +1,17 @@
-//! What one sample says about its expected level.
+//! Log-likelihood of one sample as a function of its expected level.
 
 use super::super::{elementary::hazard, noise::PixelNoise};
 
-/// First derivative of a sample's log likelihood by its expected level, and the information in it.
+/// First derivative of a sample's log-likelihood with respect to its expected level, and the information in it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Evidence {
     /// ∂ ln p / ∂μ.
     pub(super) score: f32,
-    /// How fast the score falls with μ; never negative.
+    /// Rate at which the score falls with μ; never negative.
     pub(super) information: f32,
 }
 
-/// A sample between 0 and full scale: normal with variance v(μ), and v grows with the light.
+/// Likelihood of a sample between 0 and full scale: normal with variance v(μ), which grows with the light.
 ///
 /// ln p = -(y - μ)²/2v - ln(v)/2, so the score is (y - μ)/v + v′/2 · ((y - μ)²/v² - 1/v) and the Fisher information
 /// 1/v + v′²/2v² (Kay, Estimation Theory, 1993, eq. 3.32).
@@ -27,12 +27,13 @@ pub(super) fn measured(sample: f32, level: f32, noise: PixelNoise) -> Evidence {
     }
 }
 
-/// A clipped sample: it says "full scale at least", or "0 at most", and no more.
+/// Likelihood of a clipped sample. It means "at least full scale" or "at most 0", nothing more.
 ///
-/// With z = ±(limit - μ)/σ the likelihood is Φ(-z), its logarithm falls by λ(z) with z, and that by λ (λ - z).
+/// With z = ±(limit - μ)/σ the likelihood is Φ(-z). Its logarithm falls by λ(z) per unit of z, and λ itself rises by λ
+/// (λ - z).
 #[inline(always)]
 pub(super) fn clipped(sample: f32, level: f32, full_scale: f32, noise: PixelNoise) -> Evidence {
-    // What lies beyond half a level of the limit is rounded to it.
+    // Levels within half a level of the limit, and all beyond, are rounded to it.
     let (side, limit) = if sample <= 0.0 { (-1.0, 0.5) } else { (1.0, full_scale - 0.5) };
     let by_level = if level > 0.0 { noise.per_level } else { 0.0 };
     let precision = 1.0 / noise.variance(level);

@@ -1,7 +1,7 @@
-//! The equations of one round of Fisher scoring, and their solution.
+//! The normal equations of one round of Fisher scoring, and their solution.
 //!
-//! Unknowns in this order, each as a share so that all are of one size: ln A, ln s, B / A, c / s. The centre comes last:
-//! then its uncertainty is the last pivot of the factorisation.
+//! Unknowns, in this order and relative so that all have similar size: ln A, ln s, B / A, c / s. The centre comes last,
+//! so its uncertainty is the last pivot of the factorisation.
 
 use super::{
     super::{
@@ -21,16 +21,16 @@ pub(super) struct NormalEquations {
     amplitude: Lane,
 }
 
-/// One lane's step and how sure its centre is.
+/// One lane's step and the uncertainty of its centre.
 pub(super) struct Solution {
-    /// Of ln A, ln s, B / A and c / s.
+    /// Step of ln A, ln s, B / A and c / s.
     pub(super) step: [f32; 4],
-    /// Of c / s.
+    /// Variance of c / s.
     pub(super) centre_variance: f32,
 }
 
 impl Solution {
-    /// Whether another round would change nothing that matters.
+    /// True if another round would change nothing significant.
     #[inline(always)]
     pub(super) fn still(&self) -> bool {
         let [amplitude, sigma, _, centre] = self.step;
@@ -41,7 +41,7 @@ impl Solution {
 }
 
 impl NormalEquations {
-    /// At that curve, from the rows that `start` holds.
+    /// Sets up the equations at that curve, from the rows that `start` holds.
     #[inline(always)]
     pub(super) fn of(
         sections: &Sections,
@@ -102,7 +102,7 @@ impl NormalEquations {
         self.right[3][lane] += score * by_centre;
     }
 
-    /// One lane's step, by the factorisation J = L D Lᵀ.
+    /// Solves one lane's equations by the factorisation J = L D Lᵀ.
     #[inline(always)]
     pub(super) fn solve(&self, lane: usize, prior: &LanePrior) -> Solution {
         let amplitude = self.amplitude[lane];
@@ -114,7 +114,7 @@ impl NormalEquations {
         let r = |k: usize| self.right[k][lane] * amplitude;
         let g = prior.gradient;
         let b = [r(0) + g[0], r(1) + g[1], r(2) + g[2], r(3) + g[3]];
-        // A pivot that rounding has eaten is held at what rounding can be.
+        // A pivot lost to rounding is limited to the rounding error.
         let pivot = |d: f32, of: f32| d.max(1e-6 * of);
         let d0 = 1.0 / a00;
         let (l1, l2, l3) = (m1 * d0, m2 * d0, m3 * d0);

@@ -1,4 +1,4 @@
-//! Where the search begins, and which rows it looks at.
+//! The first guess, and the rows that take part in the fit.
 
 use super::{
     super::{
@@ -11,19 +11,19 @@ use super::{
     curve::Curve,
 };
 
-/// Rows beyond so many standard deviations of the stripe, and so many more, are left out: what lies there tells nothing of
-/// the centre.
+/// Rows farther out than this many standard deviations of the stripe plus this many rows are left out: they carry no
+/// information about the centre.
 const REACH: (f32, f32) = (3.3, 1.0);
 /// The same for a saturated stripe, whose flanks reach farther.
 const SATURATED_REACH: (f32, f32) = (4.2, 2.0);
 /// The narrowest and the widest stripe, standard deviation in pixels.
 pub(in super::super) const SIGMA_RANGE_PX: (f32, f32) = (0.45, 64.0);
 
-/// A stripe is at most so many times as bright as full scale.
+/// Maximum brightness of a stripe, in multiples of full scale.
 const MOST: f32 = 50.0;
 const LN_MOST: f32 = 3.912_023;
 
-/// A first guess, and the rows about it in which only this stripe lies.
+/// A first guess, and the rows about it that contain only this stripe.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Start {
     /// The guess.
@@ -35,8 +35,8 @@ pub(in super::super) struct Start {
 }
 
 impl Start {
-    /// A parabola through the logarithms of the candidate's blurred samples, or of the unsaturated raw ones where some are
-    /// saturated: the blur spoils the flanks of a flat top.
+    /// Fits a parabola through the logarithms of the candidate's blurred samples. If some samples are saturated it uses
+    /// the unsaturated raw ones, because the blur distorts the flanks of a flat top.
     #[inline(always)]
     pub(in super::super) fn of(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Self {
         let (from, to) = own_rows(sections, noise);
@@ -53,7 +53,7 @@ impl Start {
             let blur_px2 = if saturated { 0.0 } else { noise.blur_variance_px2 };
             let variance_px2 = fit.sigma_px * fit.sigma_px - blur_px2;
             let sigma_px = bounded(variance_px2, low * low, high * high).sqrt();
-            // The blur keeps the area.
+            // The blur preserves the area.
             let lost = if saturated { 1.0 } else { (fit.sigma_px / sigma_px).min(4.0) };
             start.curve.amplitude[lane] =
                 (fit.amplitude * lost.max(1.0)).max(noise.constant.sqrt());
@@ -70,13 +70,13 @@ impl Start {
         start
     }
 
-    /// Whether row `i` counts.
+    /// True if row `i` takes part.
     #[inline(always)]
     pub(in super::super) fn holds(&self, i: f32, lane: usize) -> bool {
         (i >= self.from[lane]) & (i < self.to[lane])
     }
 
-    /// The rows that count in some lane.
+    /// Returns the rows that take part in any lane.
     #[inline(always)]
     pub(in super::super) fn rows(&self, sections: &Sections) -> std::ops::Range<usize> {
         let used = 0..sections.count;
@@ -86,8 +86,8 @@ impl Start {
     }
 }
 
-/// Rows of each lane in which no neighbour lies: from the candidate outwards, up to the lowest sample before the blurred
-/// cross-section rises again by more than noise.
+/// Returns each lane's rows without a neighbour: from the candidate outwards, up to the lowest sample before the
+/// blurred cross-section rises again by more than noise.
 #[inline(always)]
 fn own_rows(sections: &Sections, noise: PixelNoise) -> (Lane, Lane) {
     let rise: Lane = each(|lane| 0.12 * sections.peak[lane] + noise.constant.sqrt());
@@ -103,7 +103,7 @@ fn own_rows(sections: &Sections, noise: PixelNoise) -> (Lane, Lane) {
     (each(from), each(to))
 }
 
-/// The lowest row before a rise, among those outside the candidate in the order given; -1: there is no rise.
+/// Returns the lowest row before a rise, among those outside the candidate in the order given; -1 if there is no rise.
 #[inline(always)]
 fn valley(
     sections: &Sections,
@@ -128,14 +128,14 @@ fn valley(
     cut
 }
 
-/// Levels on which the stripe stands.
+/// Background levels under the stripe.
 struct Floor {
     /// Lowest raw and lowest blurred sample.
     raw: Lane,
     blurred: Lane,
-    /// What the raw samples are above the blurred ones on average: the background that was taken off.
+    /// Mean of raw minus blurred samples: the background that was subtracted.
     offset: Lane,
-    /// Largest raw sample of the candidate and one row about it.
+    /// Largest raw sample of the candidate and of one row on either side.
     brightest: Lane,
 }
 
@@ -156,7 +156,7 @@ impl Floor {
                 offset[lane] += if holds { r - b } else { 0.0 };
                 rows[lane] += if holds { 1.0 } else { 0.0 };
                 let near = (at >= sections.first[lane] - 1.0) & (at <= sections.last[lane] + 1.0);
-                // Beyond the window lies what other lanes or batches have left.
+                // Beyond the window are leftovers of other lanes or batches.
                 let near = near & holds;
                 brightest[lane] = if near { brightest[lane].max(r) } else { brightest[lane] };
             }
@@ -228,8 +228,8 @@ impl Sums {
 }
 
 impl Sums {
-    /// The parabola's Gaussian; where it opens upwards or its maximum lies far from the centroid, that, and the width of a
-    /// Gaussian with the same area.
+    /// Returns the parabola's Gaussian. If the parabola opens upwards, or its maximum lies far from the centroid,
+    /// returns the centroid and the width of a Gaussian with the same area.
     #[inline(always)]
     fn fit(&self, lane: usize, peak: f32, full_scale: f32, length: f32) -> Guess {
         let Parabola { constant, slope, curvature, .. } = self.parabola.solve(lane);
@@ -237,7 +237,7 @@ impl Sums {
         let at = -0.5 * slope / curvature;
         let (level, moment) = (self.level[lane], self.moment[lane]);
         let centroid = if level > 0.0 { moment / level } else { 0.0 };
-        // Not so for too few samples either: then nothing here is a number.
+        // Also false for too few samples: all values here are then NaN.
         let is_peak = (curvature < -1e-4) & ((at - centroid).abs() <= 0.2 * length + 0.5);
         let logarithm = (constant + 0.5 * slope * at).min(LN_MOST);
         let height = (MOST * full_scale * exp(logarithm - LN_MOST)).max(peak);

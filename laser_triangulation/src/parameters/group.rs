@@ -1,0 +1,104 @@
+//! The macro that declares a group of parameters.
+
+/// Declares a struct of parameters, one row a parameter: description, field, type, default, name, range, unit.
+///
+/// The description is the field's documentation. The struct gets `Default`, `parameters()` (its table) and
+/// `from_values()` (its reader). After `=>` stands one of
+/// - `["name"]` or `["name", read_only]`: a parameter without a range;
+/// - `["name", range, "unit"]`: a number. A field of type `Option` is `None` where the parameter is 0;
+/// - `group`: another struct declared by this macro;
+/// - `computed`: a field that no parameter sets.
+///
+/// ```
+/// laser_triangulation::parameter_group! {
+///     /// The blur.
+///     #[derive(Debug, PartialEq)]
+///     pub struct Blur {
+///         /// Radius of the kernel.
+///         radius: u32 = 3 => ["blur.radius", 0..=15, "px"],
+///     }
+/// }
+/// use laser_triangulation::parameters::Value;
+/// assert_eq!(Blur::default(), Blur { radius: 3 });
+/// assert_eq!(Blur::parameters()[0].text, "Radius of the kernel.");
+/// let values = [("blur.radius", Value::Integer(5)), ("other", Value::Bool(true))];
+/// let find = |name: &str| values.iter().find(|(key, _)| *key == name).map(|(_, value)| value);
+/// assert_eq!(Blur::from_values(&find), Ok(Blur { radius: 5 }));
+/// ```
+#[macro_export]
+macro_rules! parameter_group {
+    (
+        $(#[$attribute:meta])*
+        pub struct $group:ident {
+            $($(#[doc = $text:literal])+ $field:ident: $type:ty = $default:expr => $how:tt,)+
+        }
+    ) => {
+        $(#[$attribute])*
+        #[allow(clippy::doc_markdown, reason = "descriptions are read as plain text too")]
+        pub struct $group { $($(#[doc = $text])+ pub $field: $type,)+ }
+
+        impl Default for $group {
+            fn default() -> Self {
+                Self { $($field: $default),+ }
+            }
+        }
+
+        impl $group {
+            /// Returns the table: one row a parameter, in order of declaration.
+            pub fn parameters() -> Vec<$crate::parameters::Parameter> {
+                let default = Self::default();
+                let mut rows = Vec::new();
+                $($crate::parameter_group!(@row rows, default.$field, $type, $how, [$($text)+]);)+
+                rows
+            }
+
+            /// Takes the values that `value` returns for a name; other fields keep their default.
+            ///
+            /// # Errors
+            /// A value of another type or out of range.
+            pub fn from_values<'a>(
+                value: &impl Fn(&str) -> Option<&'a $crate::parameters::Value>,
+            ) -> Result<Self, $crate::parameters::NotAllowed> {
+                for row in Self::parameters() {
+                    row.check_found(value(row.name))?;
+                }
+                let mut group = Self::default();
+                $($crate::parameter_group!(@read value, group.$field, $type, $how);)+
+                Ok(group)
+            }
+        }
+    };
+
+    (@row $rows:ident, $default:expr, $type:ty, group, $text:tt) => {
+        $rows.extend(<$type>::parameters())
+    };
+    (@row $rows:ident, $default:expr, $type:ty, computed, $text:tt) => {};
+    (@row $rows:ident, $default:expr, $type:ty, [$name:literal], $text:tt) => {
+        $crate::parameter_group!(@push $rows, $default, $name, (), "", false, $text)
+    };
+    (@row $rows:ident, $default:expr, $type:ty, [$name:literal, read_only], $text:tt) => {
+        $crate::parameter_group!(@push $rows, $default, $name, (), "", true, $text)
+    };
+    (@row $rows:ident, $default:expr, $type:ty, [$name:literal, $range:expr, $unit:literal], $text:tt) => {
+        $crate::parameter_group!(@push $rows, $default, $name, $range, $unit, false, $text)
+    };
+    (@push $rows:ident, $default:expr, $name:literal, $range:expr, $unit:literal, $read_only:literal, [$($text:literal)+]) => {
+        $rows.push($crate::parameters::Parameter {
+            name: $name,
+            unit: $unit,
+            kind: $crate::parameters::Setting::kind(&$default, $range),
+            is_read_only: $read_only,
+            text: concat!($($text),+).trim_ascii_start(),
+        })
+    };
+
+    (@read $value:ident, $target:expr, $type:ty, group) => {
+        $target = <$type>::from_values($value)?
+    };
+    (@read $value:ident, $target:expr, $type:ty, computed) => {};
+    (@read $value:ident, $target:expr, $type:ty, [$name:literal $($rest:tt)*]) => {
+        if let Some(found) = $value($name).and_then($crate::parameters::Setting::from_value) {
+            $target = found;
+        }
+    };
+}
