@@ -1,4 +1,4 @@
-//! `laser_profiler calibrate`: from recordings to the file that converts pixels to metres.
+//! `laser_profiler calibrate`: computes the file that converts pixels to metres from recordings.
 
 mod args;
 mod level;
@@ -52,7 +52,7 @@ enum What {
 /// Calibrates and prints the result to `out`.
 ///
 /// # Errors
-/// [`Usage`](super::Usage) when the request cannot be followed, else whatever cannot be read, calibrated or written.
+/// [`Usage`](super::Usage) for an invalid request; files that cannot be read or written; data that do not calibrate.
 pub fn run(args: CalibrateArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     match args.what {
         What::Camera(args) => vision::camera(&args, ros, out),

@@ -1,4 +1,4 @@
-//! `laser_profiler evaluate`: how accurate the methods are, against truth and by the protocol of the paper.
+//! `laser_profiler evaluate`: accuracy of the methods, against ground truth and by the protocol of the paper.
 
 mod document;
 mod paper;
@@ -32,7 +32,7 @@ Examples:
 
 Each has --help of its own. The same command gives the same bytes.";
 
-/// Tells how accurate the methods are: against truth, and by the paper's protocol.
+/// Measures the accuracy of the methods, against ground truth and by the paper's protocol.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct EvaluateArgs {
@@ -46,13 +46,13 @@ enum Question {
     Paper(paper::PaperArgs),
 }
 
-/// Which form the answer takes.
+/// Output format.
 #[derive(Clone, Debug, Default, clap::Args)]
 struct OutputArgs {
-    /// One JSON object on standard output: all figures, unrounded; null for what there is not.
+    /// Print one JSON object on standard output: all figures, unrounded; null for missing values.
     #[arg(long, conflicts_with = "markdown")]
     json: bool,
-    /// Markdown instead of text.
+    /// Print Markdown instead of text.
     #[arg(long)]
     markdown: bool,
     /// Draw the plots as SVG files into this directory.
@@ -60,7 +60,7 @@ struct OutputArgs {
     plots: Option<PathBuf>,
 }
 
-/// An answer in all its forms.
+/// A report in all its formats.
 struct Report {
     sections: Vec<Section>,
     json: Json,
@@ -68,10 +68,10 @@ struct Report {
     outcome: Outcome,
 }
 
-/// Answers on `out`.
+/// Prints the report to `out`.
 ///
 /// # Errors
-/// [`Usage`](super::Usage) when the request cannot be followed, else whatever cannot be read or written.
+/// [`Usage`](super::Usage) for an invalid request; files that cannot be read or written.
 pub fn run(args: EvaluateArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     match args.question {
         Question::Truth(args) => write(&truth::report(&args, ros)?, &args.output, out),

@@ -1,4 +1,4 @@
-//! `laser_profiler simulate`: a scenario becomes a recording whose truth is known.
+//! `laser_profiler simulate`: renders a scenario into a recording with ground truth.
 
 use std::{
     fs::File,
@@ -19,7 +19,7 @@ pub mod recording;
 #[cfg(test)]
 mod expected;
 
-/// Longest scenario file that is read, bytes.
+/// Longest accepted scenario file, bytes.
 const MAX_SCENARIO_BYTES: u64 = 1 << 20;
 
 const HELP: &str = "\
@@ -34,7 +34,7 @@ or checkerboards before any camera and plane of light, and then /camera/camera_i
 
 --json prints one object: frames (taken), images (recorded), dropped, output, bytes";
 
-/// Renders a scenario into a recording whose truth is known.
+/// Renders a scenario into a recording with ground truth.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct SimulateArgs {
@@ -53,7 +53,7 @@ pub struct SimulateArgs {
 
 /// Renders and prints the summary on `out`.
 ///
-/// # Errors
+/// [`Usage`] for an invalid scenario; an input that cannot be read, an output that exists or cannot be written.
 /// [`Usage`] for a file that is no scenario; an input that cannot be read, an output that exists or cannot be written.
 pub fn run(args: &SimulateArgs, out: &mut dyn Write) -> Result<Outcome> {
     let text = read_scenario(&args.scenario)?;
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
     use crate::simulate::scenario::EXAMPLE;
 
-    /// Runs the command on a file with that text.
+    /// Runs the command on a file with the given text.
     fn simulate(text: &str, flags: &[&str]) -> Result<String> {
         let directory = tempfile::tempdir()?;
         let scenario = directory.path().join("scenario.yaml");
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_scenario_is_wrong_usage_and_named() {
+    fn an_invalid_scenario_is_wrong_usage_and_named() {
         let error = simulate(&EXAMPLE.replace("frames: 40", "frames: 0"), &[]).unwrap_err();
         assert!(error.is::<Usage>(), "{error}");
         assert!(

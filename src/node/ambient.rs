@@ -26,7 +26,7 @@ use crate::{
     },
 };
 
-/// Why there is no mean.
+/// The reason that no mean can be computed.
 #[derive(Debug, Error)]
 pub enum AmbientError {
     /// The recording cannot be read.
@@ -38,33 +38,33 @@ pub enum AmbientError {
     /// The node's name.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// An image message that is none.
+    /// An image message that cannot be decoded.
     #[error("message {number}: {source}")]
     Message {
-        /// Counted from 0.
+        /// Its number, from 0.
         number: usize,
-        /// What is wrong with it.
+        /// The decoding error.
         source: cdr::CdrError,
     },
     /// An image that cannot be used.
     #[error("frame {number}: {source}")]
     Frame {
-        /// Counted from 0.
+        /// Its number, from 0.
         number: usize,
-        /// Why.
+        /// The reason.
         source: FrameRejected,
     },
-    /// Frames of two cameras, or of two settings.
+    /// Frames of different size or bit depth.
     #[error("frame {number} is {found}, but the first one is {expected}: all must be alike")]
     Mixed {
-        /// Counted from 0.
+        /// Its number, from 0.
         number: usize,
         /// Size and depth.
         found: String,
         /// Size and depth of the first one.
         expected: String,
     },
-    /// Nothing to take the mean of.
+    /// The recording contains no frames.
     #[error("there are no frames in it")]
     NoFrames,
 }
@@ -78,13 +78,13 @@ pub struct Mean {
     pub height: usize,
     /// Bits of a sample, 8 or 16.
     pub bits: u32,
-    /// Frames.
+    /// Number of frames.
     pub num_frames: u64,
     sums: Vec<u64>,
 }
 
 impl Mean {
-    /// The levels, row by row, rounded half up.
+    /// The grey levels in row-major order, rounded half up.
     pub fn levels(&self) -> impl Iterator<Item = u16> + '_ {
         let count = self.num_frames.max(1);
         self.sums.iter().map(move |sum| ((sum + count / 2) / count) as u16)
@@ -99,10 +99,14 @@ impl Mean {
             (self.width, self.height, self.bits) = (width, height, bits);
             self.sums.resize(width * height, 0);
         }
-        let say = |width, height, bits| format!("{width} x {height} pixels of {bits} bits");
+        let describe = |width, height, bits| format!("{width} x {height} pixels of {bits} bits");
         if (width, height, bits) != (self.width, self.height, self.bits) {
-            let expected = say(self.width, self.height, self.bits);
-            return Err(AmbientError::Mixed { number, found: say(width, height, bits), expected });
+            let expected = describe(self.width, self.height, self.bits);
+            return Err(AmbientError::Mixed {
+                number,
+                found: describe(width, height, bits),
+                expected,
+            });
         }
         for (y, sums) in self.sums.chunks_exact_mut(width).enumerate() {
             match plane {
@@ -121,10 +125,11 @@ fn add_row<S: Copy + Into<u64>>(sums: &mut [u64], row: &[S]) {
     }
 }
 
-/// The mean of all images of the recording's only image topic.
+/// Computes the mean of all images on the recording's only image topic.
 ///
 /// # Errors
-/// A recording that cannot be read or has no such topic, an image that cannot be used or is unlike the first one.
+/// The recording cannot be read or does not have exactly one image topic, or an image cannot be used or differs from
+/// the first one in size or depth.
 pub fn mean(
     bag: &Path,
     channel: Channel,

@@ -1,4 +1,4 @@
-//! The frame without laser that a parameter names.
+//! Loads the frame without laser that a parameter names.
 
 use std::{
     fs, io,
@@ -16,7 +16,7 @@ use crate::{
     scanner::image::OwnedImage,
 };
 
-/// Why there is no frame without laser.
+/// The reason that the frame without laser cannot be loaded.
 #[derive(Debug, Error)]
 pub enum AmbientFileError {
     /// It cannot be used.
@@ -24,7 +24,7 @@ pub enum AmbientFileError {
     Content {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: FrameRejected,
     },
     /// It cannot be read.
@@ -32,15 +32,15 @@ pub enum AmbientFileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The I/O error.
         source: io::Error,
     },
 }
 
-/// Reads the PNG picture that a camera's parameters name, if they name one.
+/// Reads the PNG file that a camera's parameters name; `None` if they name none.
 ///
 /// # Errors
-/// A file that is not there, no PNG picture, or larger than the camera's frames may be.
+/// The file is missing, not a PNG image, or larger than `max_frame_bytes` allows.
 pub fn load(camera: &CameraParams) -> Result<Option<OwnedImage>, AmbientFileError> {
     camera.background_file.as_deref().map(|path| read(path, camera.max_frame_bytes)).transpose()
 }
@@ -48,7 +48,7 @@ pub fn load(camera: &CameraParams) -> Result<Option<OwnedImage>, AmbientFileErro
 fn read(path: &Path, max_frame_bytes: u64) -> Result<OwnedImage, AmbientFileError> {
     let io = |source| AmbientFileError::Io { path: path.to_owned(), source };
     let size = fs::metadata(path).map_err(io)?.len();
-    // A picture that does not compress at all is a little longer than its pixels.
+    // The file of an incompressible image is slightly longer than its pixels.
     if size > max_frame_bytes.saturating_add(max_frame_bytes / 8 + 4096) {
         let reason = format!("{size} bytes are more than a picture of max_frame_bytes has");
         return Err(io(io::Error::other(reason)));

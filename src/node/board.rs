@@ -7,9 +7,9 @@ use super::{statistics::Counts, status::Load};
 /// The last report of a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reported {
-    /// Since the node began.
+    /// Counters since the node started.
     pub counts: Counts,
-    /// Frames received a second, over the last interval.
+    /// Frames received per second, over the last interval.
     pub rate_hz: f32,
     /// Latency and queue over the last interval.
     pub load: Load,
@@ -25,7 +25,7 @@ impl Board {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = reported;
     }
 
-    /// The last report; all zero before the first.
+    /// Returns the last report; all zero before the first one.
     pub fn read(&self) -> Reported {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

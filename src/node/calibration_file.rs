@@ -1,4 +1,4 @@
-//! The calibration that a parameter names.
+//! Loads the calibration that a parameter names.
 
 use std::{
     fs, io,
@@ -11,7 +11,7 @@ use crate::scanner::calibration::{Calibration, CalibrationError};
 
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Why there is no calibration.
+/// The reason that a calibration cannot be loaded.
 #[derive(Debug, Error)]
 pub enum CalibrationFileError {
     /// It cannot be used.
@@ -19,7 +19,7 @@ pub enum CalibrationFileError {
     Content {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: CalibrationError,
     },
     /// It cannot be read.
@@ -27,15 +27,15 @@ pub enum CalibrationFileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The I/O error.
         source: io::Error,
     },
 }
 
-/// Reads a calibration; returns its text too.
+/// Reads a calibration and returns it with its text.
 ///
 /// # Errors
-/// A file that is not there, too long, or no calibration.
+/// The file is missing, too long, or not a calibration.
 pub fn load(path: &Path) -> Result<(Calibration, String), CalibrationFileError> {
     let io = |source| CalibrationFileError::Io { path: path.to_owned(), source };
     let content = |source| CalibrationFileError::Content { path: path.to_owned(), source };

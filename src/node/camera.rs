@@ -1,4 +1,4 @@
-//! Which of several cameras are replayed.
+//! Chooses the cameras to replay.
 
 use thiserror::Error;
 
@@ -12,24 +12,24 @@ use crate::{
 
 use super::input;
 
-/// Why no camera can be chosen.
+/// The reason that no camera can be chosen.
 #[derive(Debug, Error)]
 pub enum CameraError {
-    /// The named one is not there.
+    /// No camera has the requested name.
     #[error("no camera is called {name:?}; {}", list(.cameras))]
     Unknown {
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// Names of those that are there.
+        /// Names of the existing cameras.
         cameras: Vec<String>,
     },
-    /// Several, and no recording has the images of any.
+    /// There are several cameras, and the recordings contain images of none of them.
     #[error("no recording has images of a camera; {} (--ros-args -r {}/image_raw:=TOPIC names another topic)", list(.cameras), first(.cameras))]
     NotRecorded {
         /// Their names.
         cameras: Vec<String>,
     },
-    /// A remap rule with a name that ROS does not allow.
+    /// A remap rule has a name that ROS does not allow.
     #[error(transparent)]
     Name(#[from] NameError),
 }
@@ -45,10 +45,11 @@ fn first(cameras: &[String]) -> &str {
     cameras.first().map_or("NAME", String::as_str)
 }
 
-/// The camera called `name`; without a name the only camera, or all whose images are in a recording.
+/// Returns the camera called `name`. Without a name, returns the only camera, or all cameras whose images are in a
+/// recording.
 ///
 /// # Errors
-/// None of several.
+/// No camera matches, or a remap rule has an invalid name.
 pub fn choose(
     cameras: Vec<CameraParams>,
     name: Option<&str>,
@@ -72,7 +73,7 @@ pub fn choose(
     if found.is_empty() { Err(CameraError::NotRecorded { cameras: all }) } else { Ok(found) }
 }
 
-/// Whether a recording holds that topic, raw or compressed.
+/// True if a recording contains that topic, raw or compressed.
 fn has_images(bag: &BagReader, topic: &str) -> bool {
     let mut names = bag.topics().iter().map(|topic| topic.name.as_str());
     names.any(|name| name == topic || name.strip_suffix("/compressed") == Some(topic))

@@ -1,4 +1,4 @@
-//! Which `camera_info` belongs to an image: the one of exactly the same stamp. Pure.
+//! Finds the `camera_info` of an image: the message with exactly the same stamp. Pure.
 
 pub mod fit;
 
@@ -13,7 +13,7 @@ use crate::{
 };
 use fit::{Fit, Misfit, fit};
 
-/// Messages that wait for their image; more than any camera sends ahead.
+/// Maximum number of messages that wait for their image; more than any camera sends ahead.
 const CAPACITY: usize = 32;
 
 /// The reason that an image and its `camera_info` do not belong together.
@@ -24,12 +24,12 @@ pub enum Conflict {
         "camera_info is of frame {info:?}, the image of {image:?}: the driver must give both the same frame_id"
     )]
     Frame {
-        /// That of the message.
+        /// Frame of the message.
         info: String,
-        /// That of the image.
+        /// Frame of the image.
         image: String,
     },
-    /// They are of different sizes.
+    /// Their sizes differ.
     #[error(
         "camera_info describes images of {} x {} pixels, the image has {} x {}: calibrate at this size, or state binning and roi",
         .info.0, .info.1, .image.0, .image.1
@@ -40,13 +40,13 @@ pub enum Conflict {
         /// Columns and rows of the image.
         image: (u32, u32),
     },
-    /// It is not of the camera that was calibrated.
+    /// The message is from a camera other than the calibrated one.
     #[error(transparent)]
     Misfit(#[from] Misfit),
 }
 
 impl Conflict {
-    /// True if metric results would be wrong: all conflicts but that of a frame's name.
+    /// True if metric results would be wrong: true for every conflict except differing frame names.
     pub const fn is_of_geometry(&self) -> bool {
         !matches!(self, Self::Frame { .. })
     }
@@ -55,20 +55,20 @@ impl Conflict {
 /// The description of an image's camera.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraMatch {
-    /// It is described.
+    /// A matching message exists.
     Matched {
-        /// Equal for equal calibrations; shown as sixteen hexadecimal digits.
+        /// Calibration identity: equal for equal calibrations. Shown as sixteen hexadecimal digits.
         calibration_id: u64,
-        /// True if the image before had another calibration.
+        /// True if the previous image had another calibration.
         is_new: bool,
         /// The part of the sensor that the image shows.
         view: View,
-        /// Largest difference between the described and the calibrated camera, pixels.
+        /// Largest distance between the projections of the described and the calibrated camera, pixels.
         difference_px: f64,
     },
-    /// There is no message of this stamp: not yet, or never.
+    /// No message with this stamp has arrived (yet).
     NoneYet,
-    /// There is one that contradicts the image.
+    /// The message contradicts the image.
     Conflict(Conflict),
 }
 
@@ -102,12 +102,13 @@ struct Described {
 }
 
 impl CameraInfos {
-    /// Those of a camera with that calibration, which they are compared with.
+    /// Creates an empty buffer that compares messages with `calibration`.
     pub fn of(calibration: Option<Calibration>) -> Self {
         Self { calibration, ..Self::default() }
     }
 
-    /// Keeps a message for its image. One of the same stamp is replaced; of too many, the oldest goes.
+    /// Stores a message for its image. Replaces a message with the same stamp, and drops the oldest message if the
+    /// buffer is full.
     pub fn insert(&mut self, info: &CameraInfo<'_>) {
         let stamp_ns = info.header.stamp.to_ns();
         self.waiting.retain(|waiting| waiting.stamp_ns != stamp_ns);
@@ -125,7 +126,7 @@ impl CameraInfos {
         });
     }
 
-    /// Finds the message of an image, and keeps it: an image may come twice.
+    /// Finds the message of an image. Keeps the message, because an image may be repeated.
     pub fn pair(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         match self.waiting.iter().position(|info| info.stamp_ns == image.stamp_ns) {
             Some(place) => self.compare(place, image),
@@ -133,7 +134,8 @@ impl CameraInfos {
         }
     }
 
-    /// The same with the message that came last, where none is of the image's stamp: drivers send it before or after.
+    /// As above, but falls back to the last message received if none has the image's stamp: drivers send it before or
+    /// after the image.
     pub fn pair_or_last(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         match (self.pair(image), self.waiting.len().checked_sub(1)) {
             (CameraMatch::NoneYet, Some(last)) => self.compare(last, image),
@@ -161,7 +163,7 @@ impl CameraInfos {
     }
 }
 
-/// The start of the SHA-256 of all that says where a point of the world is seen.
+/// First 64 bits of the SHA-256 over all values that affect the projection of a point.
 fn calibration_id(info: &CameraInfo<'_>) -> u64 {
     let roi = &info.roi;
     let sizes = [
@@ -218,7 +220,7 @@ mod tests {
         infos.insert(&info(7));
         assert!(is_new(&infos.pair(&image(7))));
         assert_eq!(infos.pair(&image(8)), CameraMatch::NoneYet);
-        // Twice the same image, and order does not matter.
+        // The same image twice; order does not matter.
         infos.insert(&info(9));
         infos.insert(&info(8));
         for stamp_ns in [8, 7, 9] {
@@ -245,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn binning_and_roi_say_how_large_the_image_is() {
+    fn binning_and_roi_determine_the_image_size() {
         let roi = RegionOfInterest { width: 400, height: 100, ..RegionOfInterest::default() };
         let mut infos = CameraInfos::default();
         infos.insert(&CameraInfo { binning_x: 2, binning_y: 2, roi, ..info(7) });
@@ -270,7 +272,7 @@ mod tests {
         assert!(pair(CameraInfo { d: vec![0.1], ..info(0) }));
         assert!(pair(CameraInfo { distortion_model: "plumb_bob".into(), ..info(0) }));
         assert!(pair(info(0)));
-        // No binning is binning by one.
+        // Binning 0 means binning 1.
         assert!(!pair(CameraInfo { binning_x: 1, binning_y: 1, ..info(0) }));
     }
 
@@ -284,7 +286,7 @@ mod tests {
         infos.insert(&other);
         assert!(
             matches!(infos.pair_or_last(&image(7)), CameraMatch::Conflict(_)),
-            "until its own comes"
+            "until its own message arrives"
         );
         infos.insert(&info(7));
         assert!(!is_new(&infos.pair_or_last(&image(7))));

@@ -1,4 +1,4 @@
-//! The time of the node: the system's time, or with `use_sim_time` the last message on `/clock`.
+//! Time of the node: the system clock, or the last message on `/clock` if `use_sim_time` is set.
 
 use std::{
     sync::{
@@ -18,16 +18,16 @@ use crate::{
 
 use super::endpoints;
 
-/// A `Clock` has 12 bytes; some writers pad.
+/// A `Clock` message has 12 bytes; some publishers add padding.
 const LIMIT_BYTES: usize = 64;
-const UNHEARD_NS: i64 = i64::MIN;
+const UNKNOWN_NS: i64 = i64::MIN;
 
 /// Source of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeSource {
-    /// This machine's clock.
+    /// The system clock of this machine.
     System,
-    /// `/clock`, as `use_sim_time` wants it.
+    /// The topic `/clock`, selected by `use_sim_time`.
     Sim,
 }
 
@@ -42,7 +42,7 @@ struct ClockState {
     subscription: Mutex<Option<Box<dyn Subscription>>>,
 }
 
-/// The last time on `/clock`.
+/// The last time received on `/clock`.
 struct SimTime {
     now_ns: AtomicI64,
     num_breaks: AtomicU64,
@@ -52,7 +52,7 @@ struct SimTime {
 impl Default for SimTime {
     fn default() -> Self {
         Self {
-            now_ns: AtomicI64::new(UNHEARD_NS),
+            now_ns: AtomicI64::new(UNKNOWN_NS),
             num_breaks: AtomicU64::new(0),
             num_bad: AtomicU64::new(0),
         }
@@ -60,20 +60,20 @@ impl Default for SimTime {
 }
 
 impl RosClock {
-    /// Nanoseconds since the epoch; 0 before the first message on `/clock`, as in rcl.
+    /// Returns nanoseconds since the epoch; 0 before the first message on `/clock`, as in rcl.
     pub fn now_ns(&self) -> i64 {
         if !self.uses_sim_time() {
             return system_ns();
         }
         match self.0.sim.now_ns.load(Ordering::Acquire) {
-            UNHEARD_NS => 0,
+            UNKNOWN_NS => 0,
             now_ns => now_ns,
         }
     }
 
-    /// True if [`now_ns`](Self::now_ns) is valid: with `use_sim_time` not before the first message on `/clock`.
+    /// True if [`now_ns`](Self::now_ns) is valid. With `use_sim_time`, false until the first message on `/clock`.
     pub fn is_known(&self) -> bool {
-        !self.uses_sim_time() || self.0.sim.now_ns.load(Ordering::Acquire) != UNHEARD_NS
+        !self.uses_sim_time() || self.0.sim.now_ns.load(Ordering::Acquire) != UNKNOWN_NS
     }
 
     /// True if time comes from `/clock`.
@@ -81,21 +81,21 @@ impl RosClock {
         self.0.uses_sim_time.load(Ordering::Acquire)
     }
 
-    /// How often time did not go on: `/clock` stepped back, or the source of time changed. Another number than before
-    /// means that a new session begins.
+    /// Number of time discontinuities: `/clock` stepped back, or the source of time changed. A change of this number
+    /// starts a new session.
     pub fn num_breaks(&self) -> u64 {
         self.0.sim.num_breaks.load(Ordering::Acquire)
     }
 
-    /// Messages on `/clock` that were none.
+    /// Malformed messages received on `/clock`.
     pub fn num_bad(&self) -> u64 {
         self.0.sim.num_bad.load(Ordering::Acquire)
     }
 
-    /// Chooses the source of time, at any time. Nothing happens where it is chosen already.
+    /// Selects the source of time. Does nothing if it is already selected.
     ///
     /// # Errors
-    /// `/clock` cannot be subscribed; the source stays what it was.
+    /// The subscription to `/clock` fails; the source does not change.
     pub fn set_source(
         &self,
         transport: &dyn Transport,
@@ -120,16 +120,16 @@ impl RosClock {
         names: &NodeNames,
     ) -> Result<Box<dyn Subscription>, TransportError> {
         let sim = Arc::clone(&self.0.sim);
-        // An earlier time on `/clock` is out of date.
-        sim.now_ns.store(UNHEARD_NS, Ordering::Release);
-        let on_arrival = Box::new(move |arrival| sim.hear(arrival));
+        // The time of an earlier subscription is out of date.
+        sim.now_ns.store(UNKNOWN_NS, Ordering::Release);
+        let on_arrival = Box::new(move |arrival| sim.on_arrival(arrival));
         let qos = QosProfile::best_effort(1);
         endpoints::subscribe::<Clock>(transport, (names, "/clock"), qos, LIMIT_BYTES, on_arrival)
     }
 }
 
 impl SimTime {
-    fn hear(&self, arrival: Result<Arrival, Fault>) {
+    fn on_arrival(&self, arrival: Result<Arrival, Fault>) {
         let reason = match arrival {
             Ok(arrival) => match cdr::decode::<Clock>(&arrival.data) {
                 Ok(clock) => return self.set(clock.clock.to_ns()),
@@ -137,7 +137,7 @@ impl SimTime {
             },
             Err(fault) => fault.to_string(),
         };
-        // Once, and counted from then on: a wrong publisher sends a thousand a second.
+        // Logged once, then only counted: a faulty publisher may send a thousand per second.
         if self.num_bad.fetch_add(1, Ordering::AcqRel) == 0 {
             tracing::warn!("/clock: {reason}");
         }
@@ -145,13 +145,13 @@ impl SimTime {
 
     fn set(&self, now_ns: i64) {
         let before_ns = self.now_ns.swap(now_ns, Ordering::AcqRel);
-        if before_ns != UNHEARD_NS && now_ns < before_ns {
+        if before_ns != UNKNOWN_NS && now_ns < before_ns {
             self.num_breaks.fetch_add(1, Ordering::AcqRel);
         }
     }
 }
 
-/// Nanoseconds since the epoch by the system's clock.
+/// Returns nanoseconds since the epoch by the system clock; 0 if it is set before 1970.
 pub fn system_ns() -> i64 {
     match SystemTime::now().duration_since(SystemTime::UNIX_EPOCH) {
         Ok(since) => i64::try_from(since.as_nanos()).unwrap_or(i64::MAX),
@@ -190,7 +190,7 @@ mod tests {
             self.clock.set_source(&self.network, &self.names, source).unwrap();
         }
 
-        fn tell(&mut self, ns: i64) {
+        fn publish(&mut self, ns: i64) {
             let message = Clock { clock: Time::from_ns(ns) };
             endpoints::send(&mut *self.publisher, &message, ns).unwrap();
         }
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn the_system_clock_is_the_default() {
         let mut rig = Rig::new();
-        rig.tell(5);
+        rig.publish(5);
         assert!(rig.clock.is_known() && !rig.clock.uses_sim_time());
         let before_ns = system_ns();
         assert!((before_ns..before_ns + 60_000_000_000).contains(&rig.clock.now_ns()));
@@ -207,33 +207,33 @@ mod tests {
     }
 
     #[test]
-    fn with_sim_time_the_last_message_counts() {
+    fn with_sim_time_the_last_message_is_the_time() {
         let mut rig = Rig::new();
         rig.switch(TimeSource::Sim);
         assert!(!rig.clock.is_known());
         assert_eq!(rig.clock.now_ns(), 0);
-        rig.tell(7_000_000_000);
-        rig.tell(7_000_000_001);
+        rig.publish(7_000_000_000);
+        rig.publish(7_000_000_001);
         assert!(rig.clock.is_known());
         assert_eq!(rig.clock.now_ns(), 7_000_000_001);
     }
 
     #[test]
-    fn a_step_back_and_a_switch_are_breaks_and_nothing_else_is() {
+    fn only_a_step_back_and_a_switch_are_breaks() {
         let mut rig = Rig::new();
         rig.switch(TimeSource::Sim);
         assert_eq!(rig.clock.num_breaks(), 1);
         rig.switch(TimeSource::Sim);
         for ns in [10, 20, 20, 30] {
-            rig.tell(ns);
+            rig.publish(ns);
         }
         assert_eq!(rig.clock.num_breaks(), 1);
-        rig.tell(29);
+        rig.publish(29);
         assert_eq!((rig.clock.num_breaks(), rig.clock.now_ns()), (2, 29));
         rig.switch(TimeSource::System);
         assert_eq!(rig.clock.num_breaks(), 3);
-        // Unsubscribed: later messages do not arrive, and earlier ones are forgotten.
-        rig.tell(40);
+        // Without a subscription, later messages do not arrive, and earlier ones are discarded.
+        rig.publish(40);
         rig.switch(TimeSource::Sim);
         assert!(!rig.clock.is_known());
     }
@@ -242,7 +242,7 @@ mod tests {
     fn malformed_clock_messages_are_counted_and_change_nothing() {
         let mut rig = Rig::new();
         rig.switch(TimeSource::Sim);
-        rig.tell(50);
+        rig.publish(50);
         for bytes in [&[][..], &[0, 1, 0, 0, 1], &[9; 40]] {
             rig.publisher.publish(&Arc::from(bytes), 0).unwrap();
         }

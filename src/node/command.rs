@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError, mpsc::SyncSender};
 
 use crate::scanner::params::Params;
 
-/// A request to the worker, which answers when it has carried it out.
+/// A request to the worker, which replies after carrying it out.
 #[derive(Debug)]
 pub enum Command {
     /// Ends the open scan and begins a new one with the next frame.
@@ -51,7 +51,7 @@ pub struct Settings {
     pub sends_images: bool,
 }
 
-/// Holds the latest value until it is taken: many changes between two frames count as one.
+/// Holds the latest value until it is taken: several changes between two frames are applied as one.
 #[derive(Debug)]
 pub struct Mailbox<T>(Mutex<Option<T>>);
 
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_the_latest_counts() {
+    fn only_the_latest_value_is_kept() {
         let mailbox = Mailbox::default();
         assert_eq!(mailbox.take(), None);
         mailbox.put(1);

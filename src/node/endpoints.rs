@@ -1,4 +1,4 @@
-//! Topics and services of a live node, under the names that its user gives them.
+//! Creates the topics and services of a live node under their remapped names.
 
 use std::sync::Arc;
 
@@ -19,21 +19,21 @@ use crate::{
     },
 };
 
-/// The reason that a message is not sent.
+/// The reason that a message cannot be sent.
 #[derive(Debug, Error)]
 pub enum SendError {
-    /// It has no bytes.
+    /// It cannot be encoded.
     #[error(transparent)]
     Encode(#[from] CdrError),
-    /// The middleware refuses it.
+    /// The middleware rejects it.
     #[error(transparent)]
     Transport(#[from] TransportError),
 }
 
-/// Makes a publisher of `M` under the resolved name of `topic`.
+/// Creates a publisher of `M` under the resolved name of `topic`.
 ///
 /// # Errors
-/// A name that ROS does not allow, or the middleware refuses.
+/// ROS does not allow the name, or the middleware rejects the endpoint.
 pub fn advertise<M: Message>(
     transport: &dyn Transport,
     names: &NodeNames,
@@ -43,10 +43,10 @@ pub fn advertise<M: Message>(
     transport.advertise(&TopicEndpoint { name: resolved(names, topic)?, kind: M::TYPE, qos })
 }
 
-/// Makes a subscriber of `M`, for messages of up to `limit_bytes`.
+/// Creates a subscriber of `M` for messages of up to `limit_bytes`.
 ///
 /// # Errors
-/// A name that ROS does not allow, or the middleware refuses.
+/// ROS does not allow the name, or the middleware rejects the endpoint.
 pub fn subscribe<M: Message>(
     transport: &dyn Transport,
     (names, topic): (&NodeNames, &str),
@@ -58,10 +58,10 @@ pub fn subscribe<M: Message>(
     transport.subscribe(&endpoint, limit_bytes, on_arrival)
 }
 
-/// Offers a service.
+/// Creates a service server.
 ///
 /// # Errors
-/// A name that ROS does not allow, or the middleware refuses.
+/// ROS does not allow the name, or the middleware rejects the endpoint.
 pub fn serve(
     transport: &dyn Transport,
     names: &NodeNames,
@@ -72,10 +72,10 @@ pub fn serve(
     transport.serve(&ServiceEndpoint { name: resolved(names, service)?, kind }, on_request)
 }
 
-/// Encodes and sends a message of the time `time_ns`, nanoseconds since the epoch.
+/// Encodes and publishes a message with time `time_ns`, nanoseconds since the epoch.
 ///
 /// # Errors
-/// The message has no bytes, or the middleware refuses them.
+/// The message cannot be encoded, or the middleware rejects it.
 pub fn send<M: Message>(
     publication: &mut dyn Publication,
     message: &M,
@@ -86,13 +86,13 @@ pub fn send<M: Message>(
     Ok(publication.publish(&Arc::from(bytes), time_ns)?)
 }
 
-/// The bytes of a response; `None`, and a line in the log, where it has none.
+/// Encodes a response. Logs an error and returns `None` if it cannot be encoded.
 pub fn answer<M: Message>(response: &M) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     match cdr::encode(response, &mut bytes) {
         Ok(()) => Some(bytes),
         Err(error) => {
-            tracing::error!("a request gets no answer: {error}");
+            tracing::error!("cannot encode a response: {error}");
             None
         }
     }

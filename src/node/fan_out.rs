@@ -1,4 +1,4 @@
-//! Every message to every sink: behind a bounded queue and a thread of its own, or at once.
+//! Sends every message to every sink: through a bounded queue to the sink's own thread, or directly.
 
 use std::{
     cell::{Cell, RefCell},
@@ -15,7 +15,7 @@ use super::{
 /// All sinks.
 pub struct FanOut<'scope> {
     fans: Vec<Fan<'scope>>,
-    /// Topics below are results, the one behind them is the input's.
+    /// Topics with a smaller index are results; the next one is the input.
     num_topics: usize,
 }
 
@@ -32,11 +32,11 @@ enum Reached<'scope> {
     Queued(Arc<Queue<Outgoing>>, ScopedJoinHandle<'scope, Result<(), SinkError>>),
 }
 
-/// A sink and what it has failed of.
+/// A sink and its error.
 struct Direct(Box<dyn Sink>, Result<(), SinkError>);
 
 impl<'scope> FanOut<'scope> {
-    /// Starts a thread for every sink that has a queue; `num_topics` of the topics are results.
+    /// Starts a thread for every sink with a queue; the first `num_topics` topics are results.
     pub fn start<'env>(
         scope: &'scope Scope<'scope, 'env>,
         outlets: Vec<Outlet>,
@@ -51,7 +51,7 @@ impl<'scope> FanOut<'scope> {
                     let taken = Arc::clone(&queue);
                     let run = move || {
                         let ended = drain(&taken, sink);
-                        if is_essential { ended } else { tell(ended) }
+                        if is_essential { ended } else { log_failure(ended) }
                     };
                     Reached::Queued(queue, named::spawn(scope, "results", run))
                 }
@@ -61,7 +61,7 @@ impl<'scope> FanOut<'scope> {
         Self { fans: outlets.into_iter().map(start).collect(), num_topics }
     }
 
-    /// Hands a message to every sink that takes it.
+    /// Sends a message to every sink that accepts it.
     ///
     /// # Errors
     /// An essential sink has failed: [`finish`](Self::finish) returns the reason.
@@ -78,20 +78,20 @@ impl<'scope> FanOut<'scope> {
         Ok(())
     }
 
-    /// Messages that did not reach the sinks of that purpose, one a sink.
+    /// Messages that did not reach the sinks of that purpose, counted once per sink.
     pub fn num_dropped(&self, purpose: Purpose) -> u64 {
         let of_purpose = self.fans.iter().filter(|fan| fan.purpose == purpose);
         of_purpose.map(|fan| fan.num_dropped.get()).sum()
     }
 
-    /// Lets every sink take what waits for it and end.
+    /// Drains the queue of every sink, then finishes the sinks.
     ///
     /// # Errors
     /// The first error of an essential sink.
     pub fn finish(mut self) -> Result<(), SinkError> {
         let mut first_error = Ok(());
         let fans = std::mem::take(&mut self.fans);
-        // All at once: one that takes long does not keep the others open.
+        // Closes all queues first, so that a slow sink does not keep the others open.
         fans.iter().for_each(Fan::close);
         for Fan { reached, is_essential, .. } in fans {
             let result = match reached {
@@ -99,7 +99,7 @@ impl<'scope> FanOut<'scope> {
                     let Direct(mut sink, written) = direct.into_inner();
                     let finished = sink.finish();
                     let ended = written.and(finished);
-                    if is_essential { ended } else { tell(ended) }
+                    if is_essential { ended } else { log_failure(ended) }
                 }
                 Reached::Queued(_, thread) => {
                     thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -114,7 +114,7 @@ impl<'scope> FanOut<'scope> {
 }
 
 impl Fan<'_> {
-    /// Returns how many older messages were lost for it; closed: the sink has failed.
+    /// Returns the number of older messages dropped for it, or `Closed` if the sink has failed.
     fn pass(&self, message: &Outgoing) -> Result<usize, Closed<()>> {
         match &self.reached {
             Reached::Directly(direct) => {
@@ -137,7 +137,7 @@ impl Fan<'_> {
     }
 }
 
-/// Lets no sink wait for a sender that is gone, not even after a panic.
+/// Closes the queues, even after a panic, so that no sink waits for a terminated sender.
 impl Drop for FanOut<'_> {
     fn drop(&mut self) {
         self.fans.iter().for_each(Fan::close);
@@ -155,12 +155,12 @@ fn drain(queue: &Queue<Outgoing>, mut sink: Box<dyn Sink>) -> Result<(), SinkErr
     written.and(finished)
 }
 
-/// The error of an essential sink ends the run and is told there.
-fn tell(ended: Result<(), SinkError>) -> Result<(), SinkError> {
-    ended.inspect_err(|error| tracing::error!("{error}; everything else goes on"))
+/// Logs the error of a non-essential sink. The error of an essential sink ends the run and is reported there.
+fn log_failure(ended: Result<(), SinkError>) -> Result<(), SinkError> {
+    ended.inspect_err(|error| tracing::error!("{error}; the other sinks continue"))
 }
 
-/// Lets no sender wait for a receiver that is gone, not even after a panic.
+/// Closes the queue, even after a panic, so that no sender waits for a terminated receiver.
 pub(super) struct CloseOnDrop<'a, T>(pub(super) &'a Queue<T>);
 
 impl<T> Drop for CloseOnDrop<'_, T> {
@@ -176,7 +176,7 @@ mod tests {
     use super::*;
     use crate::node::sink::Takes;
 
-    /// Keeps what it gets; fails at the message with that number.
+    /// Keeps all messages; fails at the message with that number.
     struct Memory {
         kept: Arc<Mutex<Vec<Outgoing>>>,
         fails_at: Option<u32>,
@@ -225,7 +225,7 @@ mod tests {
         let sequences = first.iter().map(|message| message.sequence);
         assert!(sequences.eq((0..1000).chain([u32::MAX])), "all, then finish");
         let pairs = first.iter().zip(&second).take(1000);
-        assert!(pairs.into_iter().all(|(a, b)| Arc::ptr_eq(&a.data, &b.data)), "no copy a sink");
+        assert!(pairs.into_iter().all(|(a, b)| Arc::ptr_eq(&a.data, &b.data)), "no copy per sink");
     }
 
     #[test]
@@ -234,7 +234,7 @@ mod tests {
         let sink = Memory { kept: Arc::clone(&kept), fails_at: Some(3) };
         let result = thread::scope(|scope| {
             let fan_out = FanOut::start(scope, vec![Outlet::replay(Box::new(sink))], 1);
-            // More than the queue holds: without the closed queue this would wait for ever.
+            // More than the queue holds: if the queue were not closed, this would wait forever.
             let sent = (0..10_000).take_while(|&sequence| fan_out.send(&message(sequence)).is_ok());
             assert!(sent.count() < 10_000);
             fan_out.finish()
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sink_that_may_fail_takes_nobody_with_it() {
+    fn a_failing_non_essential_sink_does_not_stop_the_others() {
         let kept = [Arc::default(), Arc::default()];
         let sink = |at: usize, fails_at| Box::new(Memory { kept: Arc::clone(&kept[at]), fails_at });
         let outlets = vec![
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn images_and_results_go_their_own_ways() {
+    fn sinks_receive_only_the_kind_of_message_they_take() {
         let kept = [Arc::default(), Arc::default()];
         let outlet = |at: usize, takes| {
             let sink = Box::new(Memory { kept: Arc::clone(&kept[at]), fails_at: None });
@@ -300,7 +300,7 @@ mod tests {
                 assert!(fan_out.send(&message(sequence)).is_ok());
                 assert_eq!(kept[0].lock().unwrap().len(), sequence as usize + 1);
             }
-            assert_eq!(fan_out.num_dropped(Purpose::Record), 3, "one failed, and takes no more");
+            assert_eq!(fan_out.num_dropped(Purpose::Record), 3, "one failed and accepts no more");
             assert!(fan_out.finish().is_ok());
         });
         assert_eq!(kept.map(|kept| kept.lock().unwrap().len()), [6, 3], "and each is finished");

@@ -1,4 +1,4 @@
-//! From a recording to its workers: every message to the queue of its camera.
+//! Reads a recording and passes every message to the queue of its camera's worker.
 
 use std::{cmp::Ordering, time::Instant};
 
@@ -11,20 +11,20 @@ use super::{
     unpack::Unpacker,
 };
 
-/// Damaged places that are told one by one.
-const MAX_TOLD: u64 = 10;
+/// Maximum number of damaged places that are logged individually.
+const MAX_LOGGED: u64 = 10;
 
-/// What leads to the worker of one camera, and back.
+/// The queues to and from the worker of one camera.
 pub(super) struct Lane {
     /// Its image topic.
     pub(super) topic: String,
-    /// Topics that tell where its frames were taken.
+    /// Topics with the positions of its frames.
     pub(super) positions: Vec<String>,
-    /// Frames that wait for it.
+    /// Frames that wait for the worker.
     pub(super) input: Queue<Input>,
-    /// Buffers that it is done with.
+    /// Buffers that the worker returns for reuse.
     pub(super) spare: Queue<Vec<u8>>,
-    /// Largest picture, where its images are compressed.
+    /// Largest decoded image, bytes; `None` if images are not compressed.
     pub(super) unpacks_bytes: Option<u64>,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct Feed<'a> {
     pub(super) stop: &'a Stop,
 }
 
-/// Lets no thread wait for a reader that is gone, not even after a panic.
+/// Closes the queues, even after a panic, so that no thread waits for a terminated reader.
 impl Drop for Feed<'_> {
     fn drop(&mut self) {
         self.lanes.iter().for_each(|lane| lane.input.close());
@@ -43,7 +43,7 @@ impl Drop for Feed<'_> {
     }
 }
 
-/// How the reading went.
+/// Summary of the reading.
 #[derive(Default)]
 pub(super) struct Fed {
     pub(super) num_damaged: u64,
@@ -68,8 +68,8 @@ impl Lane {
 }
 
 impl Feed<'_> {
-    /// Hands all input to the workers; returns at its end, on the wish to stop, or when a worker has gone. The lanes are
-    /// closed then.
+    /// Passes all input to the workers. Returns at the end of the input, on a request to stop, or when a worker has
+    /// ended, and closes the lanes.
     pub(super) fn all(self, source: &mut dyn Source, on_message: &mut dyn FnMut(u64)) -> Fed {
         let mut fed = Fed::default();
         let mut num_messages = 0;
@@ -86,7 +86,7 @@ impl Feed<'_> {
             let passed = match source.next() {
                 None => return fed,
                 Some(Input::Damage(what)) => {
-                    fed.tell(&what);
+                    fed.count_damage(&what);
                     Ok(())
                 }
                 Some(Input::Message(message, writer)) => {
@@ -97,7 +97,7 @@ impl Feed<'_> {
                     self.pass(message, writer)
                 }
                 Some(Input::NewRecording) => self.new_recording(),
-                // A recording holds nothing else.
+                // Recordings produce no other input.
                 Some(
                     Input::Ahead(_)
                     | Input::Position(_)
@@ -140,9 +140,9 @@ fn push(queue: &Queue<Input>, input: Input, num_bytes: usize) -> Result<(), Clos
 }
 
 impl Fed {
-    fn tell(&mut self, what: &str) {
+    fn count_damage(&mut self, what: &str) {
         self.num_damaged += 1;
-        match self.num_damaged.cmp(&MAX_TOLD) {
+        match self.num_damaged.cmp(&MAX_LOGGED) {
             Ordering::Less => tracing::error!("{what}"),
             Ordering::Equal => tracing::error!("{what}; further damage is only counted"),
             Ordering::Greater => tracing::debug!("{what}"),

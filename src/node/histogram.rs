@@ -1,13 +1,13 @@
-//! Durations in a fixed amount of memory, for percentiles.
+//! A histogram of durations with a fixed amount of memory, for percentiles.
 
 use std::time::Duration;
 
-/// Steps a factor of two: percentiles are exact to 1/16.
+/// Buckets per factor of two: percentiles are exact to 1/16.
 const STEPS: u64 = 16;
 /// Buckets up to 2^64 ns.
 const NUM_BUCKETS: usize = (64 * STEPS) as usize;
 
-/// How often which duration occurred.
+/// Histogram of durations.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     counts: Vec<u64>,
@@ -28,24 +28,25 @@ impl Histogram {
         self.total += 1;
     }
 
-    /// Counts what `other` has counted, too.
+    /// Adds the counts of `other`.
     pub fn add(&mut self, other: &Self) {
         self.counts.iter_mut().zip(&other.counts).for_each(|(sum, count)| *sum += count);
         self.total += other.total;
     }
 
-    /// Whether nothing was counted.
+    /// True if nothing was counted.
     pub const fn is_empty(&self) -> bool {
         self.total == 0
     }
 
-    /// Forgets everything.
+    /// Clears all counts.
     pub fn clear(&mut self) {
         self.counts.fill(0);
         self.total = 0;
     }
 
-    /// The duration that a share of all durations, 0 to 1, does not exceed, milliseconds; 0 when nothing was counted.
+    /// Returns the duration, milliseconds, that a fraction of all durations (0 to 1) does not exceed; 0 if nothing was
+    /// counted.
     pub fn percentile_ms(&self, share: f64) -> f64 {
         let rank = ((self.total as f64 * share).ceil() as u64).max(1);
         let mut seen = 0;
@@ -59,7 +60,7 @@ impl Histogram {
     }
 }
 
-/// Numbers below `STEPS` have a bucket each; above, every power of two is cut into `STEPS` equal parts.
+/// Values below `STEPS` have one bucket each; above, every power of two is divided into `STEPS` equal buckets.
 fn bucket(nanos: u64) -> usize {
     if nanos < STEPS {
         return nanos as usize;

@@ -1,4 +1,4 @@
-//! Which topic of a recording the node listens to.
+//! Chooses the image topic of a recording.
 
 use thiserror::Error;
 
@@ -15,41 +15,41 @@ use crate::{
 
 use super::topics;
 
-/// The name that users remap; of a camera among several, the camera's name stands before it.
+/// The name that users remap; with several cameras, the camera's name precedes it.
 const IMAGE_TOPIC: &str = "image_raw";
-/// The node's own images, which recordings of its results hold.
+/// The node's own images, which recordings of its results contain.
 const OWN_IMAGES: &str = "~/height_map";
-/// Topics that a refusal names.
+/// Maximum number of topics listed in an error.
 const MAX_LISTED: usize = 20;
 
-/// Why no topic can be chosen.
+/// The reason that no topic can be chosen.
 #[derive(Debug, Error)]
 pub enum InputError {
-    /// The recording holds no images.
+    /// The recording contains no images.
     #[error("the recording holds no images (sensor_msgs/msg/Image or CompressedImage); it has {}", list(.0))]
     NoImages(Vec<(String, String)>),
-    /// The topic that was named is not there, or is no image topic.
+    /// The named topic is missing or is not an image topic.
     #[error("the recording has no {transport} images on {name}{hint}; it has {}", list(.topics))]
     Missing {
         /// The topic after remapping.
         name: String,
-        /// What was looked for.
+        /// The kind of images searched for.
         transport: &'static str,
-        /// What could be done, in brackets; empty where nothing needs to be said.
+        /// A suggestion in parentheses; may be empty.
         hint: String,
         /// Name and type of every topic.
         topics: Vec<(String, String)>,
     },
-    /// Nobody said which.
+    /// There are several image topics, and none was chosen.
     #[error("the recording has {} image topics; choose one of\n{}", .0.len(), choices(.0))]
     Ambiguous(Vec<String>),
-    /// A remap rule with a name that ROS does not allow.
+    /// A remap rule has a name that ROS does not allow.
     #[error(transparent)]
     Name(#[from] NameError),
 }
 
 impl InputError {
-    /// Whether the command line, not the recording, is to blame.
+    /// True if the command line is wrong rather than the recording.
     pub const fn is_usage(&self) -> bool {
         !matches!(self, Self::NoImages(_))
     }
@@ -60,24 +60,25 @@ impl InputError {
 pub struct ImageTopic {
     /// Its name in the recording.
     pub name: String,
-    /// How its images are packed.
+    /// Transport of its images.
     pub transport: ImageTransport,
 }
 
-/// The absolute name of the image topic of a camera.
+/// Returns the absolute name of the image topic of a camera.
 ///
 /// # Errors
-/// A remap rule with a name that ROS does not allow.
+/// A remap rule has a name that ROS does not allow.
 pub fn image_topic_of(camera: &str, names: &NodeNames) -> Result<String, NameError> {
     names.resolve(&topics::of_camera(camera, IMAGE_TOPIC))
 }
 
-/// Chooses among the topics (name and type) of a recording: that of the named `camera`, or for the only one, whose name
-/// is empty, what a remap of `image_raw` names, else the only one that the node does not publish itself. Raw and
-/// compressed forms of one image are one; raw is taken unless `transport` says otherwise.
+/// Chooses among the topics (name and type) of a recording. A named `camera` uses its own image topic. The only camera,
+/// whose name is empty, uses the topic that a remap of `image_raw` names, or else the only image topic that the node
+/// does not publish itself. Raw and compressed forms of one image count as one topic; raw is preferred unless
+/// `transport` is set.
 ///
 /// # Errors
-/// None, several or not the named one.
+/// No topic or several topics match, or the named topic is missing.
 pub fn choose(
     topics: &[(String, String)],
     names: &NodeNames,
@@ -89,7 +90,7 @@ pub fn choose(
     let (named, hint) = if camera.is_empty() {
         (names.remapped(IMAGE_TOPIC)?, String::new())
     } else {
-        // One camera's images must not pass for another's.
+        // Images of one camera must not be used for another.
         let flag = format!(" (--ros-args -r {camera}/{IMAGE_TOPIC}:=TOPIC names another)");
         (Some(image_topic_of(camera, names)?), flag)
     };
@@ -184,16 +185,16 @@ mod tests {
     }
 
     #[test]
-    fn results_beside_their_images_are_no_second_camera() {
+    fn the_nodes_own_images_are_not_a_second_camera() {
         let topics = [("/a", RAW), ("/laser_profiler/height_map", RAW)];
         assert_eq!(chosen(&topics, "", None).unwrap(), "/a");
         let named = chosen(&topics, "/laser_profiler/height_map", None);
-        assert_eq!(named.unwrap(), "/laser_profiler/height_map", "somebody wants it so");
+        assert_eq!(named.unwrap(), "/laser_profiler/height_map", "requested by name");
         assert!(matches!(chosen(&topics[1..], "", None), Err(InputError::NoImages(_))));
     }
 
     #[test]
-    fn a_refusal_stays_short() {
+    fn an_error_lists_a_limited_number_of_topics() {
         let names: Vec<_> = (0..1000).map(|number| format!("/t{number}")).collect();
         let topics: Vec<_> = names.iter().map(|name| (name.as_str(), RAW)).collect();
         for remap in ["", "/missing"] {
@@ -204,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_named_topic_is_taken_in_the_form_that_is_there() {
+    fn a_named_topic_is_found_raw_or_compressed() {
         let topics = [("/a", RAW), ("/b/compressed", PACKED)];
         assert_eq!(chosen(&topics, "/a", None).unwrap(), "/a");
         assert_eq!(chosen(&topics, "/b", None).unwrap(), "/b/compressed");
@@ -214,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_says_what_is_there_and_what_to_do() {
+    fn an_error_lists_the_topics_and_the_remedy() {
         let error = chosen(&[("/a", RAW), ("/b/compressed", PACKED)], "", None).unwrap_err();
         assert!(error.is_usage());
         assert!(error.to_string().ends_with(
@@ -230,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_among_several_takes_its_own_topic_only() {
+    fn one_of_several_cameras_uses_only_its_own_topic() {
         let topics = [("/left/image_raw".to_owned(), RAW.to_owned()), ("/b".into(), RAW.into())];
         let names = |rules: &[_]| NodeNames::new("laser_profiler", rules).unwrap();
         let chosen = |names: &NodeNames, camera: &str| {

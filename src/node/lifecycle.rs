@@ -1,7 +1,7 @@
-//! A managed node: it is configured, activated, deactivated, cleaned up and shut down by whoever starts a system.
+//! A managed node: a lifecycle manager configures, activates, deactivates, cleans up and shuts it down.
 //!
-//! [`machine`] has the states and what leads from one to another; [`server`] lets the program and the network change
-//! them; [`Managed`] is what is done then.
+//! [`machine`] defines the states and transitions, [`server`] lets the program and the network change the state, and
+//! [`Managed`] defines the callbacks.
 
 pub mod machine;
 pub mod server;
@@ -13,10 +13,10 @@ use thiserror::Error;
 /// The reason that a callback failed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Failure {
-    /// All is as it was: the node goes back to the state before.
+    /// Nothing changed: the node returns to the previous state.
     #[error("{0}")]
     Refused(String),
-    /// Something is half done: [`Managed::recover`] is called, and the node begins anew or ends.
+    /// The action is incomplete: [`Managed::recover`] runs, and the node becomes unconfigured or ends.
     #[error("{0}")]
     Broken(String),
 }
@@ -27,41 +27,41 @@ impl From<String> for Failure {
     }
 }
 
-/// Actions of a node when its state changes. One callback runs at a time.
+/// Callbacks of a node for its state changes. One callback runs at a time.
 pub trait Managed: Send + Sync {
-    /// Takes what it needs: parameters, calibration, publishers.
+    /// Acquires resources: parameters, calibration, publishers.
     ///
     /// # Errors
     /// The action failed, with the reason.
     fn configure(&self) -> Result<(), Failure>;
 
-    /// Begins to work.
+    /// Starts working.
     ///
     /// # Errors
     /// The action failed, with the reason.
     fn activate(&self) -> Result<(), Failure>;
 
-    /// Stops working and keeps what it has.
+    /// Stops working and keeps the resources.
     ///
     /// # Errors
     /// The action failed, with the reason.
     fn deactivate(&self) -> Result<(), Failure>;
 
-    /// Gives back what it took.
+    /// Releases the resources.
     ///
     /// # Errors
     /// The action failed, with the reason.
     fn cleanup(&self) -> Result<(), Failure>;
 
-    /// Ends for good, from any state: stops working and gives back what it has.
+    /// Shuts down from any state: stops working and releases the resources.
     ///
     /// # Errors
-    /// Something was lost, with a description. The node ends all the same.
+    /// Data was lost, with a description. The node ends anyway.
     fn shutdown(&self) -> Result<(), Failure>;
 
-    /// Gives back what it has after a [`Failure::Broken`].
+    /// Releases the resources after a [`Failure::Broken`].
     ///
     /// # Errors
-    /// It cannot; the node ends.
+    /// Recovery failed; the node ends.
     fn recover(&self) -> Result<(), Failure>;
 }

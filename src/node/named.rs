@@ -1,11 +1,11 @@
-//! Threads with names, as `top -H` and profilers show them.
+//! Creates named threads; `top -H` and profilers show the names.
 
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
-/// Starts a thread whose name has at most 15 bytes, which is what Linux shows.
+/// Starts a thread. Its name has at most 15 bytes, the maximum that Linux shows.
 ///
 /// # Panics
-/// The system starts no more threads, as [`Scope::spawn`] does.
+/// The system cannot start a thread, as with [`Scope::spawn`].
 pub(super) fn spawn<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     name: &str,

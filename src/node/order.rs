@@ -1,44 +1,46 @@
-//! A frame's place in its stream: what is missing before it, and whether it may be used at all.
+//! Determines a frame's place in its stream, the frames missing before it, and whether its stamp is valid.
 
 /// Source of a frame's number, as in `FrameTrace.frame_number_source`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberSource {
     /// The sequence number of the publication.
     Transport,
-    /// Counted here.
+    /// Counted by this node.
     Host,
 }
 
 /// A frame's place in the order of arrival.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Number of the frame, lost ones counted.
+    /// Number of the frame, including lost frames.
     pub frame_number: u64,
     /// Source of that number.
     pub source: NumberSource,
-    /// Frames missing directly before this one; `None` when that cannot be known.
+    /// Frames missing directly before this one; `None` if unknown.
     pub missing: Option<u32>,
 }
 
-/// Numbers frames by the writer's sequence where it counts. Many writers leave it constant: then gaps are unknown.
+/// Numbers frames by the publisher's sequence number if it advances. Many publishers leave it constant; then gaps are
+/// unknown.
 #[derive(Debug, Default)]
 pub struct Sequence {
     last: Option<u32>,
     num_taken: u64,
-    /// Frames that arrived after the last one and were dropped unseen.
+    /// Frames that arrived after the last one and were dropped before they were read.
     num_dropped: u32,
 }
 
-/// A larger step is a restart or damage, not a loss: an hour and more of frames.
+/// A larger step means a restart or damage, not a loss: it exceeds an hour of frames.
 const MAX_GAP: u32 = 100_000;
 
 impl Sequence {
-    /// Leaves places for frames that arrived, but were dropped before anybody saw their numbers: they are not missing.
+    /// Reserves numbers for frames that arrived but were dropped before their sequence numbers were read. They do not
+    /// count as missing.
     pub fn skip(&mut self, num_dropped: u32) {
         self.num_dropped = self.num_dropped.saturating_add(num_dropped);
     }
 
-    /// Takes the sequence number of the next message.
+    /// Returns the place of the next message from its sequence number.
     pub fn take(&mut self, sequence: u32) -> Place {
         let step = self.step(sequence);
         let num_dropped = std::mem::take(&mut self.num_dropped);
@@ -53,8 +55,8 @@ impl Sequence {
         }
     }
 
-    /// Takes the sequence number of a frame that came twice or late: it takes no place of its own unless the writer
-    /// counted on. Returns the frames missing before it.
+    /// Processes the sequence number of a repeated or late frame. The frame gets a number only if the publisher's
+    /// counter advanced. Returns the frames missing before it.
     pub fn take_repeated(&mut self, sequence: u32) -> u32 {
         match self.step(sequence) {
             Some(_) => self.take(sequence).missing.unwrap_or(0),
@@ -62,12 +64,12 @@ impl Sequence {
         }
     }
 
-    /// Another writer follows: the next gap is unknown.
+    /// Notes that the publisher changes: the next gap is unknown.
     pub fn restart(&mut self) {
         self.last = None;
     }
 
-    /// Step of the publisher's counter; `None` if it did not advance, or not plausibly.
+    /// Returns the step of the publisher's counter; `None` if it did not advance or the step is implausible.
     fn step(&self, sequence: u32) -> Option<u32> {
         let step = sequence.wrapping_sub(self.last?);
         (1..=MAX_GAP + 1).contains(&step).then_some(step)
@@ -77,38 +79,38 @@ impl Sequence {
 /// The reason to reject a frame's stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StampFault {
-    /// The stamp of the frame before it.
+    /// Equal to the previous stamp.
     Duplicate,
-    /// Before the last stamp.
+    /// Earlier than the previous stamp.
     OutOfOrder,
 }
 
-/// The relation of a stamp to the stream before it.
+/// Relation of a stamp to the preceding stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StampStep {
-    /// As it should.
+    /// The stamp ascends.
     Forward,
-    /// The clock was set back: positions before and after do not belong together.
+    /// The clock was set back: positions before and after are not comparable.
     ClockSetBack,
 }
 
-/// Frames in order among themselves, but before the last stamp, after which the clock counts as set back. Fewer are
-/// stragglers; without such a limit one false stamp far in the future would refuse the rest of the stream.
+/// Number of consecutive ascending frames before the last stamp after which the clock counts as set back. Fewer are
+/// late frames. Without this limit, one false stamp far in the future would reject the rest of the stream.
 const STRAGGLERS: u32 = 3;
 
-/// Checks that stamps ascend. Stamps of zero are those of a driver without a clock: taken as they are.
+/// Checks that stamps ascend. Accepts stamps of zero, which drivers without a clock send.
 #[derive(Debug, Default)]
 pub struct StampOrder {
     last_ns: Option<i64>,
-    /// The last refused stamp, and how many ascended up to it.
+    /// The last rejected stamp, and the number of ascending stamps up to it.
     behind: Option<(i64, u32)>,
 }
 
 impl StampOrder {
-    /// Takes the stamp of the next frame.
+    /// Checks the stamp of the next frame.
     ///
     /// # Errors
-    /// The stamp repeats the last one, or lies before it.
+    /// The stamp equals the last one or is earlier.
     pub fn take(&mut self, stamp_ns: i64) -> Result<StampStep, StampFault> {
         if stamp_ns == 0 {
             return Ok(StampStep::Forward);
@@ -163,7 +165,7 @@ mod tests {
         assert_eq!(places(&[0, 0, 0]), [(0, None), (1, None), (2, None)]);
         assert_eq!(places(&[5, 6, 1, 2]), [(0, None), (1, Some(0)), (2, None), (3, Some(0))]);
         let far = places(&[1, 2, 3_000_000_000, 3_000_000_001]);
-        assert_eq!(far, [(0, None), (1, Some(0)), (2, None), (3, Some(0))], "damage is no loss");
+        assert_eq!(far, [(0, None), (1, Some(0)), (2, None), (3, Some(0))], "damage is not a loss");
         let mut sequence = Sequence::default();
         sequence.take(0);
         assert_eq!(sequence.take(0).source, NumberSource::Host);
@@ -171,13 +173,13 @@ mod tests {
     }
 
     #[test]
-    fn a_late_frame_was_missed_once_only() {
+    fn a_late_frame_is_counted_missing_once() {
         let mut sequence = Sequence::default();
         assert_eq!([1, 2, 4].map(|s| sequence.take(s).missing), [None, Some(0), Some(1)]);
         assert_eq!(sequence.take_repeated(3), 0);
         assert_eq!(sequence.take_repeated(4), 0);
         assert_eq!(sequence.take(5).frame_number, 4);
-        assert_eq!(sequence.take_repeated(8), 2, "it came again, but under a number of its own");
+        assert_eq!(sequence.take_repeated(8), 2, "repeated, but with its own sequence number");
         sequence.restart();
         assert_eq!(sequence.take(20).missing, None);
     }
@@ -196,7 +198,7 @@ mod tests {
             assert_eq!(take(14, 3), (4, known(0)));
             assert_eq!(take(15, 0), (5, known(0)));
             let lost = u64::from(counts);
-            assert_eq!(take(18, 1), (7 + lost, known(1)), "one dropped; one lost if that shows");
+            assert_eq!(take(18, 1), (7 + lost, known(1)), "one dropped; one lost if detectable");
         }
     }
 
@@ -222,8 +224,12 @@ mod tests {
     }
 
     #[test]
-    fn a_false_stamp_far_ahead_costs_three_frames_not_the_stream() {
+    fn a_false_stamp_far_ahead_rejects_only_three_frames() {
         assert_eq!(judged(&[1, 2, 1_000_000, 3, 4, 5, 6, 7]), "+++---<+");
-        assert_eq!(judged(&[90, 80, 70, 60, 50, 40]), "+-----", "descending stamps are no clock");
+        assert_eq!(
+            judged(&[90, 80, 70, 60, 50, 40]),
+            "+-----",
+            "descending stamps are not a clock"
+        );
     }
 }

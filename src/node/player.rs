@@ -1,4 +1,4 @@
-//! Recordings as a source: one after another, as fast as they are taken or at a rate.
+//! Plays recordings as a source, one after another, at full speed or at a given rate.
 
 use std::{collections::VecDeque, time::Instant};
 
@@ -9,21 +9,21 @@ use super::{
     stop::Stop,
 };
 
-/// Plays one topic of some recordings.
+/// A player of recordings.
 pub struct BagPlayer {
-    /// The first one is being played.
+    /// Remaining recordings; the first one is being played.
     recordings: VecDeque<Messages>,
-    /// Times the speed of the recording; `None`: as fast as messages are taken.
+    /// Pacer and rate relative to the recorded speed; `None`: as fast as messages are consumed.
     pacer: Option<(Pacer, f64)>,
     clock: Instant,
     stop: Stop,
 }
 
 impl BagPlayer {
-    /// A player of these recordings, in order. `stop` cuts its waiting short.
+    /// Creates a player of these recordings, in order. `stop` interrupts its waits.
     ///
     /// # Errors
-    /// A rate that is not a positive number.
+    /// The rate is not a positive number.
     pub fn new(
         recordings: impl IntoIterator<Item = Messages>,
         rate: Option<f64>,
@@ -59,7 +59,7 @@ impl Source for BagPlayer {
                 None => {
                     self.recordings.pop_front();
                     if let Some((pacer, rate)) = &mut self.pacer {
-                        // The rate was accepted before.
+                        // The same rate was accepted by `new`.
                         *pacer = Pacer::new(*rate).ok()?;
                     }
                     if !self.recordings.is_empty() {

@@ -37,23 +37,23 @@ pub enum PublishError {
 pub struct Publisher<'a> {
     fan_out: &'a FanOut<'a>,
     buffer: Vec<u8>,
-    /// Messages sent by topic.
+    /// Number of messages sent on each topic.
     sequences: Vec<u32>,
     num_bytes: u64,
     encoding: Duration,
 }
 
 impl<'a> Publisher<'a> {
-    /// A publisher of `num_topics` topics, plus the input's.
+    /// Creates a publisher of `num_topics` result topics and the input topics.
     pub fn new(fan_out: &'a FanOut<'a>, num_topics: usize) -> Self {
         let sequences = vec![0; num_topics];
         Self { fan_out, buffer: Vec::new(), sequences, num_bytes: 0, encoding: Duration::ZERO }
     }
 
-    /// Encodes a result and sends it; its times are those of its input.
+    /// Encodes and sends a result, with the times of its input.
     ///
     /// # Errors
-    /// A sink has failed, or the message is too long for CDR.
+    /// A sink has failed, or the message cannot be encoded.
     pub fn publish<M: Message>(
         &mut self,
         output: Output,
@@ -88,7 +88,7 @@ impl<'a> Publisher<'a> {
         self.num_bytes
     }
 
-    /// Messages that did not reach the sinks of that purpose so far, one a sink.
+    /// Messages that have not reached the sinks of that purpose, counted once per sink.
     pub fn num_dropped(&self, purpose: Purpose) -> u64 {
         self.fan_out.num_dropped(purpose)
     }

@@ -1,4 +1,4 @@
-//! The one queue between threads: bounded in items and in bytes, with one answer to "full".
+//! The queue between threads, bounded in items and bytes, with a fixed behaviour when it is full.
 
 use std::{
     collections::VecDeque,
@@ -9,9 +9,9 @@ use std::{
 /// Behaviour of a full queue when an item is pushed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
-    /// It takes the place of the oldest ones, which are lost and counted: for live input.
+    /// Drops and counts the oldest items: for live input.
     DropOldest,
-    /// Its sender waits for room: for replay.
+    /// Makes the sender wait for room: for replay.
     Wait,
 }
 
@@ -27,14 +27,14 @@ pub struct Bound {
 /// Maximum number of urgent items; a push beyond that returns an error.
 const MAX_URGENT: usize = 64;
 
-/// The queue was closed, or is full of urgent items; the item comes back.
+/// The queue is closed or full of urgent items; returns the item.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Closed<T>(pub T);
 
 /// Result of a pop.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Popped<T> {
-    /// The next item, and how many were lost before it.
+    /// The next item, and the number of items dropped before it.
     Item(T, u32),
     /// The deadline passed.
     TimedOut,
@@ -43,13 +43,14 @@ pub enum Popped<T> {
 }
 
 struct State<T> {
-    /// Taken before all others, never dropped.
+    /// Popped before all others, never dropped.
     urgent: VecDeque<T>,
     items: VecDeque<(T, usize)>,
     bytes: usize,
-    /// Items lost since the last one was taken.
+    /// Items dropped since the last pop.
     num_dropped: u32,
-    /// Threads that wait for an item, and for room: to wake nobody costs a call of the operating system, too.
+    /// Threads that wait for an item, and for room. Counted because a notification costs a system call even if no
+    /// thread waits.
     num_takers: usize,
     num_senders: usize,
     is_closed: bool,
@@ -65,7 +66,7 @@ pub struct Queue<T> {
 }
 
 impl<T> Queue<T> {
-    /// An open, empty queue.
+    /// Creates an open, empty queue.
     pub fn new(bound: Bound, when_full: WhenFull) -> Self {
         let bound = Bound { items: bound.items.max(1), ..bound };
         let items = VecDeque::with_capacity(bound.items);
@@ -88,10 +89,10 @@ impl<T> Queue<T> {
         }
     }
 
-    /// Appends an item of `bytes` bytes; returns how many older items were lost for it.
+    /// Appends an item of `bytes` bytes. Returns the number of older items dropped for it.
     ///
     /// # Errors
-    /// The queue is closed, perhaps while waiting for room.
+    /// The queue is closed or was closed while waiting for room.
     pub fn push(&self, item: T, bytes: usize) -> Result<usize, Closed<T>> {
         let mut state = self.lock();
         let mut num_dropped = 0;
@@ -114,21 +115,21 @@ impl<T> Queue<T> {
         }
         state.items.push_back((item, bytes));
         state.bytes += bytes;
-        self.tell_taker(state);
+        self.notify_receiver(state);
         Ok(num_dropped)
     }
 
-    /// Puts an item before all others. It is never dropped.
+    /// Inserts an item before all normal items. It is never dropped.
     ///
     /// # Errors
-    /// The queue is closed, or too many urgent items wait already.
+    /// The queue is closed or full of urgent items.
     pub fn push_urgent(&self, item: T) -> Result<(), Closed<T>> {
         let mut state = self.lock();
         if state.is_closed || state.urgent.len() == MAX_URGENT {
             return Err(Closed(item));
         }
         state.urgent.push_back(item);
-        self.tell_taker(state);
+        self.notify_receiver(state);
         Ok(())
     }
 
@@ -140,8 +141,7 @@ impl<T> Queue<T> {
         }
     }
 
-    /// Waits for the next item, but no longer than to `deadline`. With the item comes the number of those that were
-    /// lost between the one taken before and this one.
+    /// Waits for the next item until `deadline`. Returns it with the number of items dropped since the previous pop.
     pub fn pop_counted(&self, deadline: Option<Instant>) -> Popped<T> {
         let mut state = self.lock();
         loop {
@@ -176,7 +176,7 @@ impl<T> Queue<T> {
         }
     }
 
-    fn tell_taker(&self, state: MutexGuard<'_, State<T>>) {
+    fn notify_receiver(&self, state: MutexGuard<'_, State<T>>) {
         let is_awaited = state.num_takers > 0;
         drop(state);
         if is_awaited {
@@ -184,14 +184,14 @@ impl<T> Queue<T> {
         }
     }
 
-    /// Refuses further items; those inside can still be taken.
+    /// Closes the queue for further items; queued items can still be popped.
     pub fn close(&self) {
         self.lock().is_closed = true;
         self.has_item.notify_all();
         self.has_room.notify_all();
     }
 
-    /// Items inside, urgent ones apart.
+    /// Number of queued items, without the urgent ones.
     pub fn len(&self) -> usize {
         self.lock().items.len()
     }
@@ -206,7 +206,7 @@ impl<T> Queue<T> {
         self.bound
     }
 
-    /// Every change under the lock is complete in itself, so the state of a panicked holder is sound.
+    /// Locks the state. Every change under the lock is atomic, so the state is valid even after a panic.
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn an_item_tells_how_many_were_lost_before_it() {
+    fn an_item_carries_the_number_dropped_before_it() {
         let queue = queue(2, 100, WhenFull::DropOldest);
         let push = |items: std::ops::Range<u32>| {
             for item in items {
@@ -288,7 +288,7 @@ mod tests {
 
     /// Producers and consumers that would overrun any bound if it did not hold.
     #[test]
-    fn waiting_loses_nothing_and_keeps_the_bound() {
+    fn waiting_drops_nothing_and_keeps_the_bound() {
         let queue = queue(4, 50, WhenFull::Wait);
         let senders: Vec<_> = (0..3)
             .map(|sender| {
@@ -336,7 +336,7 @@ mod tests {
         empty.close();
         assert_eq!(sender.join().unwrap(), Err(Closed(2)));
         assert_eq!(receiver.join().unwrap(), None);
-        assert_eq!((full.pop(), full.pop()), (Some(1), None), "what is inside is still given out");
+        assert_eq!((full.pop(), full.pop()), (Some(1), None), "queued items are still returned");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The results' bag as a sink: it explains itself by the parameters, the calibration and the program's version in it.
+//! The results bag as a sink. It contains the parameters, the calibration and the program version.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -8,27 +8,27 @@ use crate::bag::{
 
 use super::sink::{Outgoing, Sink, SinkError};
 
-/// After so much of the recording's time all of it is readable, whatever happens to this process. Not the wall clock's
-/// time: where chunks end must not depend on the speed of the machine.
+/// Flush period in recording time, nanoseconds: older data stays readable even if this process is killed. Wall-clock
+/// time would make chunk boundaries depend on the speed of the machine.
 const FLUSH_PERIOD_NS: u64 = 1_000_000_000;
 
-/// What makes a recording explain itself.
+/// Metadata that documents a recording.
 #[derive(Clone, Debug, Default)]
 pub struct Description {
-    /// The effective parameters, canonical YAML.
+    /// The effective parameters as canonical YAML.
     pub parameters: String,
-    /// SHA-256 of those of them that decide the results, as in `Centerline.method`.
+    /// SHA-256 of the parameters that affect the results, as in `Centerline.method`.
     pub parameters_sha256: String,
-    /// Names of the input recordings, without their directories: equal input gives equal bytes anywhere.
+    /// Names of the input recordings without their directories, so that equal input gives equal bytes on any machine.
     pub inputs: Vec<String>,
     /// Input topic.
     pub input_topic: String,
-    /// Text of the calibration, when there is one.
+    /// Text of the calibration, if there is one.
     pub calibration: Option<String>,
 }
 
 impl Description {
-    /// The metadata record of it, which every bag has.
+    /// Returns the metadata record that every bag contains.
     pub(super) fn record(&self) -> MetadataRecord {
         let entries = [
             ("version", env!("CARGO_PKG_VERSION")),
@@ -41,7 +41,7 @@ impl Description {
         MetadataRecord { name: "laser_profiler".to_owned(), entries: BTreeMap::from(entries) }
     }
 
-    /// The calibration as the file that lies in the bag.
+    /// Returns the calibration as an attachment of the bag.
     pub(super) fn calibration_file(&self, log_time_ns: i64) -> Option<Attachment> {
         let text = self.calibration.as_ref()?;
         Some(Attachment {
@@ -58,16 +58,16 @@ impl Description {
 pub struct ResultsBag {
     recorder: Option<Recorder>,
     ids: Vec<TopicId>,
-    /// Its calibration is taken when it has been stored.
+    /// The calibration is removed once it is stored.
     description: Description,
     last_flush_ns: Option<i64>,
 }
 
 impl ResultsBag {
-    /// Creates the bag, makes the topics known and writes the description.
+    /// Creates the bag, registers the topics and writes the description.
     ///
     /// # Errors
-    /// An output that is there already, or cannot be written.
+    /// The output exists already or cannot be written.
     pub fn create(
         directory: &Path,
         options: &RecordOptions,
@@ -77,7 +77,7 @@ impl ResultsBag {
         let mut recorder = Recorder::create(directory, options)?;
         let ids = topics.iter().map(|topic| recorder.add_topic(topic)).collect::<Result<_, _>>()?;
         recorder.metadata(&description.record())?;
-        // What a run was is known even when it ends in its first second.
+        // The description is readable even if the run ends within its first second.
         recorder.flush()?;
         Ok(Self { recorder: Some(recorder), ids, description, last_flush_ns: None })
     }
@@ -111,12 +111,12 @@ impl From<&Outgoing> for Times {
     }
 }
 
-/// The recorder's errors name the file themselves.
+/// Wraps an error of the recorder, which names the file itself.
 fn sink_error(error: RecordError) -> SinkError {
     SinkError { sink: "recording".to_owned(), source: Box::new(error) }
 }
 
-/// Stores the calibration, once, at the time of the first message.
+/// Stores the calibration once, with the time of the first message.
 fn attach(
     recorder: &mut Recorder,
     description: &mut Description,
@@ -164,11 +164,15 @@ mod tests {
     }
 
     #[test]
-    fn after_a_second_everything_can_be_read_though_nothing_is_finished() {
+    fn an_unfinished_recording_is_readable_up_to_the_last_flush() {
         let place = tempfile::tempdir().unwrap();
         let directory = place.path().join("results");
         let mut bag = create(&directory);
-        assert_eq!(open(&directory).metadata().flatten().count(), 1, "what explains it, at once");
+        assert_eq!(
+            open(&directory).metadata().flatten().count(),
+            1,
+            "the description, immediately"
+        );
         let mut write_at = |log_time_ns| {
             let data = [7; 8].into();
             let publish_time_ns = log_time_ns;
@@ -177,7 +181,7 @@ mod tests {
             open(&directory).messages(&Filter::all()).flatten().count()
         };
         assert_eq!([0, 500_000_000, 1_000_000_000, 1_500_000_000].map(&mut write_at), [1, 1, 3, 3]);
-        assert_eq!(write_at(0), 5, "time that steps back by a second, too");
+        assert_eq!(write_at(0), 5, "also if time steps back by a second");
     }
 
     #[test]

@@ -25,18 +25,18 @@ use super::{
     topics::Output,
 };
 
-/// A measured frame and where it came from.
+/// A measured frame with its origin.
 pub(super) struct Measured<'a> {
     pub(super) header: &'a Header<'a>,
     pub(super) image: Image<'a>,
     pub(super) place: Place,
     pub(super) index: FrameIndex,
     pub(super) output: Measurement<'a>,
-    /// Log time of the input, and so of the results, nanoseconds since the epoch.
+    /// Log time of the input and of its results, nanoseconds since the epoch.
     pub(super) time_ns: i64,
 }
 
-/// Values that every result repeats, and buffers.
+/// Values repeated in every result, and buffers.
 pub struct Results {
     roi: RegionOfInterest,
     stripe_direction: StripeDirection,
@@ -53,7 +53,7 @@ pub struct Results {
 }
 
 impl Results {
-    /// Results of a measurement with these values; `parameters_sha256` is the hash of the camera's parameters.
+    /// Creates a converter for these values; `parameters_sha256` is the hash of the camera's parameters.
     pub fn new(
         params: &Params,
         calibration: Option<&Calibration>,
@@ -75,7 +75,7 @@ impl Results {
         results
     }
 
-    /// Sets the values with which results are measured from now on.
+    /// Replaces the values for subsequent results.
     pub fn reconfigure(&mut self, params: &Params, parameters_sha256: &str) {
         let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
         self.roi = params.roi;
@@ -84,18 +84,18 @@ impl Results {
         self.motion_source = params.motion.source;
     }
 
-    /// The same with slices and height maps in that frame.
+    /// Sets the frame of slices and height maps.
     #[must_use]
     pub fn with_part_frame(self, part_frame: String) -> Self {
         Self { part_frame, ..self }
     }
 
-    /// Names the part that slices show from now on.
+    /// Sets the part identity of subsequent slices.
     pub fn set_part_id(&mut self, part_id: String) {
         self.part_id = part_id;
     }
 
-    /// Publishes what one frame gave; first what it completed, which is older.
+    /// Publishes the results of one frame, after the older slice that it completed.
     pub(super) fn publish_frame(
         &mut self,
         measured: &Measured<'_>,

@@ -1,4 +1,4 @@
-//! Source → queue → worker → sinks: a run from the first frame to the last.
+//! Runs source → queue → worker → sinks from the first frame to the last.
 
 use std::{
     panic,
@@ -24,20 +24,20 @@ use super::{
     worker::Worker,
 };
 
-/// Frames that wait for the worker of a live camera: enough to keep it busy, few enough to fit into memory. The bytes
-/// hold the largest frames that it takes.
+/// Bound of the queue of a live camera: enough frames to keep the worker busy, few enough to fit into memory. The bytes
+/// allow the largest frames.
 pub const INPUT_BOUND: Bound = Bound { items: 4, bytes: 256 << 20 };
-/// Frames that wait for a worker in a replay. Its bytes are few: what waits should still be in the processor's cache when
-/// it is taken, and the memory of frames that were taken before the next are read.
+/// Bound of a worker's queue in a replay. The bytes are few, so that queued frames and reused buffers stay in the
+/// processor's cache.
 pub const REPLAY_BOUND: Bound = Bound { items: 8, bytes: 12 << 20 };
 
-/// Why a run ended before its input.
+/// The reason that a run ended early.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// A sink has failed: the disk is full, say. What it took before is kept.
+    /// A sink has failed, for example because the disk is full. Messages written before are kept.
     #[error(transparent)]
     Sink(#[from] SinkError),
-    /// A result that has no bytes.
+    /// A result cannot be encoded.
     #[error(transparent)]
     Encode(#[from] CdrError),
     /// The worker found a sink closed that reports no error: a programming error.
@@ -45,38 +45,38 @@ pub enum RunError {
     SinkClosed,
 }
 
-/// What is done with the images of one camera.
+/// The processing of one camera's images.
 pub struct Chain {
-    /// The topic of its images.
+    /// Topic of its images.
     pub topic: String,
-    /// Who measures.
+    /// The worker that measures them.
     pub worker: Worker,
-    /// Where results go.
+    /// Sinks of the results.
     pub outlets: Vec<Outlet>,
     /// Number of published topics.
     pub num_topics: usize,
 }
 
-/// What goes through the node, and how long.
+/// Source, cameras and end of a run.
 pub struct Run<'a> {
-    /// Where images come from.
+    /// Source of the images.
     pub source: &'a mut dyn Source,
-    /// One for each camera.
+    /// The cameras.
     pub chains: Vec<Chain>,
-    /// The wish to end early.
+    /// Flag that ends the run early.
     pub stop: &'a Stop,
-    /// Hears how many messages were read, for a progress bar.
+    /// Called with the number of messages read, for a progress bar.
     pub on_message: &'a mut dyn FnMut(u64),
 }
 
 impl Run<'_> {
-    /// Replays: takes every message, waits wherever a queue is full, returns when all is written.
+    /// Runs a replay: processes every message, waits if a queue is full, and returns when all results are written.
     ///
-    /// No camera knows of the others: each has its own worker and its own sinks, which see the same however many there
-    /// are.
+    /// Cameras are independent: each has its own worker and sinks, whose results do not depend on the number of
+    /// cameras.
     ///
     /// # Errors
-    /// A sink has failed; everything before is written.
+    /// A sink has failed; all earlier results are written.
     pub fn replay(self) -> Result<Summary, RunError> {
         let started = Instant::now();
         let Run { source, chains, stop, on_message } = self;
@@ -122,10 +122,10 @@ impl Chain {
     }
 }
 
-/// The life of a worker's thread: measures until the input is closed, and sees every sink to its end.
+/// Body of a worker's thread: measures until the input is closed, then finishes every sink.
 ///
 /// # Errors
-/// An essential sink has failed; everything before is written.
+/// An essential sink has failed; all earlier results are written.
 pub fn work(
     worker: Worker,
     input: &Queue<Input>,

@@ -1,4 +1,4 @@
-//! Where results go: the seam at which a recorder, DDS, Zenoh or a viewer is plugged in.
+//! The interface for consumers of results: recorder, DDS, Zenoh, viewers.
 
 use std::sync::Arc;
 
@@ -6,26 +6,26 @@ use thiserror::Error;
 
 use super::queue::{Bound, WhenFull};
 
-/// One encoded message on its way out. All sinks share the bytes.
+/// One encoded message. All sinks share the bytes.
 #[derive(Clone, Debug)]
 pub struct Outgoing {
     /// Index into the list of published topics.
     pub topic: usize,
-    /// When the input of this result was received, nanoseconds since the epoch.
+    /// Time of reception of this result's input, nanoseconds since the epoch.
     pub log_time_ns: i64,
-    /// When it was sent, nanoseconds since the epoch.
+    /// Time of publication, nanoseconds since the epoch.
     pub publish_time_ns: i64,
-    /// Counter of this topic, from 1; of an input message its own.
+    /// Sequence number on this topic, from 1; for an input message, its own.
     pub sequence: u32,
     /// CDR bytes with their header.
     pub data: Arc<[u8]>,
 }
 
-/// A sink that can take no more.
+/// A sink that accepts no more messages.
 #[derive(Debug, Error)]
 #[error("{sink}: {source}")]
 pub struct SinkError {
-    /// Which sink.
+    /// Name of the sink.
     pub sink: String,
     /// The reason.
     #[source]
@@ -34,20 +34,20 @@ pub struct SinkError {
 
 /// A consumer of results.
 pub trait Sink: Send {
-    /// Takes one message.
+    /// Writes one message.
     ///
     /// # Errors
-    /// Nothing more can be taken.
+    /// The sink accepts no more messages.
     fn write(&mut self, message: &Outgoing) -> Result<(), SinkError>;
 
-    /// Ends; called once, even after an error, so that what was taken is kept.
+    /// Finishes the sink, so that written messages are kept. Called once, even after an error.
     ///
     /// # Errors
     /// The messages written so far may be incomplete.
     fn finish(&mut self) -> Result<(), SinkError>;
 }
 
-/// Which messages a sink gets.
+/// The kinds of messages that a sink receives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Takes {
     /// Results.
@@ -61,9 +61,9 @@ pub enum Takes {
 /// The purpose of a sink; dropped messages are counted by purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// To reach others now.
+    /// To publish messages.
     Publish,
-    /// To be kept.
+    /// To record messages.
     Record,
 }
 
@@ -71,27 +71,27 @@ pub enum Purpose {
 pub struct Outlet {
     /// The consumer.
     pub sink: Box<dyn Sink>,
-    /// Which messages it gets.
+    /// The kinds of messages that it receives.
     pub takes: Takes,
     /// Its purpose.
     pub purpose: Purpose,
     /// Its way of delivery.
     pub way: Way,
-    /// True if the run ends with it. Otherwise its end is logged, and the other sinks continue.
+    /// True if its failure ends the run. Otherwise the failure is logged, and the other sinks continue.
     pub is_essential: bool,
 }
 
 /// Delivery of messages to a sink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// The sender calls it: for a sink that never waits.
+    /// A direct call by the sender, for a sink that never blocks.
     Direct,
-    /// Through a queue, to a thread of its own.
+    /// Through a queue to the sink's own thread.
     Queued(Bound, WhenFull),
 }
 
 impl Outlet {
-    /// The sink of a replay, which waits for it and ends with it.
+    /// Creates the sink of a replay, which waits for it and fails with it.
     pub fn replay(sink: Box<dyn Sink>) -> Self {
         Self {
             sink,

@@ -1,4 +1,4 @@
-//! Sources of images: the interface for recordings, DDS and Zenoh.
+//! The interface for sources of images: recordings, DDS and Zenoh.
 
 use crate::bag::RawMessage;
 
@@ -13,7 +13,7 @@ pub struct PublisherId(pub u32);
 pub enum Input {
     /// The next image message.
     Message(RawMessage, PublisherId),
-    /// The next image message, whose picture is being unpacked by another thread.
+    /// The next image message, which another thread is decompressing.
     Ahead(Ahead),
     /// The next message about the axis.
     Position(RawMessage),
@@ -23,7 +23,7 @@ pub enum Input {
     Fault(String),
     /// Another recording begins: stamps and counters may start again.
     NewRecording,
-    /// A part of the input is unreadable; reading continues behind it.
+    /// A part of the input is unreadable; reading continues after it.
     Damage(String),
     /// A command to the worker.
     Command(Command),

@@ -1,4 +1,4 @@
-//! `/tf_static`: where each camera's laser plane is in the camera's frame, sent once and again when it changes.
+//! Publishes on `/tf_static` the pose of each laser plane in its camera's frame, once and after every change.
 
 use nalgebra::Isometry3;
 use thiserror::Error;
@@ -13,21 +13,21 @@ use crate::{
 
 use super::endpoints::{self, SendError};
 
-/// A frame that cannot be placed.
+/// The reason that a frame cannot be placed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum StaticFrameError {
-    /// The images have no frame.
+    /// The images have no `frame_id`.
     #[error("images have no frame_id: the laser plane {child:?} cannot be placed in it")]
     Empty {
         /// The laser plane's frame.
         child: String,
     },
-    /// A frame would be placed in itself.
+    /// Parent and child frame are the same.
     #[error(
         "images and laser plane both have frame {0:?}: give the calibration a frame_id of its own"
     )]
     Same(String),
-    /// A frame would have two places.
+    /// The frame would have two parents.
     #[error(
         "the laser planes of two cameras both have frame {0:?}: give each calibration a frame_id of its own"
     )]
@@ -42,21 +42,21 @@ struct Place {
     camera_from_laser: Isometry3<f64>,
 }
 
-/// The publisher of `/tf_static`, for all cameras of the node: a late subscriber gets the last message only, so that
-/// each holds every transform.
+/// The publisher of `/tf_static` for all cameras of the node. Every message contains all transforms, because a late
+/// subscriber receives only the last message.
 pub struct StaticTf {
     publication: Box<dyn Publication>,
-    /// By camera.
+    /// Pose of each camera's laser plane.
     places: Vec<Option<Place>>,
     refused: Vec<Option<StaticFrameError>>,
     num_refused: u64,
 }
 
 impl StaticTf {
-    /// A publisher for `num_cameras` cameras.
+    /// Creates a publisher for `num_cameras` cameras.
     ///
     /// # Errors
-    /// The middleware refuses it.
+    /// The middleware rejects the topic.
     pub fn start(
         transport: &dyn Transport,
         names: &NodeNames,
@@ -69,22 +69,23 @@ impl StaticTf {
         Ok(Self { publication, places, refused, num_refused: 0 })
     }
 
-    /// Places the laser plane of a camera, for every image: sends where something has changed. What cannot be placed is
-    /// counted, and told once. Frames are the camera's and the laser plane's.
+    /// Places the laser plane of a camera; called for every image. `frames` are the camera's and the laser plane's.
+    /// Publishes if something changed. Counts planes that cannot be placed, and logs each reason once.
     ///
     /// # Panics
-    /// There are not so many cameras.
+    /// `camera` is not below the number of cameras.
     ///
     /// # Errors
-    /// The middleware refuses the message; the next image tries again.
+    /// The middleware rejects the message; the next image tries again.
     pub fn place(
         &mut self,
         camera: usize,
-        (camera_frame, laser_frame): (&str, &str),
+        frames: (&str, &str),
         camera_from_laser: &Isometry3<f64>,
         now_ns: i64,
     ) -> Result<(), SendError> {
-        if self.stands(camera, camera_frame, laser_frame, camera_from_laser) {
+        let (camera_frame, laser_frame) = frames;
+        if self.is_placed(camera, camera_frame, laser_frame, camera_from_laser) {
             return Ok(());
         }
         if let Err(error) = self.check(camera, camera_frame, laser_frame) {
@@ -104,12 +105,12 @@ impl StaticTf {
         sent
     }
 
-    /// Images whose laser plane could not be placed.
+    /// Returns the number of images whose laser plane could not be placed.
     pub fn num_refused(&self) -> u64 {
         self.num_refused
     }
 
-    fn stands(&self, camera: usize, parent: &str, child: &str, pose: &Isometry3<f64>) -> bool {
+    fn is_placed(&self, camera: usize, parent: &str, child: &str, pose: &Isometry3<f64>) -> bool {
         self.places[camera].as_ref().is_some_and(|place| {
             place.camera_frame == parent
                 && place.laser_frame == child
@@ -118,7 +119,7 @@ impl StaticTf {
     }
 
     fn check(&self, camera: usize, parent: &str, child: &str) -> Result<(), StaticFrameError> {
-        // Old drivers write a slash before the name.
+        // Old drivers prefix the name with a slash.
         let parent = parent.trim_start_matches('/');
         if parent.is_empty() {
             return Err(StaticFrameError::Empty { child: child.to_owned() });
@@ -135,10 +136,10 @@ impl StaticTf {
 
     fn refuse(&mut self, camera: usize, error: StaticFrameError) {
         self.num_refused += 1;
-        let told = &mut self.refused[camera];
-        if told.as_ref() != Some(&error) {
+        let last = &mut self.refused[camera];
+        if last.as_ref() != Some(&error) {
             tracing::warn!("/tf_static: {error}");
-            *told = Some(error);
+            *last = Some(error);
         }
     }
 
@@ -185,9 +186,9 @@ mod tests {
 
         /// Messages as a subscriber receives them: `parent>child z`, joined by commas.
         fn listen(&self) -> (Arc<Mutex<Vec<String>>>, Box<dyn Subscription>) {
-            let heard = Arc::new(Mutex::new(Vec::new()));
-            let kept = Arc::clone(&heard);
-            let hear = Box::new(move |arrival: Result<Arrival, Fault>| {
+            let received = Arc::new(Mutex::new(Vec::new()));
+            let kept = Arc::clone(&received);
+            let on_arrival = Box::new(move |arrival: Result<Arrival, Fault>| {
                 let bytes = arrival.unwrap().data;
                 let message: TFMessage<'_> = cdr::decode(&bytes).unwrap();
                 let line: Vec<_> = message
@@ -202,8 +203,8 @@ mod tests {
             });
             let (topic, qos) = ((&self.names, "/tf_static"), QosProfile::latched(1));
             let subscription =
-                endpoints::subscribe::<TFMessage<'_>>(&self.network, topic, qos, 1000, hear);
-            (heard, subscription.unwrap())
+                endpoints::subscribe::<TFMessage<'_>>(&self.network, topic, qos, 1000, on_arrival);
+            (received, subscription.unwrap())
         }
 
         fn place(&mut self, camera: usize, frames: (&str, &str), z_m: f64) {
@@ -212,44 +213,44 @@ mod tests {
         }
     }
 
-    fn take(heard: &Mutex<Vec<String>>) -> Vec<String> {
-        std::mem::take(&mut heard.lock().unwrap())
+    fn take(received: &Mutex<Vec<String>>) -> Vec<String> {
+        std::mem::take(&mut received.lock().unwrap())
     }
 
     #[test]
-    fn it_is_sent_once_and_again_when_it_changes() {
+    fn poses_are_sent_once_and_after_every_change() {
         let mut rig = Rig::new(1);
-        let (heard, _subscription) = rig.listen();
+        let (received, _subscription) = rig.listen();
         for _ in 0..3 {
             rig.place(0, ("optical", "laser"), 0.3);
         }
-        assert_eq!(take(&heard), ["optical>laser 0.3"]);
+        assert_eq!(take(&received), ["optical>laser 0.3"]);
         rig.place(0, ("optical", "laser"), 0.4);
         rig.place(0, ("other", "laser"), 0.4);
-        assert_eq!(take(&heard), ["optical>laser 0.4", "other>laser 0.4"]);
+        assert_eq!(take(&received), ["optical>laser 0.4", "other>laser 0.4"]);
         assert_eq!(rig.tf.num_refused(), 0);
     }
 
     #[test]
-    fn a_late_subscriber_learns_of_every_camera() {
+    fn a_late_subscriber_receives_every_camera() {
         let mut rig = Rig::new(2);
         rig.place(0, ("left", "left_laser"), 0.3);
         rig.place(1, ("right", "right_laser"), 0.5);
-        let (heard, _subscription) = rig.listen();
-        assert_eq!(take(&heard), ["left>left_laser 0.3, right>right_laser 0.5"]);
+        let (received, _subscription) = rig.listen();
+        assert_eq!(take(&received), ["left>left_laser 0.3, right>right_laser 0.5"]);
     }
 
     #[test]
     fn frames_that_would_not_form_a_tree_are_counted_and_not_sent() {
         let mut rig = Rig::new(2);
-        let (heard, _subscription) = rig.listen();
+        let (received, _subscription) = rig.listen();
         rig.place(0, ("", "laser"), 0.3);
         rig.place(0, ("laser", "laser"), 0.3);
         rig.place(0, ("/laser", "laser"), 0.3);
-        assert!(take(&heard).is_empty());
+        assert!(take(&received).is_empty());
         rig.place(0, ("left", "laser"), 0.3);
         rig.place(1, ("right", "laser"), 0.3);
-        assert_eq!(take(&heard), ["left>laser 0.3"]);
+        assert_eq!(take(&received), ["left>laser 0.3"]);
         assert_eq!(rig.tf.num_refused(), 4);
     }
 }

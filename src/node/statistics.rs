@@ -13,13 +13,13 @@ pub struct Counts {
     pub processed: u64,
     /// Frames that the full queue dropped.
     pub dropped_overload: u64,
-    /// Size, step, encoding or CDR not valid.
+    /// Frames with an invalid size, step, encoding or CDR.
     pub malformed: u64,
-    /// The stamp of the frame before.
+    /// Frames with the stamp of the previous frame.
     pub duplicate: u64,
-    /// A stamp before the last one.
+    /// Frames with a stamp before the last one.
     pub out_of_order: u64,
-    /// Gaps in the sequence numbers of the middleware.
+    /// Frames missing from the middleware's sequence numbers.
     pub lost_transport: u64,
     /// Points of all centrelines.
     pub points: u64,
@@ -31,15 +31,15 @@ pub struct Counts {
     pub unpublished: u64,
     /// Bytes handed to the recorder.
     pub recorder_bytes: u64,
-    /// Frames measured without their other exposure although exposures alternate; the first one is among them.
+    /// Frames measured without their other exposure although exposures alternate, including the first frame.
     pub unpaired: u64,
     /// Frames whose measured position was known.
     pub located: u64,
-    /// Frames without a known position: they are not in the scan.
+    /// Frames without a known position, which are not in the scan.
     pub unlocated: u64,
     /// Frames whose position is in doubt.
     pub doubtful: u64,
-    /// Messages about positions that could not be used.
+    /// Position messages that could not be used.
     pub positions_refused: u64,
     /// Frames with too many pixels above the segment threshold for a stripe.
     pub flooded: u64,
@@ -78,7 +78,7 @@ impl Counts {
         self.flooded += other.flooded;
     }
 
-    /// True if every frame was measured and every result kept.
+    /// True if every frame was measured and no result was dropped.
     pub const fn is_complete(&self) -> bool {
         self.rejected() == 0
             && self.dropped_overload == 0
@@ -92,13 +92,13 @@ impl Counts {
 /// Durations of the stages of a frame on this machine: for the summary only, never in a message of a replay.
 #[derive(Clone, Debug, Default)]
 pub struct StageTimes {
-    /// From the message to one channel of numbers.
+    /// From the message to one channel of pixels.
     pub decode: Histogram,
-    /// From there to the centreline.
+    /// From the channel to the centreline.
     pub extract: Histogram,
-    /// From there to the profile in the scan.
+    /// From the centreline to the profile in the scan.
     pub triangulate: Histogram,
-    /// From there to the bytes of all results.
+    /// From the profile to the encoded results.
     pub encode: Histogram,
 }
 
@@ -111,7 +111,7 @@ impl StageTimes {
         self.encode.add(&other.encode);
     }
 
-    /// Name and times of each stage, in order.
+    /// Returns the name and durations of each stage, in order.
     pub fn named(&self) -> [(&'static str, &Histogram); 4] {
         [
             ("decode", &self.decode),
@@ -122,7 +122,7 @@ impl StageTimes {
     }
 }
 
-/// Frames and time of a whole run.
+/// Counters and durations of a whole run.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
     /// Counters of all frames.
@@ -138,7 +138,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Adds a run that followed.
+    /// Adds a subsequent run.
     pub fn add(&mut self, other: &Self) {
         self.counts.add(&other.counts);
         self.stages.add(&other.stages);

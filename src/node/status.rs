@@ -1,4 +1,4 @@
-//! `StreamStatus` and `/diagnostics`: the counters as messages, once a second of the stream's time and on change.
+//! Publishes the counters as `StreamStatus` and `/diagnostics`, once per second of stream time and on change.
 
 use std::borrow::Cow;
 
@@ -24,17 +24,17 @@ const PERIOD_NS: i64 = 1_000_000_000;
 pub struct Reporter {
     /// Fully qualified name of the node.
     pub node: String,
-    /// The camera's name among several; empty: the only one.
+    /// The camera's name; empty for the only camera.
     pub camera: String,
     /// Input topic, fully resolved.
     pub topic: String,
-    /// Frames that can wait for the worker.
+    /// Capacity of the worker's queue, frames.
     pub queue_capacity: u32,
     /// Identity of the session.
     pub session_id: [u8; 16],
 }
 
-/// A UUID of version 8 from what makes a replay what it is: the same input and parameters give the same bytes.
+/// Returns a version 8 UUID of the input and the parameters, so that a repeated replay has the same identity.
 pub fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
     let digest = Sha256::new()
         .chain_update(topic)
@@ -44,12 +44,12 @@ pub fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
     uuid_v8(&digest.into())
 }
 
-/// Decides when a report is due, from the times of the messages alone.
+/// Decides when a report is due, using only the times of the messages.
 #[derive(Debug, Default)]
 pub struct Schedule {
-    /// When the interval began; `None` until its first frame.
+    /// Start of the interval; `None` until its first frame.
     since_ns: Option<i64>,
-    /// The counters then.
+    /// The counters at its start.
     base: Counts,
     had_faults: bool,
 }
@@ -57,19 +57,19 @@ pub struct Schedule {
 /// Rate and state since the last report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// Frames received a second; 0 before the first interval ends.
+    /// Frames received per second; 0 before the first interval ends.
     pub rate_hz: f32,
-    /// True if a frame was lost, dropped or rejected in it.
+    /// True if a frame was lost, dropped or rejected in the interval.
     pub has_faults: bool,
 }
 
 impl Schedule {
-    /// Whether a report is due at `now_ns`: a second after the last one, or at once when the first fault of an
-    /// interval shows. Time that steps back starts a new interval.
+    /// Returns a report if one is due at `now_ns`: a second after the last one, or at once at the first fault of an
+    /// interval. Time that steps back starts a new interval.
     pub fn poll(&mut self, now_ns: i64, counts: &Counts) -> Option<Interval> {
         let Some(since_ns) = self.since_ns else {
             self.since_ns = Some(now_ns);
-            // The interval begins with this frame; one that ends a second later has the frames behind it.
+            // The interval begins with this frame and counts the frames after it.
             self.base.received = counts.received;
             return None;
         };
@@ -91,7 +91,7 @@ impl Schedule {
         Interval { rate_hz, has_faults }
     }
 
-    /// Starts over: another recording follows, and the time until then belongs to no interval.
+    /// Resets the schedule before another recording; the time in between belongs to no interval.
     pub fn restart(&mut self) {
         self.since_ns = None;
     }
@@ -109,13 +109,13 @@ const fn faults(counts: &Counts) -> u64 {
 /// Load of a camera on a network. A replay has no latency and no queue to report: NaN and 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
-    /// From stamp to result: median, seconds.
+    /// Median latency from stamp to result, seconds.
     pub latency_p50_s: f32,
-    /// 99th percentile, seconds.
+    /// 99th percentile of the latency, seconds.
     pub latency_p99_s: f32,
-    /// Longest, seconds.
+    /// Maximum latency, seconds.
     pub latency_max_s: f32,
-    /// Most frames that waited at one time.
+    /// Maximum number of frames in the queue.
     pub queue_depth: u32,
 }
 
@@ -133,11 +133,11 @@ impl Default for Load {
 /// A note about the stream from outside the worker, for diagnostics.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Note {
-    /// As in `DiagnosticStatus.level`.
+    /// Level, as in `DiagnosticStatus.level`.
     pub level: u8,
     /// Key in the diagnostics.
     pub key: &'static str,
-    /// Text; with a level above OK also part of the message.
+    /// Text; also part of the message if the level is above OK.
     pub text: String,
 }
 
@@ -146,7 +146,7 @@ pub struct Note {
 pub struct State {
     /// The counters.
     pub counts: Counts,
-    /// Since the last report.
+    /// Changes since the last report.
     pub interval: Interval,
     /// Load of the camera.
     pub load: Load,
@@ -157,13 +157,13 @@ pub struct State {
 }
 
 impl Reporter {
-    /// Takes a new identity after a break in time, to distinguish before and after. Counters continue.
+    /// Sets a new session identity after a time discontinuity. Counters continue.
     pub fn begin_session(&mut self, now_ns: i64) {
         let before = format!("{:?}{now_ns}", self.session_id);
         self.session_id = session_id(&self.topic, &before);
     }
 
-    /// The counters as a message.
+    /// Returns the counters as a message.
     pub fn stream_status(&self, now_ns: i64, state: &State) -> StreamStatus<'_> {
         let State { counts, interval, load, .. } = state;
         StreamStatus {
@@ -190,7 +190,7 @@ impl Reporter {
         }
     }
 
-    /// Name that distinguishes the camera from other cameras and nodes.
+    /// Returns a name that distinguishes the camera from other cameras and nodes.
     fn status_name(&self) -> String {
         let node = self.node.trim_start_matches('/');
         match self.camera.as_str() {
@@ -199,7 +199,7 @@ impl Reporter {
         }
     }
 
-    /// The state in words, for people and aggregators.
+    /// Returns the state as text, for people and aggregators.
     pub fn diagnostics(&self, now_ns: i64, state: &State) -> DiagnosticArray<'_> {
         let (level, message) = state.summary();
         let counts = &state.counts;
@@ -237,7 +237,7 @@ impl Reporter {
 }
 
 impl State {
-    /// The worst level, and in words what is wrong.
+    /// Returns the worst level and a description of the faults.
     fn summary(&self) -> (u8, String) {
         let faults = (DiagnosticStatus::WARN, "frames were lost, dropped or rejected".to_owned());
         let faults = self.interval.has_faults.then_some(faults);
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn reports_come_each_second_and_with_the_first_fault() {
+    fn reports_are_due_every_second_and_at_the_first_fault() {
         let mut schedule = Schedule::default();
         assert_eq!(schedule.poll(0, &counts(1, 0)), None);
         assert_eq!(schedule.poll(999 * MS, &counts(10, 0)), None);
@@ -274,7 +274,7 @@ mod tests {
         assert!((report.rate_hz - 10.0).abs() < 1e-6 && !report.has_faults);
         let report = schedule.poll(1500 * MS, &counts(15, 1)).unwrap();
         assert!(report.has_faults, "at once");
-        assert_eq!(schedule.poll(1600 * MS, &counts(16, 2)), None, "one report says it");
+        assert_eq!(schedule.poll(1600 * MS, &counts(16, 2)), None, "already reported");
         assert!(schedule.poll(2500 * MS, &counts(25, 2)).unwrap().has_faults, "in this second too");
         assert!(!schedule.poll(3500 * MS, &counts(35, 2)).unwrap().has_faults, "over");
         assert!(schedule.poll(0, &counts(36, 2)).is_some(), "time stepped back");
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn a_session_is_known_by_its_input_and_parameters() {
+    fn a_session_is_identified_by_its_input_and_parameters() {
         let id = session_id("/image_raw", "abc");
         assert_eq!((id[6] >> 4, id[8] >> 6), (8, 2), "version 8, RFC 9562 variant");
         assert_eq!(id, session_id("/image_raw", "abc"));

@@ -1,4 +1,4 @@
-//! The wish to end, seen by whoever waits.
+//! A stop request that wakes waiting threads.
 
 use std::{
     sync::{Arc, Condvar, Mutex, PoisonError},
@@ -16,18 +16,18 @@ struct StopFlag {
 }
 
 impl Stop {
-    /// Raises the flag and wakes all who wait.
+    /// Raises the flag and wakes all waiting threads.
     pub fn raise(&self) {
         *self.0.is_raised.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.0.raised.notify_all();
     }
 
-    /// Whether it was raised.
+    /// True if the flag was raised.
     pub fn is_raised(&self) -> bool {
         *self.0.is_raised.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for `duration`, or until the flag is raised. Returns whether it is.
+    /// Waits for `duration` or until the flag is raised. Returns true if it is raised.
     pub fn wait(&self, duration: Duration) -> bool {
         let guard = self.0.is_raised.lock().unwrap_or_else(PoisonError::into_inner);
         let waited = self.0.raised.wait_timeout_while(guard, duration, |is_raised| !*is_raised);
@@ -40,15 +40,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn raising_wakes_a_waiter() {
+    fn raising_wakes_a_waiting_thread() {
         let stop = Stop::default();
         assert!(!stop.wait(Duration::ZERO));
-        let waiter = {
+        let thread = {
             let stop = stop.clone();
             std::thread::spawn(move || stop.wait(Duration::from_hours(1)))
         };
         stop.raise();
-        assert!(waiter.join().unwrap());
+        assert!(thread.join().unwrap());
         assert!(stop.is_raised());
     }
 }

@@ -1,4 +1,4 @@
-//! The topics that the node publishes, by name, and what a recording must know of them.
+//! The topics that the node publishes, with the metadata that recordings need.
 
 use crate::{
     bag::Topic,
@@ -31,7 +31,7 @@ pub enum Output {
     Diagnostics,
     /// The metric profile of every frame.
     Profile,
-    /// An organised slice.
+    /// A slice as an organised cloud.
     Points,
     /// The same slice without missing points.
     PointsDense,
@@ -41,7 +41,7 @@ pub enum Output {
     HeightMap,
 }
 
-/// Every topic in the order of [`Output`]: those behind [`Output::Diagnostics`] need a calibration.
+/// Every topic in the order of [`Output`]: those after [`Output::Diagnostics`] need a calibration.
 const OUTPUTS: [(Output, &str, &MessageType, QosProfile); 9] = [
     (Output::Centerline, "~/centerline", Centerline::TYPE, QosProfile::reliable(10)),
     (Output::Annotations, "~/annotations", ImageAnnotations::TYPE, QosProfile::reliable(10)),
@@ -54,8 +54,8 @@ const OUTPUTS: [(Output, &str, &MessageType, QosProfile); 9] = [
     (Output::HeightMap, "~/height_map", Image::TYPE, QosProfile::latched(1)),
 ];
 
-/// The name before remapping of something that belongs to a camera: of one among several, the camera's name stands
-/// before it (`left/image_raw`, `~/left/centerline`). A name from the root belongs to the whole node.
+/// Returns the name of a camera's topic before remapping. With several cameras, the camera's name precedes it
+/// (`left/image_raw`, `~/left/centerline`). An absolute name belongs to the whole node.
 pub fn of_camera(camera: &str, name: &str) -> String {
     match (camera, name.strip_prefix("~/")) {
         ("", _) => name.to_owned(),
@@ -65,8 +65,8 @@ pub fn of_camera(camera: &str, name: &str) -> String {
     }
 }
 
-/// The topics published for a camera, with their resolved names; without a calibration there is nothing metric. The name
-/// of a node's only camera may be empty.
+/// Returns the topics published for a camera, with their resolved names. Without a calibration, there are no metric
+/// topics. The name of a node's only camera may be empty.
 ///
 /// # Errors
 /// A remap rule that gives a topic a name that ROS does not allow.
@@ -83,7 +83,7 @@ pub fn published(
     OUTPUTS[..num].iter().map(topic).collect()
 }
 
-/// The topics as recordings know them.
+/// Converts the topics for a recording.
 pub fn recorded(endpoints: &[TopicEndpoint]) -> Vec<Topic> {
     let topic =
         |endpoint: &TopicEndpoint| Topic::new(endpoint.name.as_str(), endpoint.kind, endpoint.qos);

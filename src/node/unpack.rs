@@ -1,5 +1,5 @@
-//! Compressed images of a recording are unpacked ahead of their workers, on every core: that takes longer than the
-//! measurement. Workers take them in their order, so that nothing depends on which core was faster.
+//! Decompresses images of a recording ahead of their workers, on every core, because that takes longer than the
+//! measurement. Workers process them in order, so that results do not depend on thread timing.
 
 use std::{
     sync::{
@@ -30,7 +30,7 @@ use super::{
     source::PublisherId,
 };
 
-/// Unpacked pictures take much memory, and beyond so many threads the file is read no faster.
+/// Maximum number of threads: decompressed images need much memory, and more threads do not read the file faster.
 const MAX_THREADS: usize = 8;
 
 /// The pixels of a compressed image.
@@ -42,17 +42,17 @@ pub struct Picture {
     home: Arc<Queue<Vec<u8>>>,
 }
 
-/// An image message, unpacked where that was possible: whoever takes one that was not finds out why.
+/// An image message, decompressed if possible. Otherwise the worker decodes it and reports the reason.
 pub struct Unpacked {
     /// The message.
     pub message: RawMessage,
     /// Its publisher.
     pub publisher: PublisherId,
-    /// Its picture.
+    /// Its decompressed image, if any.
     pub picture: Option<Picture>,
 }
 
-/// A message whose picture is being unpacked.
+/// A message whose image is being decompressed.
 #[derive(Debug)]
 pub struct Ahead(Receiver<Unpacked>);
 
@@ -63,7 +63,7 @@ struct Job {
     done: SyncSender<Unpacked>,
 }
 
-/// The threads that unpack.
+/// A pool of threads that decompress images.
 pub struct Unpacker {
     jobs: Queue<Job>,
     spare: Arc<Queue<Vec<u8>>>,
@@ -71,35 +71,35 @@ pub struct Unpacker {
 }
 
 impl Picture {
-    /// The picture as an image.
+    /// Returns the decompressed pixels as an image.
     ///
     /// # Errors
-    /// None for what was unpacked.
+    /// None for decompressed pixels.
     pub fn image(&self) -> Result<Image<'_>, FrameRejected> {
         self.shape.image(&self.pixels)
     }
 
-    /// Duration of the unpacking.
+    /// Returns the duration of the decompression.
     pub const fn took(&self) -> Duration {
         self.took
     }
 
-    /// Gives its memory to one of the next.
+    /// Returns its memory for reuse.
     pub fn give_back(self) {
-        // A closed or full queue: the memory is simply freed.
+        // If the queue is closed or full, the memory is freed.
         _ = self.home.push(self.pixels, 0);
     }
 }
 
 impl Ahead {
-    /// Waits for the picture. `None`: the thread that unpacked it is gone, and the message with it.
+    /// Waits for the image. Returns `None` if the decompressing thread has ended, which loses the message.
     pub fn wait(self) -> Option<Unpacked> {
         self.0.recv().ok()
     }
 }
 
 impl Unpacker {
-    /// One thread a core.
+    /// Creates a pool with one thread per core.
     pub fn on_all_cores() -> Self {
         let num_threads = thread::available_parallelism().map_or(1, usize::from).min(MAX_THREADS);
         Self {
@@ -119,15 +119,15 @@ impl Unpacker {
         }
     }
 
-    /// Pictures that may wait for a worker: enough to keep every thread busy.
+    /// Returns the number of images that may wait for a worker: enough to keep every thread busy.
     pub const fn num_ahead(&self) -> usize {
         self.num_threads + 1
     }
 
-    /// Begins to unpack a message into a picture of at most `max_frame_bytes`. Waits while every thread is busy.
+    /// Starts to decompress a message into an image of at most `max_frame_bytes`. Waits while every thread is busy.
     ///
     /// # Errors
-    /// The threads are gone.
+    /// The threads have ended.
     pub fn begin(
         &self,
         message: RawMessage,
@@ -140,7 +140,7 @@ impl Unpacker {
         Ok(Ahead(unpacked))
     }
 
-    /// Nothing more will come.
+    /// Closes the pool for further messages.
     pub fn close(&self) {
         self.jobs.close();
     }
@@ -149,7 +149,7 @@ impl Unpacker {
         let _closed_at_the_end = CloseOnDrop(&self.jobs);
         while let Some(Job { message, publisher, max_frame_bytes, done }) = self.jobs.pop() {
             let picture = self.unpack(&message, max_frame_bytes);
-            // The receiver is gone if its worker has failed, which reports that itself.
+            // The receiver no longer exists if its worker has failed; the worker reports that itself.
             _ = done.send(Unpacked { message, publisher, picture });
         }
     }

@@ -1,4 +1,4 @@
-//! The part's frame, laid on a plane that was scanned.
+//! Levels the part's frame on a scanned flat.
 
 use nalgebra::Isometry3;
 
@@ -7,7 +7,7 @@ use crate::{
     scanner::calibration::PartPose,
 };
 
-/// Returns the part's frame that lays `flat` level at height 0, with x and y where they were. `part` is the frame in which
+/// Returns the part's frame in which `flat` is level at height 0, with x and y unchanged. `part` is the frame in which
 /// the flat was measured; `None` if the calibration had none.
 #[must_use]
 pub fn level_part(flat: &PlaneFit, part: Option<PartPose>) -> PartPose {

@@ -1,4 +1,4 @@
-//! The median of a stripe over frames that show the same thing.
+//! The median of a stripe over frames of the same scene.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,18 +16,18 @@ use crate::{
     statistics::central_median,
 };
 
-/// A stripe and the picture in which it lies.
+/// A stripe and the size of its image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GaugeStripe {
-    /// (along, across) in pixels, ascending along the stripe: column and row, or row and column of a vertical stripe.
+    /// (along, across) in pixels, ascending along the stripe: column and row, or row and column for a vertical stripe.
     pub points: Vec<[f64; 2]>,
-    /// The picture.
+    /// Size and direction of the image.
     pub picture: GaugePicture,
-    /// Number of frames that took part.
+    /// Number of frames used.
     pub frames: u64,
 }
 
-/// The picture of a gauge.
+/// Format of an image of a gauge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GaugePicture {
     /// Columns and rows.
@@ -49,7 +49,7 @@ impl GaugePicture {
     }
 }
 
-/// A frame that does not belong to the others, or cannot be measured.
+/// The reason why a frame does not match the others, or cannot be measured.
 #[derive(Debug, Error)]
 pub enum MedianStripeError {
     /// Frames of different sizes.

@@ -1,6 +1,6 @@
-//! Calibration: from pictures of known things to the file that turns pixels into metres.
+//! Calibration: computes the file that converts pixels to metres from images of known targets.
 //!
-//! Every result is a function of the pictures: no file, socket, thread or clock.
+//! Every result depends only on the images: no file, socket, thread or clock.
 //!
 //! | entry point | input | result |
 //! |---|---|---|
@@ -17,7 +17,7 @@
     doc = "| [`calibrate_axis`] | markers or a board that move with the part, and stated positions | the axis |"
 )]
 //! | [`calibrate_steps`] | known heights: a step gauge, gauge blocks, or a moved flat | a projective map, or formula 6 |
-//! | [`level_part`] | a plane that was scanned | the part's frame laid on it |
+//! | [`level_part`] | a scanned plane | the part's frame levelled on it |
 //!
 //! The first three need the feature `calibrate`.
 

@@ -1,4 +1,4 @@
-//! Calibration from known heights: which projective map takes image positions to heights.
+//! Calibration from known heights: fits the projective map from image positions to heights.
 
 mod lateral;
 mod model;
@@ -19,9 +19,10 @@ use thiserror::Error;
 
 use crate::metrology::student::factor_95;
 
-/// Fewest different heights: a projective map of one coordinate has three numbers.
+/// Fewest different heights: a one-dimensional projective map has three parameters.
 pub const MIN_HEIGHTS: usize = 3;
-/// The map with terms along the stripe is taken when chance alone would improve the fit so much in 1 of 100 cases.
+/// Significance level: terms along the stripe are added if chance alone would improve the fit as much in less than 1 of
+/// 100 cases.
 const CHANCE: f64 = 0.01;
 
 /// The reason why heights determine no map.
@@ -35,18 +36,18 @@ pub enum StepsError {
         /// Different heights given.
         found: usize,
     },
-    /// The stripe does not move with the height, or not always the same way.
+    /// The stripe does not move with the height, or not always in the same direction.
     #[error(
         "the stripe does not move steadily with the height: {lower_m} m lies at {lower_px:.2} px, {upper_m} m at {upper_px:.2} px across the stripe; are the heights in their order along the stripe?"
     )]
     Order {
         /// A height, metres.
         lower_m: f64,
-        /// Where it was seen, pixels.
+        /// Its position across the stripe, pixels.
         lower_px: f64,
         /// The next height, metres.
         upper_m: f64,
-        /// Where it was seen, pixels.
+        /// Its position across the stripe, pixels.
         upper_px: f64,
     },
     /// No map fits.
@@ -57,7 +58,7 @@ pub enum StepsError {
 /// A calibrated map and how well it fits.
 #[derive(Clone, Debug)]
 pub struct StepsCalibration {
-    /// From image positions to heights.
+    /// Map from image positions to heights.
     pub model: HeightModel,
     /// Residual of each plateau, in the order given.
     pub checks: Vec<PlateauCheck>,
@@ -65,11 +66,12 @@ pub struct StepsCalibration {
     pub rms_m: f64,
     /// Largest residual as a share of the range of heights.
     pub linearity: f64,
-    /// Equations beyond the unknowns; 0: the residuals say nothing.
+    /// Number of equations beyond the unknowns; 0: the residuals carry no information.
     pub degrees_of_freedom: usize,
-    /// One standard deviation of a plateau's height by residuals and by the noise of the lines, the larger, metres.
+    /// One standard deviation of a plateau's height, metres: the larger of the estimates from the residuals and from
+    /// the noise of the lines.
     pub sigma_m: f64,
-    /// The same with a coverage of 95 %; infinite without redundancy.
+    /// Half width of the 95 % interval, metres; infinite without redundancy.
     pub u95_m: f64,
 }
 
@@ -78,18 +80,18 @@ pub struct StepsCalibration {
 pub struct PlateauCheck {
     /// The plateau.
     pub plateau: Plateau,
-    /// Its height by the map, metres.
+    /// Its height according to the map, metres.
     pub measured_m: f64,
-    /// Its height by the map of all other plateaus, metres; none when those are too few.
+    /// Its height according to the map fitted to all other plateaus, metres; `None` if those are too few.
     pub left_out_m: Option<f64>,
     /// One standard deviation of `measured_m` from the scatter along the line alone, metres.
     pub noise_m: f64,
 }
 
-/// Finds the map. `terms`: which one; none: that with terms along the stripe when it fits better than by chance.
+/// Fits the map. `terms` selects its terms; `None` adds terms along the stripe only if they fit better than by chance.
 ///
 /// # Errors
-/// Fewer than three different heights, heights in another order than their positions, positions without a map.
+/// Fewer than three different heights, heights in another order than their positions, or positions that fit no map.
 pub fn calibrate_steps(
     plateaus: &[Plateau],
     terms: Option<HeightTerms>,
@@ -117,7 +119,7 @@ pub fn calibrate_steps(
     let range_m = heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min);
     let largest_m = residuals.iter().fold(0.0, |largest: f64, r| largest.max(r.abs()));
     let noise_m = (checks.iter().map(|c| c.noise_m.powi(2)).sum::<f64>() / num).sqrt();
-    // The terms along the stripe are carried by the inclinations of the lines, not by their middles.
+    // The terms along the stripe are determined by the inclinations of the lines, not by their middles.
     let degrees_of_freedom = plateaus.len().saturating_sub(3);
     let by_residuals_m =
         if degrees_of_freedom > 0 { (squares / degrees_of_freedom as f64).sqrt() } else { 0.0 };
@@ -148,7 +150,7 @@ fn check(plateaus: &[Plateau], at: usize, model: &HeightModel) -> Option<Plateau
     })
 }
 
-/// At least three different heights, whose positions go one way.
+/// Checks that there are at least three different heights and that their positions are monotonic.
 fn check_heights(plateaus: &[Plateau]) -> Result<(), StepsError> {
     let mut levels: Vec<(f64, f64)> = plateaus.iter().map(|p| (p.height_m, p.across_px)).collect();
     levels.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -167,8 +169,8 @@ fn check_heights(plateaus: &[Plateau]) -> Result<(), StepsError> {
     Ok(())
 }
 
-/// Returns true if the two further numbers explain more than chance: Fisher's test, whose quantile for two numbers is
-/// elementary.
+/// Returns true if the two additional parameters explain more than chance: Fisher's test, whose quantile has a closed
+/// form for two parameters.
 fn is_better(both: &HeightModel, across: &HeightModel, plateaus: &[Plateau]) -> bool {
     let freedom = 2 * plateaus.len() as i64 - 5;
     let (with, without) = (both.squares(plateaus), across.squares(plateaus));
@@ -180,7 +182,7 @@ fn is_better(both: &HeightModel, across: &HeightModel, plateaus: &[Plateau]) -> 
     (without - with) / 2.0 > limit * with / freedom as f64
 }
 
-/// Solves a linear least-squares problem by singular values; none when a value is lost in rounding.
+/// Solves a linear least-squares problem by singular values; `None` if it is singular within rounding.
 fn least_squares(rows: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
     let svd = rows.clone().svd(true, true);
     let (largest, smallest) = (svd.singular_values.max(), svd.singular_values.min());

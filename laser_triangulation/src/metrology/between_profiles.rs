@@ -1,4 +1,4 @@
-//! Repeatability of a plane's height from profile to profile.
+//! Repeatability of a plane's height between profiles.
 
 use super::{plane::PlaneFit, robust::TUKEY, surface::Surface};
 
@@ -7,22 +7,23 @@ use super::{plane::PlaneFit, robust::TUKEY, surface::Surface};
 pub struct BetweenProfiles {
     /// Standard deviation of the profiles' mean distances from the plane, metres.
     pub sigma_m: f64,
-    /// One standard deviation of that, for normal and independent profiles, metres.
+    /// One standard deviation of that estimate, for normal and independent profiles, metres.
     pub of_sigma_m: f64,
-    /// Profiles that took part.
+    /// Number of profiles used.
     pub num_profiles: usize,
 }
 
-/// Compares the profiles' mean distances from their common plane, without its outliers. Profiles with less than half as
-/// many points as the middle one saw another part of the plane and stay out. None: fewer than three profiles remain.
+/// Compares the profiles' mean distances from their common plane, without its outliers. Leaves out profiles with less
+/// than half as many points as the median profile: they show another part of the plane. Returns `None` if fewer than
+/// three profiles remain.
 ///
-/// The plane may be inclined and may turn: only what it does not explain counts.
+/// The plane may be inclined: only deviations from it count.
 #[must_use]
 pub fn of(surface: &Surface, plane: &PlaneFit) -> Option<BetweenProfiles> {
     let is_plane = |distance: &f64| distance.abs() <= TUKEY * plane.scatter_m;
     let mut profiles: Vec<(usize, f64)> = Vec::new();
     for row in surface.rows() {
-        // NaN is within nothing.
+        // NaN fails every comparison.
         let distances = row.iter().map(|point| plane.distance_m(point)).filter(is_plane);
         let (num, sum) = distances.fold((0, 0.0), |(num, sum), d| (num + 1, sum + d));
         if num > 0 {
@@ -39,10 +40,10 @@ pub fn of(surface: &Surface, plane: &PlaneFit) -> Option<BetweenProfiles> {
     }
     let middle = means.iter().sum::<f64>() / num_profiles as f64;
     let squares: f64 = means.iter().map(|mean| (mean - middle).powi(2)).sum();
-    // The plane has taken the mean of all, and an inclination from the first to the last.
+    // The plane fit has removed the mean of all, and an inclination from the first to the last.
     let freedom = (num_profiles - 2) as f64;
     let sigma_m = (squares / freedom).sqrt();
-    // Of a normal sample: the standard deviation of a standard deviation, to first order.
+    // For a normal sample: the standard deviation of a standard deviation, to first order.
     Some(BetweenProfiles { sigma_m, of_sigma_m: sigma_m / (2.0 * freedom).sqrt(), num_profiles })
 }
 
@@ -54,7 +55,7 @@ mod tests {
         plane,
     };
 
-    /// An inclined plane whose rows jump by 3 µm, with a noise of 2 µm in their 60 points.
+    /// Returns an inclined plane whose rows jump by 3 µm, with a noise of 2 µm in their 60 points.
     fn jumping(seed: u64) -> Surface {
         let jumps = noise(1, 50, 1, 1000 + seed);
         let mut surface = surface(|x, y| 0.01 * x + 0.02 * y, 2e-6, 1, seed);
@@ -73,12 +74,12 @@ mod tests {
             assert_eq!(found.num_profiles, 50);
             (found.sigma_m - truth).abs() < 1.96 * found.of_sigma_m
         });
-        // 94 %: the interval is as wide as the estimate, which is too small as often as too large.
+        // 94 %: the interval is as wide as the estimate, which is as often too small as too large.
         assert!((0.90..=0.98).contains(&covered), "{covered}");
     }
 
     #[test]
-    fn short_profiles_and_what_stands_on_the_plane_do_not_count() {
+    fn short_profiles_and_objects_on_the_plane_do_not_count() {
         let mut surface = jumping(1);
         let before = of(&surface, &plane::fit(&surface).unwrap()).unwrap();
         let width = surface.width;

@@ -15,26 +15,26 @@ use crate::scanner::{
 use axes::axes;
 use rig::Rig;
 
-/// An axis that leans no more from the laser plane's normal shifts profiles so little against one another that the
-/// position is y.
+/// Largest angle between the axis and the laser plane's normal at which the position equals y: the sideways shift of
+/// the profiles is negligible.
 const LARGEST_LEAN: f64 = 0.05;
 
-/// The calibration, one standard deviation off along one of its independent directions.
+/// The calibration, shifted by one standard deviation along one of its independent directions.
 #[derive(Clone, Debug)]
 pub struct Perturbation(Map);
 
 #[derive(Clone, Debug)]
 enum Map {
-    /// From points of the laser plane to points, by way of the image.
+    /// Maps points of the laser plane to points, by way of the image.
     Projective(Matrix3<f64>),
-    /// By way of the image, as it is and as it might be.
+    /// The nominal and the shifted map of the image.
     Vertical(Box<[VerticalIncidence; 2]>),
-    /// By way of the camera's rays, as they are and as they might be.
+    /// The nominal and the shifted camera, plane and axis.
     Rays(Box<[Rig; 2]>),
 }
 
-/// Returns true if the calibration's contribution depends on the positions of the profiles: its axis turns
-/// the part, or leans, or the part's frame was laid on a flat.
+/// Returns true if the calibration's contribution depends on the positions of the profiles: its axis turns the part or
+/// leans, or the part's frame was levelled on a flat.
 #[must_use]
 pub fn needs_positions(calibration: &Calibration) -> bool {
     let Calibration::CameraAndPlane(geometry) = calibration else { return false };
@@ -45,9 +45,9 @@ pub fn needs_positions(calibration: &Calibration) -> bool {
     leans || geometry.part.is_some()
 }
 
-/// All independent directions in which the calibration may be off, each by one standard deviation: the principal axes of
-/// its covariance. Their effects on any figure add up as squares. Camera, plane and axis are taken as independent; where
-/// the axis is, it moves by its direction, its place and its scale.
+/// Returns the calibration shifted by one standard deviation along each of its independent directions, the principal
+/// axes of its covariance. Their effects on any result add in quadrature. Camera, plane and axis are assumed
+/// independent; the axis varies in direction, position and scale.
 ///
 /// # Errors
 /// The file states no covariance.
@@ -83,7 +83,7 @@ pub fn perturbations(
     Ok(maps.into_iter().map(Perturbation).collect())
 }
 
-/// The rigs that are one standard deviation off.
+/// Returns the rigs that are off by one standard deviation.
 fn others(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static str> {
     let plane = geometry.plane_quality.as_ref().and_then(|quality| quality.covariance);
     let plane = plane.ok_or("the file states no covariance of its laser plane")?;
@@ -115,7 +115,7 @@ fn others(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static str
     Ok(others)
 }
 
-/// The rigs whose axis is one standard deviation off.
+/// Returns the rigs whose axis is off by one standard deviation.
 fn other_axes(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static str> {
     let Some(axis) = geometry.axis else { return Ok(Vec::new()) };
     let stated = geometry.axis_quality.as_ref();
@@ -141,8 +141,8 @@ fn other_axes(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static
 }
 
 impl Perturbation {
-    /// Where the points would have been measured with the other calibration; those that it does not see are NaN.
-    /// `positions` are those of the rows, in the unit of the axis; without any, y is the position.
+    /// Returns the points as the other calibration would have measured them; NaN where it does not see them.
+    /// `positions` are those of the rows, in the unit of the axis; if there are none, y is the position.
     #[must_use]
     pub fn apply(&self, surface: &Surface, positions: &[f64]) -> Surface {
         let nowhere = Point3::new(f64::NAN, f64::NAN, f64::NAN);

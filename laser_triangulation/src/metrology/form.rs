@@ -3,15 +3,16 @@
 /// Deviations from a form, as acceptance tests state them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Form {
-    /// Width of the narrowest band that holds 95 % of the points, metres: `D95 %` of ISO 10360-13:2021.
+    /// Width of the narrowest band with 95 % of the points, metres: `D95 %` of ISO 10360-13:2021.
     pub d95_m: f64,
     /// One standard deviation of it, metres.
     pub d95_sigma_m: f64,
-    /// Between the two farthest points, metres; grows with the number of points.
+    /// Distance between the two extreme points, metres; grows with the number of points.
     pub peak_to_valley_m: f64,
 }
 
-/// The form deviations of residuals, in metres; `effective` of them are independent. None: fewer than 20.
+/// Returns the form deviations of residuals, in metres; `effective` of the residuals are independent. `None` for fewer
+/// than 20.
 #[must_use]
 pub fn form(residuals: &[f64], effective: f64) -> Option<Form> {
     let mut sorted: Vec<f64> = residuals.iter().copied().filter(|r| r.is_finite()).collect();
@@ -31,12 +32,12 @@ pub fn form(residuals: &[f64], effective: f64) -> Option<Form> {
     })
 }
 
-/// One standard deviation of the width of the narrowest band with a share p of the points, `√(p(1-p)/n) / f`: at the
-/// narrowest place both borders have one density f, and shifting the band changes nothing (Grübel 1988).
+/// Returns one standard deviation of the width of the narrowest band with a share p of the points, `√(p(1-p)/n) / f`:
+/// at the narrowest position both borders have the same density f, and shifting the band changes nothing (Grübel 1988).
 fn sigma_of_band(sorted: &[f64], start: usize, inside: usize, effective: f64) -> f64 {
     let num = sorted.len();
     let reach = (num / 50).max(2);
-    // Reciprocal of the density at an order statistic, from the statistics next to it.
+    // Reciprocal of the density at an order statistic, from neighbouring order statistics.
     let spacing = |at: usize| {
         let (low, high) = (at.saturating_sub(reach), (at + reach).min(num - 1));
         (sorted[high] - sorted[low]) * num as f64 / (high - low) as f64

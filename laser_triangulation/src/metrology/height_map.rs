@@ -1,10 +1,11 @@
-//! Heights on a regular grid, from points as they were measured.
+//! Heights on a regular grid, computed from the measured points.
 //!
-//! The surface between four neighbouring points (two of a profile, two of the next) is taken as two flat triangles; a cell
-//! holds the mean height of that surface over its area, sampled on a lattice at least as fine as the points. So heights
-//! are passed through linear interpolation between points and a mean over a cell: a wave along x or y keeps
-//! `sinc²(pitch / wavelength) · sinc(cell / wavelength)` of its height. A cell of which less than half was measured
-//! is invalid, another holds the mean of its measured part; nothing is invented between points that are far apart or missing.
+//! The surface between four neighbouring points (two of a profile, two of the next) is modelled as two flat triangles.
+//! A cell holds the mean height of that surface over its area, sampled on a lattice at least as fine as the points.
+//! Heights are thus filtered by linear interpolation between points and a mean over a cell: a wave along x or y keeps
+//! `sinc²(pitch / wavelength) · sinc(cell / wavelength)` of its height. A cell is invalid if less than half of it was
+//! measured; otherwise it holds the mean of its measured part. Nothing is interpolated between points that are far
+//! apart or missing.
 
 mod fill;
 mod triangle;
@@ -16,17 +17,17 @@ use thiserror::Error;
 
 use super::surface::{Region, is_measured};
 
-/// Most cells of a grid: with its sums it takes 1 GiB.
+/// Largest number of cells of a grid: with its sums it takes 1 GiB.
 pub const MAX_CELLS: u64 = 1 << 26;
-/// Coarsest and finest lattice in a cell, along each side.
+/// Coarsest and finest lattice in a cell, per side.
 const MIN_SAMPLES: u32 = 3;
 const MAX_SAMPLES: u32 = 8;
 
-/// Where a cell's height comes from.
+/// Origin of a cell's height.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum CellState {
-    /// Nothing was measured.
+    /// Not measured.
     #[default]
     Invalid = 0,
     /// Measured.
@@ -35,41 +36,41 @@ pub enum CellState {
     Filled = 2,
 }
 
-/// Where the cells lie.
+/// Position and size of a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridLayout {
-    /// Smallest x and y of the first cell: its corner, metres.
+    /// Corner of the first cell: its smallest x and y, metres.
     pub origin_m: [f64; 2],
     /// Side of a cell, metres.
     pub cell_m: f64,
-    /// Cells along x.
+    /// Number of cells along x.
     pub width: u32,
-    /// Cells along y.
+    /// Number of cells along y.
     pub height: u32,
 }
 
-/// No such grid.
+/// The reason why a grid cannot be made.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum GridError {
-    /// Nothing to cover.
+    /// No point lies in the region.
     #[error("no point was measured in the region")]
     Empty,
-    /// Too large.
+    /// The grid is too large.
     #[error(
         "cells of {cell_m:.3e} m make {cells} cells, {MAX_CELLS} are allowed: choose cells of {enough_m:.1e} m or more, or a region"
     )]
     TooLarge {
         /// Side of a cell, metres.
         cell_m: f64,
-        /// Cells it would have.
+        /// Resulting number of cells.
         cells: u64,
-        /// Smallest side that would do, metres.
+        /// Smallest allowed side, metres.
         enough_m: f64,
     },
 }
 
 impl GridLayout {
-    /// The grid whose cells cover a region; corners lie at multiples of the cell's side.
+    /// Returns the grid that covers a region; cell corners lie at multiples of the cell's side.
     ///
     /// # Errors
     /// An empty region, or too many cells.
@@ -93,13 +94,13 @@ impl GridLayout {
         })
     }
 
-    /// Number of cells.
+    /// Returns the number of cells.
     #[must_use]
     pub const fn num_cells(&self) -> usize {
         self.width as usize * self.height as usize
     }
 
-    /// x and y of the middle of a cell, metres.
+    /// Returns x and y of the middle of a cell, metres.
     #[must_use]
     pub fn center_m(&self, column: usize, row: usize) -> [f64; 2] {
         [(0, column), (1, row)]
@@ -107,19 +108,19 @@ impl GridLayout {
     }
 }
 
-/// Heights on a regular grid, row after row, y growing from row to row.
+/// Heights on a regular grid, row by row, y growing from row to row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegularHeightMap {
-    /// Where its cells lie.
+    /// Position and size of the grid.
     pub layout: GridLayout,
     /// Heights, metres; NaN where nothing was measured.
     pub z_m: Vec<f32>,
-    /// Where each height comes from.
+    /// Origin of each height.
     pub states: Vec<CellState>,
 }
 
 impl RegularHeightMap {
-    /// Smallest and largest height, metres; none where nothing was measured.
+    /// Returns the smallest and largest height, metres; `None` if nothing was measured.
     #[must_use]
     pub fn range_m(&self) -> Option<[f32; 2]> {
         self.z_m.iter().filter(|z| z.is_finite()).fold(None, |range, &z| {
@@ -128,14 +129,14 @@ impl RegularHeightMap {
         })
     }
 
-    /// Number of cells in a state.
+    /// Returns the number of cells in a state.
     #[must_use]
     pub fn count(&self, state: CellState) -> usize {
         self.states.iter().filter(|found| **found == state).count()
     }
 }
 
-/// Lays profiles into a grid, one after another.
+/// Adds profiles to a grid, one after another.
 #[derive(Clone, Debug)]
 pub struct Resampler {
     layout: GridLayout,
@@ -146,13 +147,13 @@ pub struct Resampler {
     counts: Vec<u32>,
     previous: Vec<Point3<f64>>,
     rows: u64,
-    /// The first profile: a part that turned once is closed.
+    /// The first profile, needed to close the surface after a whole turn.
     first: Vec<Point3<f64>>,
 }
 
 impl Resampler {
-    /// Begins a grid. `pitch_m`: the typical distance of neighbours along x and along y; points more than three times as
-    /// far apart are not joined.
+    /// Starts a grid. `pitch_m` is the typical distance of neighbours along x and along y; points more than three times
+    /// as far apart are not joined.
     #[must_use]
     pub fn new(layout: GridLayout, pitch_m: [f64; 2]) -> Self {
         let finest = 0.5 * pitch_m[0].min(pitch_m[1]);
@@ -170,7 +171,7 @@ impl Resampler {
         }
     }
 
-    /// The next profile of the scan; one of another length is not joined to the one before.
+    /// Adds the next profile of the scan. A profile of a different length is not joined to the previous one.
     pub fn push(&mut self, profile: &[Point3<f64>]) {
         if self.rows == 0 {
             self.first.extend_from_slice(profile);
@@ -187,8 +188,8 @@ impl Resampler {
         self.rows += 1;
     }
 
-    /// The heights of all that was pushed. Where the last profile lies beside the first, as after a whole turn, the surface
-    /// is closed.
+    /// Returns the heights of all profiles added. If the last profile is next to the first, as after a whole turn, the
+    /// surface is closed.
     #[must_use]
     pub fn finish(mut self) -> RegularHeightMap {
         let first = std::mem::take(&mut self.first);
@@ -209,7 +210,7 @@ impl Resampler {
         RegularHeightMap { layout: self.layout, z_m, states }
     }
 
-    /// The surface between four neighbours in their order round it; with one missing, between the other three.
+    /// Adds the surface between four neighbours, in order round it; if one is missing, between the other three.
     fn quad(&mut self, corners: [Point3<f64>; 4]) {
         let [a, b, c, d] = corners.map(|corner| is_measured(&corner));
         match (a, b, c, d) {

@@ -1,4 +1,4 @@
-//! Surfaces with noise that is known, for tests.
+//! Surfaces with known noise, for tests.
 
 use nalgebra::Point3;
 use rand::SeedableRng;
@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::surface::Surface;
 
-/// Noise of unit standard deviation, smoothed over `smooth` neighbours along the rows.
+/// Returns noise of unit standard deviation, smoothed over `smooth` neighbours along the rows.
 pub(super) fn noise(width: usize, height: usize, smooth: usize, seed: u64) -> Vec<f64> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = Vec::with_capacity(width * height);
@@ -37,7 +37,7 @@ pub(super) fn surface(
     Surface { width, points: points.collect() }
 }
 
-/// Share of seeds for which `is_covered`.
+/// Returns the share of seeds for which `is_covered` returns true.
 pub(super) fn share(num: u64, is_covered: impl Fn(u64) -> bool) -> f64 {
     (0..num).filter(|seed| is_covered(*seed)).count() as f64 / num as f64
 }

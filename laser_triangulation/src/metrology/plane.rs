@@ -1,4 +1,4 @@
-//! A plane through measured points, and how flat they are.
+//! A plane through measured points, and its flatness.
 
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 use thiserror::Error;
@@ -11,24 +11,24 @@ use super::{
 };
 use crate::scanner::pose::perpendicular_basis;
 
-/// Rounds of turning the frame to the plane; the second one changes little, unless many points are none of its.
+/// Most rounds of rotating the frame to the plane; the second one changes little unless there are many outliers.
 const MAX_ROUNDS: usize = 20;
-/// A plane that turns by less stands still, radians.
+/// Rotation below which the iteration has converged, radians.
 const STANDSTILL_RAD: f64 = 1e-9;
 const MIN_POINTS: usize = 20;
 
-/// A plane and what is known of it.
+/// A fitted plane with its uncertainty.
 #[derive(Clone, Debug)]
 pub struct PlaneFit {
-    /// Upwards, unit length.
+    /// Unit normal, pointing upwards.
     pub normal: Vector3<f64>,
     /// The plane's point over the middle of the points, metres.
     pub center_m: Point3<f64>,
     /// One standard deviation of the plane's height at `center_m`, along the normal, metres.
     pub sigma_m: f64,
-    /// One standard deviation of the normal's tilts about the plane's own two directions, radians.
+    /// One standard deviation of the normal's tilts about the plane's two directions, radians.
     pub tilt_sigma_rad: [f64; 2],
-    /// Covariance of height, and slope along `directions`, at `center_m`.
+    /// Covariance of height and of the slopes along `directions`, at `center_m`.
     pub covariance: Matrix3<f64>,
     /// Two directions in the plane, the first nearly along x.
     pub directions: [Vector3<f64>; 2],
@@ -36,11 +36,11 @@ pub struct PlaneFit {
     pub scatter_m: f64,
     /// Flatness over all points, outliers included.
     pub flatness: Form,
-    /// Points that took part.
+    /// Number of points used.
     pub num_points: usize,
-    /// Points without weight: farther away than 4.7 standard deviations.
+    /// Number of points with zero weight: farther away than 4.7 standard deviations.
     pub num_outliers: usize,
-    /// Number of independent points with the same information: the errors of neighbours are correlated.
+    /// Number of independent points with the same information: errors of neighbours are correlated.
     pub effective_points: f64,
 }
 
@@ -55,42 +55,42 @@ pub enum FormError {
         /// Points needed.
         needed: usize,
     },
-    /// Points that leave the form open.
+    /// The points do not determine the form.
     #[error("the {found} points lie so that {what} through them is not determined")]
     Degenerate {
-        /// Points there.
+        /// Points found.
         found: usize,
-        /// The form.
+        /// Name of the form.
         what: &'static str,
     },
 }
 
 impl PlaneFit {
-    /// Distance of a point from the plane, above it positive, metres.
+    /// Returns the distance of a point from the plane, positive above it, metres.
     #[must_use]
     pub fn distance_m(&self, point: &Point3<f64>) -> f64 {
         (point - self.center_m).dot(&self.normal)
     }
 
-    /// Height of the plane over a place, metres.
+    /// Returns the height of the plane at (x, y), metres.
     #[must_use]
     pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         let (dx, dy) = (x_m - self.center_m.x, y_m - self.center_m.y);
         self.center_m.z - (self.normal.x * dx + self.normal.y * dy) / self.normal.z
     }
 
-    /// Angle between the plane and the level, radians.
+    /// Returns the angle between the plane and the horizontal, radians.
     #[must_use]
     pub fn tilt_rad(&self) -> f64 {
         self.normal.xy().norm().atan2(self.normal.z)
     }
 }
 
-/// The plane with the smallest distances from the points along its normal, by Tukey's weights; see
-/// Huber 1981. Uncertainties account for the correlation of neighbouring points' errors.
+/// Fits the plane with the smallest distances from the points along its normal, by Tukey's weights; see Huber 1981.
+/// Uncertainties account for the correlation of neighbouring points' errors.
 ///
 /// # Errors
-/// Too few points, or points on a line.
+/// Too few points, or collinear points.
 pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
     let points: Vec<Point3<f64>> = surface.measured().map(|(_, point)| *point).collect();
     let found = points.len();
@@ -116,7 +116,8 @@ pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
         let turn_rad = along.hypot(across);
         if turn_rad < STANDSTILL_RAD || round == MAX_ROUNDS {
             let fit = finish(surface, &solved, normal, middle + height * normal);
-            // Among scattered points the weights may change with every turn: no more may stay open than the fit states.
+            // Among scattered points the weights may change in every round: stop when the remaining rotation is below
+            // the fit's uncertainty.
             let [about_x, about_y] = fit.tilt_sigma_rad;
             if turn_rad < STANDSTILL_RAD.max(about_x.hypot(about_y)) {
                 return Ok(fit);
@@ -138,7 +139,7 @@ fn finish(
     let num_points = solved.residuals.len();
     let num_outliers = solved.weights.iter().filter(|weight| **weight <= 0.0).count();
     let effective_points = (num_points - num_outliers) as f64 / (along * across);
-    // There are points enough: the caller has counted.
+    // The caller has checked that there are enough points.
     let flatness = form(&solved.residuals, effective_points).unwrap_or(Form {
         d95_m: f64::NAN,
         d95_sigma_m: f64::NAN,
@@ -159,7 +160,7 @@ fn finish(
     }
 }
 
-/// The direction in which the points reach least, upwards; none when they reach in one direction only.
+/// Returns the direction of the points' smallest extent, upwards; `None` if they extend in one direction only.
 fn narrowest(points: &[Point3<f64>], middle: &Point3<f64>) -> Option<Vector3<f64>> {
     let mut spread = Matrix3::zeros();
     for point in points {
@@ -177,7 +178,7 @@ fn narrowest(points: &[Point3<f64>], middle: &Point3<f64>) -> Option<Vector3<f64
     Some(if normal.z < 0.0 { -normal } else { normal })
 }
 
-/// The motion that lays a plane level at height 0: the smallest turn that takes its normal to z, about its middle.
+/// Returns the motion that levels a plane at height 0: the smallest rotation of its normal to z, about its middle.
 #[must_use]
 pub fn leveling(plane: &PlaneFit) -> nalgebra::Isometry3<f64> {
     let turn = Rotation3::rotation_between(&plane.normal, &Vector3::z())

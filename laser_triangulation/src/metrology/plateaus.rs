@@ -1,4 +1,4 @@
-//! Flat pieces of a line that jumps between them, as a stair gauge shows it.
+//! Straight pieces of a line that jumps between them, such as the image of a stair gauge.
 
 use std::ops::Range;
 
@@ -6,13 +6,13 @@ use thiserror::Error;
 
 use crate::statistics::{median, sigma_about_zero};
 
-/// A longer line is thinned out before it is cut: the search grows with the square of its points.
+/// Most points of a line before it is thinned out: the search time grows with the square of their number.
 const MAX_SEARCHED: usize = 2048;
 /// Fewest points of a plateau.
 const MIN_POINTS: usize = 12;
-/// Neighbours in the median that takes single wrong points out of the search.
+/// Window of the median that removes single wrong points from the search.
 const MEDIAN_REACH: usize = 3;
-/// Further plateaus that are looked for, so that one too many in the picture is seen.
+/// Number of additional plateaus that are searched, so that a surplus is detected.
 const MORE: usize = 3;
 /// Smallest jump between plateaus, pixels, and in standard deviations of the points.
 const MIN_JUMP_PX: f64 = 0.3;
@@ -20,13 +20,13 @@ const MIN_JUMP_SIGMA: f64 = 6.0;
 /// A further jump counts if it reaches this share of the smallest expected one, or this many pixels.
 const MORE_SHARE: f64 = 0.3;
 const MORE_JUMP_PX: f64 = 1.0;
-/// One part in so many of a plateau is left out at each of its ends.
+/// Divisor: this fraction of a plateau is left out at each of its ends.
 const TRIM: usize = 6;
 
 /// The reason why a line cannot be cut into plateaus.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum PlateauError {
-    /// Too short.
+    /// The line is too short.
     #[error("the line has {num} points; {wanted} plateaus need {} or more", .wanted * MIN_POINTS)]
     TooShort {
         /// Points of the line.
@@ -34,18 +34,18 @@ pub enum PlateauError {
         /// Number of plateaus expected.
         wanted: usize,
     },
-    /// A plateau through which no line can be fitted.
+    /// No line can be fitted through a plateau.
     #[error("plateau {plateau} has too few points")]
     TooFewPoints {
         /// Number of the plateau along the stripe, from 0.
         plateau: usize,
     },
-    /// Another number of plateaus.
+    /// The number of plateaus differs from the number of heights.
     #[error("{wanted} heights are given, but the line has {found} plateaus{}: {}", at_least(*.found, *.wanted), listed(.places))]
     Count {
         /// Heights given.
         wanted: usize,
-        /// Plateaus there.
+        /// Plateaus found.
         found: usize,
         /// Their first and last positions along the stripe, pixels.
         places: Vec<[i64; 2]>,
@@ -66,7 +66,7 @@ fn listed(places: &[[i64; 2]]) -> String {
 pub(crate) struct Piece {
     /// From border to border.
     pub whole: Range<usize>,
-    /// Without the outer sixths, which the blur and the edges of the gauge spoil.
+    /// Without the outer sixths, which blur and the edges of the gauge spoil.
     pub inner: Range<usize>,
 }
 
@@ -109,7 +109,7 @@ pub(crate) fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, Plate
     Ok(found.iter().map(|piece| piece_of(piece, stride, num)).collect())
 }
 
-/// A piece of the thinned line as indices of the whole one.
+/// A piece of the thinned line, as indices into the whole one.
 fn piece_of(piece: &Range<usize>, stride: usize, num: usize) -> Piece {
     let (start, end) = (piece.start * stride, (piece.end * stride).min(num));
     let trim = (end - start) / TRIM;
@@ -127,7 +127,7 @@ fn medians(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     (0..points.len()).map(|at| [points[at][0], median_at(at, &mut window)]).collect()
 }
 
-/// Standard deviation of a point, from differences of neighbours; half of the neighbours may differ by a jump.
+/// Returns the standard deviation of a point, from differences of neighbours; up to half of them may contain a jump.
 fn noise_of(points: &[[f64; 2]]) -> f64 {
     let mut steps: Vec<f64> =
         points.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()).collect();
@@ -154,12 +154,12 @@ impl Straight {
     }
 }
 
-/// Running sums, so that the straight line through any piece costs the same.
+/// Running sums: a straight line through any piece has a constant cost.
 struct Sums(Vec<[f64; 5]>, [f64; 2]);
 
 impl Sums {
     fn new(points: &[[f64; 2]]) -> Self {
-        // From the middle, so that little is lost to rounding.
+        // Relative to the middle, to reduce rounding errors.
         let middle = points[points.len() / 2];
         let mut sums = Vec::with_capacity(points.len() + 1);
         let mut sum = [0.0; 5];
@@ -187,7 +187,7 @@ impl Sums {
 
 /// The best cuts into 1, 2, … pieces.
 struct Cuts {
-    /// For each number of pieces and each end: where the last piece begins; `usize::MAX`: not possible.
+    /// Start of the last piece, for each number of pieces and each end; `usize::MAX`: not possible.
     starts: Vec<Vec<usize>>,
 }
 
@@ -218,7 +218,7 @@ impl Cuts {
         Self { starts }
     }
 
-    /// The pieces of the best cut into so many; none when they would be too short.
+    /// Returns the pieces of the best cut into that many; `None` if they would be too short.
     fn pieces(&self, number: usize) -> Option<Vec<Range<usize>>> {
         let mut end = self.starts[0].len() - 1;
         let mut pieces = Vec::new();
@@ -239,7 +239,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// A line of 600 points with a level for each of equal pieces, an inclination, noise and some wrong points.
+    /// Returns a line of 600 points with equal pieces at the given levels, an inclination, noise and some wrong points.
     fn stair(levels: &[f64], slope: f64, noise: f64) -> Vec<[f64; 2]> {
         let mut random = ChaCha8Rng::seed_from_u64(7);
         (0..600)
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn another_number_of_plateaus_is_told_with_their_places() {
+    fn a_different_number_of_plateaus_is_an_error_with_their_positions() {
         let stair = stair(&[300.0, 290.0, 300.0], 0.0, 0.1);
         let error = cut(&stair, 1).unwrap_err().to_string();
         assert!(error.contains("1 heights") && error.contains("3 plateaus"), "{error}");

@@ -1,4 +1,4 @@
-//! Linear least squares that outliers do not bend.
+//! Linear least squares that is robust against outliers.
 
 use nalgebra::{SMatrix, SVector};
 use rand::{RngExt, SeedableRng};
@@ -6,14 +6,15 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::statistics::{NORMAL_MEDIAN_MAGNITUDE, median, order_statistic};
 
-/// Residuals beyond this many scales have no weight; 95 % efficiency on normal noise (Beaton and Tukey 1974).
+/// Number of scales beyond which a residual has no weight; 95 % efficiency on normal noise (Beaton and Tukey 1974).
 pub(super) const TUKEY: f64 = 4.685;
-/// Draws of the start: with a third of outliers one of them is sound but for one case in 10^20 with three unknowns.
+/// Random samples for the start: with a third of outliers and three unknowns, all contain an outlier in one case of
+/// 10^20.
 const NUM_DRAWS: usize = 130;
-/// Residuals that judge a draw.
+/// Number of residuals that judge a sample.
 const MAX_JUDGES: usize = 400;
 const MAX_ROUNDS: usize = 50;
-/// Residuals below this share of the largest value are rounding errors.
+/// Residuals below this share of the largest value count as rounding errors.
 const ROUNDING: f64 = 1e-12;
 
 /// One equation `row · x = value`.
@@ -30,7 +31,7 @@ pub(crate) struct Equation<const P: usize> {
 pub(crate) struct Fit<const P: usize> {
     /// The solution.
     pub x: SVector<f64, P>,
-    /// Left over, in the order of the equations: value - row · x.
+    /// Residuals, in the order of the equations: value - row · x.
     pub residuals: Vec<f64>,
     /// Tukey's weights, 0 to 1; 0: an outlier.
     pub weights: Vec<f64>,
@@ -40,9 +41,9 @@ pub(crate) struct Fit<const P: usize> {
     pub covariance: SMatrix<f64, P, P>,
 }
 
-/// Solves by iteratively reweighted least squares with Tukey's biweight (Holland and Welsch 1977), beginning from
-/// the least median of squares (Rousseeuw 1984), with the sandwich covariance of M-estimators (Huber 1981, equation 6.6.3 with unequal
-/// spreads). None: too few equations, or they leave the solution open.
+/// Solves by iteratively reweighted least squares with Tukey's biweight (Holland and Welsch 1977). Starts from the
+/// least median of squares (Rousseeuw 1984). The covariance is the sandwich covariance of M-estimators (Huber 1981,
+/// equation 6.6.3 with unequal spreads). `None` if there are too few equations, or they do not determine the solution.
 #[must_use]
 pub(crate) fn solve<const P: usize>(equations: &[Equation<P>]) -> Option<Fit<P>> {
     if equations.len() < P {
@@ -50,7 +51,7 @@ pub(crate) fn solve<const P: usize>(equations: &[Equation<P>]) -> Option<Fit<P>>
     }
     let floor = ROUNDING * largest(equations.iter().map(|equation| equation.value));
     let mut weights = vec![1.0; equations.len()];
-    // That there is a solution at all is decided by all equations.
+    // All equations decide whether a solution exists.
     let mut x = weighted(equations, &weights)?;
     x = least_median(equations).unwrap_or(x);
     let mut residuals = residuals_of(equations, &x);
@@ -71,8 +72,8 @@ pub(crate) fn solve<const P: usize>(equations: &[Equation<P>]) -> Option<Fit<P>>
     Some(Fit { x, residuals, weights, scale, covariance })
 }
 
-/// The solution of `P` equations whose residuals have the smallest median magnitude, of many draws that are the same
-/// every time.
+/// Returns the solution of `P` equations whose residuals have the smallest median magnitude, among many random samples
+/// with a fixed seed.
 fn least_median<const P: usize>(equations: &[Equation<P>]) -> Option<SVector<f64, P>> {
     let stride = equations.len().div_ceil(MAX_JUDGES);
     let judges: Vec<_> = equations.iter().step_by(stride).collect();
@@ -110,14 +111,14 @@ fn weighted<const P: usize>(equations: &[Equation<P>], weights: &[f64]) -> Optio
     Some(solved.component_mul(&scaling))
 }
 
-/// Factors that give the matrix a unit diagonal.
+/// Returns factors that give the matrix a unit diagonal.
 fn scaling<const P: usize>(normal: &SMatrix<f64, P, P>) -> Option<SVector<f64, P>> {
     let diagonal = normal.diagonal();
     let is_sound = diagonal.iter().all(|value| value.is_finite() && *value > 0.0);
     is_sound.then(|| diagonal.map(|value| 1.0 / value.sqrt()))
 }
 
-/// The inverse of a symmetric positive matrix with a unit diagonal; none when it is singular within rounding.
+/// Returns the inverse of a symmetric positive matrix with a unit diagonal; `None` if it is singular within rounding.
 fn inverse<const P: usize>(scaled: &SMatrix<f64, P, P>) -> Option<SMatrix<f64, P, P>> {
     let inverse = scaled.try_inverse()?;
     let is_sound = inverse.iter().all(|value| value.is_finite()) && inverse.amax() < 1e12;
@@ -135,16 +136,16 @@ fn tukey(residuals: &[f64], scale: f64, weights: &mut [f64]) {
     }
 }
 
-/// Robust standard deviation: the median magnitude, for so many fitted values.
+/// Returns the robust standard deviation from the median magnitude, corrected for the number of fitted values.
 fn scale_of(residuals: &[f64], num_fitted: usize) -> f64 {
     let mut magnitudes: Vec<f64> = residuals.iter().map(|residual| residual.abs()).collect();
     let num = magnitudes.len();
-    // The fitted values make so many residuals smaller than they are.
+    // The fitted values make that many residuals smaller than the true errors.
     let middle = num.midpoint(num_fitted).min(num - 1);
     order_statistic(&mut magnitudes, middle).unwrap_or(f64::NAN) / NORMAL_MEDIAN_MAGNITUDE
 }
 
-/// `A⁻¹ B A⁻¹` with `A = Σ ψ'(r) row rowᵀ` and `B = Σ ψ(r)² row rowᵀ`.
+/// Returns `A⁻¹ B A⁻¹` with `A = Σ ψ'(r) row rowᵀ` and `B = Σ ψ(r)² row rowᵀ`.
 fn sandwich<const P: usize>(
     equations: &[Equation<P>],
     residuals: &[f64],
@@ -194,7 +195,7 @@ mod tests {
         let fit = solve(&line(1, |i| i >= 150)).unwrap();
         assert!((fit.x[0] - 3.0).abs() < 0.05 && (fit.x[1] + 2.0).abs() < 0.1, "{:?}", fit.x);
         assert!(fit.weights[150..].iter().all(|weight| *weight == 0.0));
-        // The median over all is the 67 % quantile of the good ones: 1.43 times too much.
+        // The median over all residuals is the 67 % quantile of the good ones: 1.43 times too large.
         assert!((fit.scale - 0.143).abs() < 0.02, "{}", fit.scale);
     }
 
@@ -225,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn what_leaves_the_solution_open_has_none() {
+    fn underdetermined_equations_have_no_solution() {
         let same = vec![Equation { row: [1.0, 2.0].into(), value: 1.0 }; 9];
         assert!(solve(&same).is_none());
         assert!(solve(&same[..1]).is_none());

@@ -1,4 +1,4 @@
-//! A sphere through measured points: where it lies, how large and how round it is; the distance of two.
+//! A sphere through measured points: position, radius and roundness; and the distance of two spheres.
 
 use nalgebra::{Matrix4, Point3, Vector3};
 
@@ -13,7 +13,7 @@ use super::{
 const MAX_ROUNDS: usize = 50;
 const MIN_POINTS: usize = 20;
 
-/// A sphere and what is known of it.
+/// A fitted sphere with its uncertainty.
 #[derive(Clone, Debug)]
 pub struct SphereFit {
     /// Centre, metres.
@@ -26,29 +26,29 @@ pub struct SphereFit {
     pub scatter_m: f64,
     /// Roundness over all points, outliers included.
     pub form: Form,
-    /// Points that took part.
+    /// Number of points used.
     pub num_points: usize,
-    /// Points without weight: farther away than 4.7 standard deviations.
+    /// Number of points with zero weight: farther away than 4.7 standard deviations.
     pub num_outliers: usize,
-    /// Number of independent points with the same information: the errors of neighbours are correlated.
+    /// Number of independent points with the same information: errors of neighbours are correlated.
     pub effective_points: f64,
 }
 
 impl SphereFit {
-    /// One standard deviation of the radius, metres.
+    /// Returns one standard deviation of the radius, metres.
     #[must_use]
     pub fn radius_sigma_m(&self) -> f64 {
         self.covariance[(3, 3)].sqrt()
     }
 
-    /// One standard deviation of each coordinate of the centre, metres.
+    /// Returns one standard deviation of each coordinate of the centre, metres.
     #[must_use]
     pub fn center_sigma_m(&self) -> [f64; 3] {
         [0, 1, 2].map(|i| self.covariance[(i, i)].sqrt())
     }
 }
 
-/// The sphere with the smallest distances from the points along its radii, by Tukey's weights: Gauss and Newton's steps
+/// Fits the sphere with the smallest distances from the points along its radii, by Tukey's weights: Gauss-Newton steps
 /// from the algebraic sphere, each by robust least squares, until they converge.
 ///
 /// # Errors
@@ -108,7 +108,7 @@ fn finish(
     }
 }
 
-/// |p|² = 2 c·p + (R² - |c|²) is linear in what is sought (Coope 1993).
+/// |p|² = 2 c·p + (R² - |c|²) is linear in the unknowns (Coope 1993).
 fn algebraic(points: &[Point3<f64>]) -> Option<(Point3<f64>, f64)> {
     let middle = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / points.len() as f64;
     let equations: Vec<Equation<4>> = points
@@ -125,7 +125,7 @@ fn algebraic(points: &[Point3<f64>]) -> Option<(Point3<f64>, f64)> {
     (square > 0.0 && square.is_finite()).then(|| (Point3::from(center + middle), square.sqrt()))
 }
 
-/// Distance of two centres and one standard deviation of it, metres.
+/// Returns the distance of two centres and one standard deviation of it, metres.
 #[must_use]
 pub fn distance_m(from: &SphereFit, to: &SphereFit) -> [f64; 2] {
     let between = to.center_m - from.center_m;

@@ -1,4 +1,4 @@
-//! The height of a step by ISO 5436-1:2000, type A1.
+//! The height of a step according to ISO 5436-1:2000, type A1.
 
 use nalgebra::Point3;
 use thiserror::Error;
@@ -17,22 +17,22 @@ const MIN_POINTS: usize = 4;
 /// Noise level to which heights are scaled for the search of plateaus.
 const NOISE: f64 = 0.05;
 
-/// A step and what is known of it.
+/// A measured step with its uncertainty.
 #[derive(Clone, Debug)]
 pub struct StepHeight {
     /// Height of the middle part over the straight line through the outer ones, metres; a groove's is negative.
     pub height_m: f64,
-    /// One standard deviation, metres.
+    /// One standard deviation of the height, metres.
     pub sigma_m: f64,
-    /// Half width of the interval that contains the truth in 95 %, metres.
+    /// Half width of the 95 % interval, metres.
     pub u95_m: f64,
-    /// Where the middle part begins and ends along the profile, metres.
+    /// Start and end of the middle part along the profile, metres.
     pub edges_m: [f64; 2],
     /// One standard deviation of the height of single profiles, metres.
     pub profile_sigma_m: f64,
-    /// Profiles that took part.
+    /// Number of profiles used.
     pub num_profiles: usize,
-    /// Profiles with too few points.
+    /// Number of profiles with too few points.
     pub num_rejected: usize,
     /// Number of independent profiles with the same information.
     pub effective_profiles: f64,
@@ -41,12 +41,12 @@ pub struct StepHeight {
 /// The reason why no step height can be measured.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StepHeightError {
-    /// No ridge or groove.
+    /// No ridge or groove was found.
     #[error(
         "no ridge or groove between two level parts was found: {0} (a region chooses a part, edges can be given)"
     )]
     Edges(#[source] PlateauError),
-    /// Outer parts of different heights.
+    /// The outer parts have different heights.
     #[error(
         "the parts beside the step differ by {difference_m:.3e} m, the step is {height_m:.3e} m: a stair, not a step of type A1"
     )]
@@ -63,12 +63,13 @@ pub enum StepHeightError {
     TooFew(usize),
 }
 
-/// Measures the step in every row of a surface, x being along the row. `edges_m`: where the middle part begins and ends;
-/// none: found in the median of all rows, which so have to run across the edges.
+/// Measures the step in every row of a surface, x being along the row. `edges_m`: start and end of the middle part;
+/// `None` finds them in the median of all rows, which requires rows that run across the edges.
 ///
 /// Each profile: `Z = α·X + β + h·δ` (ISO 5436-1:2000, 7.2), here with Tukey's weights; δ is 1 over the middle third of the
 /// step and 0 over the outer parts, from one third to one width of the step away from each edge, so that h is the height.
-/// The mean over the profiles has the scatter that they show, correlated ones counted by their effective number.
+/// The uncertainty of the mean comes from the scatter of the profiles, corrected for correlation by their effective
+/// number.
 ///
 /// # Errors
 /// No step, or too few points.
@@ -111,7 +112,7 @@ pub fn measure(
     })
 }
 
-/// Height of one profile's step and one standard deviation of it, metres.
+/// Returns the height of one profile's step and one standard deviation of it, metres.
 fn one_profile(row: &[Point3<f64>], [left, right]: [f64; 2]) -> Option<(f64, f64)> {
     let width = right - left;
     let middle = 0.5 * (left + right);
@@ -142,7 +143,7 @@ fn one_profile(row: &[Point3<f64>], [left, right]: [f64; 2]) -> Option<(f64, f64
     Some((fit.x[2], (correlated * fit.covariance[(2, 2)]).sqrt()))
 }
 
-/// Edges of the step in the median of all rows.
+/// Finds the edges of the step in the median of all rows.
 fn find_edges(surface: &Surface) -> Result<[f64; 2], StepHeightError> {
     let profile = median_profile(surface);
     let mut steps: Vec<f64> =
@@ -158,7 +159,7 @@ fn find_edges(surface: &Surface) -> Result<[f64; 2], StepHeightError> {
     Ok([between(pieces[1].whole.start), between(pieces[1].whole.end)])
 }
 
-/// How far the last part lies above the first one, and the middle one above the mean of both, when all have one
+/// Returns the height of the last part over the first one, and of the middle one over the mean of both, with a common
 /// inclination, metres.
 fn levels(profile: &[[f64; 2]], pieces: &[Piece]) -> Option<(f64, f64)> {
     let (from, to) = (profile[0][0], profile[profile.len() - 1][0]);
@@ -174,7 +175,7 @@ fn levels(profile: &[[f64; 2]], pieces: &[Piece]) -> Option<(f64, f64)> {
     Some((x[3], x[2] - 0.5 * x[3]))
 }
 
-/// Median position and height of every column, ascending along the row.
+/// Returns median position and height of every column, ascending along the row.
 fn median_profile(surface: &Surface) -> Vec<[f64; 2]> {
     let mut profile = Vec::with_capacity(surface.width);
     for column in 0..surface.width {

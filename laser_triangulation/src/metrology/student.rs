@@ -3,7 +3,7 @@
 /// Half widths of the two-sided 95 % interval for 1 to 10 degrees of freedom.
 const TABLE: [f64; 10] =
     [12.706_2, 4.302_7, 3.182_4, 2.776_4, 2.570_6, 2.446_9, 2.364_6, 2.306_0, 2.262_2, 2.228_1];
-/// The same of the normal distribution.
+/// Half width of the 95 % interval of the normal distribution.
 const NORMAL: f64 = 1.959_964;
 
 /// Returns the half width of the 95 % interval, in standard deviations estimated with these degrees of freedom: Student's
@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_are_those_of_the_tables() {
+    fn quantiles_match_the_tables() {
         // Abramowitz and Stegun, table 26.10, column 0.95.
         for (dof, expected) in
             [(1.0, 12.706), (5.0, 2.571), (10.0, 2.228), (20.0, 2.086), (120.0, 1.980)]

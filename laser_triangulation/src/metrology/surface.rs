@@ -1,15 +1,15 @@
-//! Measured points in the order in which they were measured.
+//! Measured points in the order of measurement.
 
 use nalgebra::Point3;
 
 use crate::statistics::median;
 
-/// Points row by row, one row a profile. A point with NaN was not measured, or is not meant.
+/// Points row by row, one row per profile. A point with NaN was not measured, or is excluded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
-    /// Points of a row.
+    /// Points per row.
     pub width: usize,
-    /// `width` points a row: x along the stripe, y along the motion, z up, metres in the frame of the part.
+    /// `width` points per row: x along the stripe, y along the motion, z up, metres in the frame of the part.
     pub points: Vec<Point3<f64>>,
 }
 
@@ -23,10 +23,10 @@ pub struct Region {
 }
 
 impl Region {
-    /// Everything.
+    /// The unbounded region.
     pub const ALL: Self = Self { from_m: [f64::NEG_INFINITY; 2], to_m: [f64::INFINITY; 2] };
 
-    /// Returns true if a place lies in the region.
+    /// Returns true if a point lies in the region.
     #[must_use]
     pub fn contains(&self, x_m: f64, y_m: f64) -> bool {
         let inside =
@@ -36,7 +36,7 @@ impl Region {
 }
 
 impl Surface {
-    /// The same points in the same places, without those outside a region.
+    /// Returns the same points at the same indices, without those outside a region.
     #[must_use]
     pub fn within(&self, region: &Region) -> Self {
         let nowhere = Point3::new(f64::NAN, f64::NAN, f64::NAN);
@@ -51,18 +51,18 @@ impl Surface {
         self.points.chunks_exact(self.width.max(1))
     }
 
-    /// Measured points with their places in `points`.
+    /// Returns the measured points with their indices in `points`.
     pub fn measured(&self) -> impl Iterator<Item = (usize, &Point3<f64>)> {
         self.points.iter().enumerate().filter(|(_, point)| is_measured(point))
     }
 
-    /// Number of measured points.
+    /// Returns the number of measured points.
     #[must_use]
     pub fn num_measured(&self) -> usize {
         self.measured().count()
     }
 
-    /// Rows as columns and columns as rows, x and y exchanged.
+    /// Returns the transposed surface, with x and y exchanged.
     #[must_use]
     pub fn transposed(&self) -> Self {
         let height = self.points.len() / self.width.max(1);
@@ -75,7 +75,7 @@ impl Surface {
         Self { width: height, points: turned.collect() }
     }
 
-    /// The smallest region that holds all points; empty without any.
+    /// Returns the smallest region that holds all points; empty without any.
     #[must_use]
     pub fn extent(&self) -> Region {
         let mut extent = Region { from_m: [f64::INFINITY; 2], to_m: [f64::NEG_INFINITY; 2] };
@@ -88,7 +88,8 @@ impl Surface {
         extent
     }
 
-    /// Typical distance of neighbours in a row and of neighbouring rows, seen from above, metres; 0 where there are none.
+    /// Returns the typical distance of neighbours in a row and of neighbouring rows, seen from above, metres; 0 where
+    /// there are none.
     #[must_use]
     pub fn pitch_m(&self) -> [f64; 2] {
         let far = |pair: [&Point3<f64>; 2]| (pair[1].xy() - pair[0].xy()).norm();
@@ -99,7 +100,7 @@ impl Surface {
         [typical(in_rows), typical(between)]
     }
 
-    /// Values of measured points laid out as the points are; NaN elsewhere.
+    /// Returns values of measured points in the layout of the points; NaN elsewhere.
     pub(super) fn spread(&self, values: &[f64], weights: &[f64]) -> Vec<f64> {
         let mut spread = vec![f64::NAN; self.points.len()];
         for ((at, _), (value, weight)) in self.measured().zip(values.iter().zip(weights)) {
@@ -117,7 +118,7 @@ pub fn is_measured(point: &Point3<f64>) -> bool {
     point.x.is_finite() && point.y.is_finite() && point.z.is_finite()
 }
 
-/// Median of all finite values; 0 without any.
+/// Returns the median of all finite values; 0 without any.
 fn typical(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     median(&mut values).unwrap_or(0.0)

@@ -4,25 +4,25 @@ use nalgebra::{Point3, Vector3};
 
 use super::{height_map::RegularHeightMap, plane::PlaneFit, surface::Region};
 
-/// A volume and what is known of it.
+/// A measured volume with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Volume {
-    /// Above the plane minus below it, cubic metres.
+    /// Volume above the plane minus volume below it, cubic metres.
     pub volume_m3: f64,
-    /// Above the plane, cubic metres.
+    /// Volume above the plane, cubic metres.
     pub above_m3: f64,
-    /// Below the plane, counted positive, cubic metres.
+    /// Volume below the plane, positive, cubic metres.
     pub below_m3: f64,
     /// One standard deviation of `volume_m3` from the plane and from the scatter of the points, cubic metres.
     pub sigma_m3: f64,
-    /// Area that was measured, square metres, seen from above.
+    /// Measured area, square metres, seen from above.
     pub area_m2: f64,
-    /// Area inside the region that was not: its volume is not in the sum, square metres.
+    /// Area inside the region that was not measured, square metres: its volume is not in the sum.
     pub missing_m2: f64,
 }
 
-/// Sums the heights over the plane, over the cells whose middle lies in the region. `sigma_z_m`: one standard deviation of a point, of which so many as
-/// `effective_points` are independent.
+/// Sums the heights over the plane, over the cells whose middle lies in the region. `sigma_z_m` is one standard
+/// deviation of a point; `effective_points` is the number of independent points.
 #[must_use]
 pub fn over_plane(
     map: &RegularHeightMap,
@@ -34,7 +34,7 @@ pub fn over_plane(
     let cell_m2 = map.layout.cell_m.powi(2);
     let width = map.layout.width as usize;
     let (mut above, mut below, mut num, mut num_missing) = (0.0, 0.0, 0_usize, 0_usize);
-    // How the sum changes with the plane's height and its two slopes.
+    // Derivatives of the sum with respect to the plane's height and its two slopes.
     let mut gradient = Vector3::zeros();
     for (at, z_m) in map.z_m.iter().enumerate() {
         let [x_m, y_m] = map.layout.center_m(at % width, at / width);

@@ -1,4 +1,4 @@
-//! The stored frame without laser that `background: reference` takes off every frame.
+//! The stored frame without laser that `background: reference` subtracts from every frame.
 
 use super::{
     channel::{Decoder, SearchedRegion},
@@ -16,13 +16,13 @@ pub(super) struct Ambient {
     prepared: Option<(SearchedRegion, u32)>,
 }
 
-/// Why the stored frame is none of the scene at hand.
+/// Reasons why the stored frame does not fit the image.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum AmbientError {
-    /// There is none.
+    /// There is no stored frame.
     #[error("background is reference, but there is no frame without laser: set background_file")]
     Missing,
-    /// Another camera's, or another binning.
+    /// The frame is from another camera, or has another binning.
     #[error(
         "image is {width} x {height} pixels, but the frame without laser is {ambient_width} x {ambient_height}"
     )]
@@ -36,7 +36,7 @@ pub enum AmbientError {
         /// Rows of the frame without laser.
         ambient_height: u32,
     },
-    /// Grey levels that cannot be compared.
+    /// The grey levels have different ranges.
     #[error(
         "levels of the image end at {max_level}, but those of the frame without laser at {ambient_max_level}"
     )]
@@ -54,7 +54,7 @@ impl Ambient {
         Self { image, ..Self::default() }
     }
 
-    /// Prepares the frame anew: the extractor or the channel is another one.
+    /// Requires a new preparation: the extractor or the channel has changed.
     pub(super) const fn forget(&mut self) {
         self.prepared = None;
     }

@@ -1,4 +1,4 @@
-//! Step 9 of Yao et al. 2023: from pixels to metres. Measured values, and the one place where a camera model is chosen.
+//! Step 9 of Yao et al. 2023: from pixels to metres. Holds measured values; the only place that chooses a camera model.
 
 mod camera_and_plane;
 mod camera_calibration;
@@ -20,12 +20,12 @@ pub use projective::Projective;
 pub use quality::{AxisQuality, CameraQuality, PlaneQuality, StepsQuality};
 pub use vertical_incidence::{Height, VerticalIncidence};
 
-/// How image points become points of the laser plane.
+/// A calibration: maps image points to points of the laser plane.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Calibration {
     /// Laser at right angles onto the base plane, camera inclined.
     VerticalIncidence(VerticalIncidence),
-    /// A calibrated camera and the plane of light anywhere before it.
+    /// A calibrated camera and a laser plane in any pose in front of it.
     CameraAndPlane(Box<CameraAndPlane>),
     /// The image of the laser plane as a homography.
     Projective(Box<Projective>),
@@ -55,7 +55,7 @@ pub enum CalibrationError {
     /// The values were edited after the file was written.
     #[error(
         "id is {stated}, but these values have id {actual}: the file was edited; calibrate again, or remove the line \
-         to say that you mean it"
+         to accept the edit"
     )]
     Edited {
         /// `id` in the file.
@@ -75,18 +75,18 @@ impl Calibration {
     /// Reads and checks a calibration file's text.
     ///
     /// # Errors
-    /// Unknown or missing keys, wrong types, values outside their range, an `id` that is not that of the values; all by
-    /// name.
+    /// Unknown or missing keys, wrong types, values outside their range, or an `id` that does not match the values. The
+    /// error names the key.
     pub fn from_yaml(text: &str) -> Result<Self, CalibrationError> {
         file::read(text)
     }
 
-    /// The calibration file; [`from_yaml`](Self::from_yaml) gives back an equal calibration.
+    /// Returns the calibration file's text; [`from_yaml`](Self::from_yaml) returns an equal calibration.
     pub fn to_yaml(&self) -> String {
         file::write(self)
     }
 
-    /// The axis that moves the part, where it was calibrated.
+    /// Returns the axis that moves the part, if calibrated.
     pub const fn axis(&self) -> Option<&Axis> {
         match self {
             Self::CameraAndPlane(geometry) => geometry.axis.as_ref(),
@@ -94,7 +94,7 @@ impl Calibration {
         }
     }
 
-    /// The part's frame, where it was laid on a flat.
+    /// Returns the part's frame, if defined by a flat.
     pub const fn part(&self) -> Option<&PartPose> {
         match self {
             Self::CameraAndPlane(geometry) => geometry.part.as_ref(),
@@ -102,7 +102,7 @@ impl Calibration {
         }
     }
 
-    /// Frame of the profiles.
+    /// Returns the frame of the profiles.
     pub fn frame_id(&self) -> &str {
         match self {
             Self::VerticalIncidence(geometry) => &geometry.frame_id,
@@ -111,8 +111,8 @@ impl Calibration {
         }
     }
 
-    /// Sixteen hexadecimal digits that are equal for equal calibrations: the start of the SHA-256 of the values that
-    /// measure, which are all but those about quality and date.
+    /// Returns sixteen hexadecimal digits that are equal for equal calibrations: the start of the SHA-256 of all values
+    /// except quality and date.
     pub fn id(&self) -> String {
         match self {
             Self::VerticalIncidence(geometry) => geometry.id(),
@@ -121,7 +121,7 @@ impl Calibration {
         }
     }
 
-    /// Columns and rows of the calibrated images; `None` if unknown.
+    /// Returns columns and rows of the calibrated images; `None` if unknown.
     pub fn image_size_px(&self) -> Option<(u32, u32)> {
         match self {
             Self::VerticalIncidence(_) => None,
@@ -132,8 +132,8 @@ impl Calibration {
         }
     }
 
-    /// The same calibration for images of a part of the sensor. Formula 6 states no size and is for the images that it
-    /// was measured with: it stays as it is.
+    /// Returns the same calibration for images of a part of the sensor. Formula 6 states no size and is returned
+    /// unchanged: it applies to the images with which it was measured.
     #[must_use]
     pub fn seen_through(&self, view: &View) -> Self {
         match self {
@@ -146,8 +146,8 @@ impl Calibration {
         }
     }
 
-    /// Step 9: replaces `profile` by the centreline in metres, one entry a searched line. A point that the geometry
-    /// cannot place is as one that was not measured. `full_scale` is the level of a saturated sample.
+    /// Step 9: replaces `profile` by the centreline in metres, one entry per searched line. A point that the geometry
+    /// cannot place counts as not measured. `full_scale` is the level of a saturated sample.
     pub fn triangulate(
         &self,
         centerline: &Centerline,
@@ -176,7 +176,7 @@ impl Calibration {
     }
 }
 
-/// A point of the laser plane and how it moves with the position across the stripe at which it is seen.
+/// A point of the laser plane and its derivative with respect to the image position across the stripe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedPoint {
     /// Along the stripe, metres.

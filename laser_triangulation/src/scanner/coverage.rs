@@ -1,18 +1,17 @@
-//! How much of the searched image is above the segment threshold: a laser line lights a few percent of it.
+//! Share of the searched image above the segment threshold: a laser line covers a few percent of it.
 //!
-//! Where a bright room, not the line, is above the threshold, the longest candidate of each cross-section is the room, and
-//! a centreline comes out that means nothing. The share tells this before anybody looks at the points.
+//! If a bright room is above the threshold, the longest candidate of each cross-section is the room, and the centreline
+//! is meaningless. The share reveals this without looking at the points.
 
 use super::{
     channel::{AnyPlane, Plane},
     params::{Background, ExtractionParams, Threshold},
 };
 
-/// More than this share of the searched pixels is no line, not even in a narrow region of interest: a line 12 px wide is
+/// A larger share of the searched pixels is not a line, even in a narrow region of interest: a line 12 px wide covers
 /// 30 % of 40 rows.
 pub const LARGEST_SHARE: f64 = 0.3;
-/// Pixels that are looked at: `SIDE` columns in `SIDE` rows. At [`LARGEST_SHARE`], one standard deviation of the share is
-/// 1.4 %.
+/// The grid has `SIDE` columns and `SIDE` rows. At [`LARGEST_SHARE`], one standard deviation of the share is 1.4 %.
 const SIDE: usize = 32;
 
 /// Share of the pixels above a fixed segment threshold, from 0 to 1, from a grid of 32 x 32 pixels, or of all in a smaller

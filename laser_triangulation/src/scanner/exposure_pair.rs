@@ -1,17 +1,17 @@
-//! Short and long exposures in turn: every frame's centreline takes what it lacks from the frame before.
+//! Alternating short and long exposures: fills gaps in each frame's centreline from the frame before.
 //!
-//! Each frame is paired with the one that directly precedes it. The longer exposed of the two sees dark surfaces, the
-//! shorter one is not saturated on bright ones. The line is the long one's; where that is saturated or too broad
-//! for a stripe (`LOW_CONTRAST`), and where it has no point, stands the short one's point with its own position, width,
-//! σ and flags. A short one's point that is `LOW_CONTRAST` itself replaces none.
+//! Each frame is paired with its direct predecessor. The longer exposure of the two sees dark surfaces; the shorter one
+//! is not saturated on bright ones. The result is the long exposure's line. Where that is saturated, too broad for a
+//! stripe (`LOW_CONTRAST`) or has no point, the short exposure's point replaces it, with its own position, width, σ and
+//! flags. A short exposure's point that is itself `LOW_CONTRAST` replaces none.
 //!
-//! - Which is the long one the picture tells: the median ratio of the grey levels at the centre over the lines that
-//!   both have found. Where those are saturated in both, the number of saturated points decides.
-//! - Intensities are in the long one's grey levels: the short one's are multiplied by that ratio and may exceed full
-//!   scale. Where every common line is saturated in the long one, the ratio is the smallest that it can be.
+//! - The long exposure is identified from the picture, by the median ratio of the grey levels at the centre over the
+//!   lines found in both. If those are saturated in both, the number of saturated points decides.
+//! - Intensities are in the long exposure's grey levels. The short exposure's are multiplied by that ratio and may exceed
+//!   full scale. If every common line is saturated in the long exposure, the ratio is its lower bound.
 //! - With several surfaces in a line the first is paired with the first, the second with the second.
-//! - The two frames are one period apart: on a moving part a point of the frame before lies one step of the motion
-//!   behind the frame's position. No frame waits for another: there is no delay.
+//! - The two frames are one period apart: on a moving part, a point of the frame before lies one step of the motion
+//!   behind the frame's position. No frame waits for another, so there is no delay.
 
 mod points;
 #[cfg(test)]
@@ -25,33 +25,33 @@ use super::{
 use crate::statistics::median;
 use points::{MergeWriter, Points, join};
 
-/// Exposures whose grey levels differ less are alike.
+/// Smallest ratio of grey levels at which exposures count as different.
 const MIN_RATIO: f32 = 1.25;
-/// Fewer common lines say nothing about the exposures.
+/// Minimum number of common lines for comparing the exposures.
 const MIN_COMMON: usize = 8;
 
-/// What became of a frame.
+/// Result of pairing a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExposurePairing {
-    /// Its line has the points of both exposures.
+    /// The line contains points of both exposures.
     Merged {
-        /// How many of them the frame before gave.
+        /// Number of points from the frame before.
         from_before: u32,
     },
-    /// The frame before is missing, was refused, has another size or belongs to another scan: the line is this frame's
-    /// alone.
+    /// The frame before is missing, was rejected, has another size or belongs to another scan: the line is only this
+    /// frame's.
     Alone,
-    /// The two exposures do not differ clearly, or have too few lines in common: the line is this frame's alone.
+    /// The two exposures do not differ clearly, or have too few lines in common: the line is only this frame's.
     Alike,
 }
 
-/// Pairs frame after frame without allocating once the longest lines have been seen.
+/// Pairs frame after frame. Allocates nothing after the longest lines.
 #[derive(Debug)]
 pub(super) struct ExposurePairs {
     direction: StripeDirection,
     /// Own points of the frame before.
     before: Centerline,
-    /// Size of its image; none: there is no frame before.
+    /// Size of its image; `None`: there is no frame before.
     before_px: Option<(u32, u32)>,
     /// This frame's own points, while its line is replaced.
     own: Centerline,
@@ -59,7 +59,7 @@ pub(super) struct ExposurePairs {
 }
 
 impl ExposurePairs {
-    /// Before the first frame.
+    /// Creates the state before the first frame.
     pub(super) fn new(direction: StripeDirection) -> Self {
         Self {
             direction,
@@ -70,7 +70,7 @@ impl ExposurePairs {
         }
     }
 
-    /// Forgets the frame before.
+    /// Discards the frame before.
     pub(super) const fn restart(&mut self) {
         self.before_px = None;
     }
@@ -120,9 +120,10 @@ impl ExposurePairs {
     }
 }
 
-/// Grey level of one frame for one of the other; `None` when they do not differ clearly or hardly meet.
+/// Returns the ratio of one frame's grey levels to the other's; `None` if they do not differ clearly or have too few
+/// common lines.
 fn ratio(own: Points<'_>, before: Points<'_>, ratios: &mut Vec<f32>) -> Option<f32> {
-    // Saturated in one of the two, a line gives a bound only: better than nothing.
+    // A line saturated in one of the two gives only a bound, used as a fallback.
     let mut num_common = 0;
     for max_saturated in [0, 1] {
         ratios.clear();

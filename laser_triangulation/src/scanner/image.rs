@@ -1,4 +1,4 @@
-//! A camera image as it lies in a message: a checked view, never a copy.
+//! A camera image in a message's buffer: a checked view, never a copy.
 //!
 //! Pixel coordinates are (column, row); (0, 0) is the *centre* of the top-left pixel.
 
@@ -16,7 +16,7 @@ pub enum ByteOrder {
     Big,
 }
 
-/// Which colours the four pixels of a Bayer cell have: top-left, top-right, bottom-left, bottom-right.
+/// Colours of the four pixels of a Bayer cell: top-left, top-right, bottom-left, bottom-right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BayerPattern {
     /// Red, green, green, blue.
@@ -29,7 +29,7 @@ pub enum BayerPattern {
     Grbg,
 }
 
-/// How one pixel lies in memory.
+/// Memory layout of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PixelFormat {
     /// One 8-bit grey sample (`mono8`, `8UC1`).
@@ -70,7 +70,7 @@ impl PixelFormat {
     }
 }
 
-/// Why a buffer is not an image.
+/// Reasons why a buffer is not an image.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ImageError {
     /// Width or height is zero.
@@ -81,7 +81,7 @@ pub enum ImageError {
         /// Rows.
         height: u32,
     },
-    /// A side is longer than any camera's.
+    /// A side is longer than the maximum.
     #[error("image is {width} x {height} pixels: sides may have at most {MAX_SIDE_PX}")]
     TooLong {
         /// Columns.
@@ -186,7 +186,7 @@ impl<'a> Image<'a> {
         self.step
     }
 
-    /// How a pixel lies in memory.
+    /// Returns the memory layout of a pixel.
     pub const fn format(&self) -> PixelFormat {
         self.format
     }

@@ -1,5 +1,4 @@
-//! The whole measurement on one screen: extract → triangulate → push, the ten steps of Yao et al. 2023
-//! (doi 10.3390/app13179831).
+//! The whole measurement: extract → triangulate → push, the ten steps of Yao et al. 2023 (doi 10.3390/app13179831).
 
 use super::{
     ambient::Ambient,

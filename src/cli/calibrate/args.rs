@@ -60,7 +60,7 @@ pub(super) struct PlaneArgs {
     #[arg(long = "camera", value_name = "FILE.yaml")]
     pub(super) camera_file: PathBuf,
     /// Width of the flat rim beyond the inner corners, in squares: 1 for the outermost squares, 1.5 with the usual rim,
-    /// more for a larger plate. The laser line is searched that far.
+    /// more for a larger plate. The search for the laser line extends that far.
     #[arg(long, default_value_t = 1.5, value_name = "SQUARES", value_parser = border)]
     pub(super) border: f64,
     /// Name of the profiles' frame, the laser plane.
@@ -133,7 +133,7 @@ pub(super) struct OutputArgs {
     /// Replaces an existing file.
     #[arg(long)]
     pub(super) force: bool,
-    /// One JSON object on standard output: all figures, unrounded.
+    /// Prints one JSON object on standard output: all figures, unrounded.
     #[arg(long)]
     pub(super) json: bool,
     /// Writes charts of the detections and residuals to this PNG file.

@@ -1,4 +1,4 @@
-//! `laser_profiler calibrate level`: the part's frame, laid on a flat.
+//! `laser_profiler calibrate level`: levels the part's frame on a flat.
 
 use std::{io::Write, path::PathBuf};
 
@@ -33,7 +33,7 @@ Examples:
 --json prints one object: output, id, points, outliers, tilt_rad, tilt_sigma_rad and height_m, height_sigma_m (of the flat, before),
   flatness_d95_m, part: {origin_m, rotation_rad}";
 
-/// Lays the part's frame on a flat that was scanned: later scans come out level.
+/// Levels the part's frame on a scanned flat: later scans come out level.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub(super) struct LevelArgs {
@@ -59,7 +59,7 @@ pub(super) struct LevelArgs {
 /// Fits the flat, writes the file and prints the pose of the flat to `out`.
 ///
 /// # Errors
-/// Results without a calibration of a camera and a plane, or placed by poses; no flat; a file that is there or cannot be
+/// Results without a calibration of a camera and a plane, or placed by poses; no flat; a file that exists or cannot be
 /// written.
 pub(super) fn run(args: &LevelArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     if !args.force {
@@ -83,7 +83,7 @@ pub(super) fn run(args: &LevelArgs, out: &mut dyn Write) -> anyhow::Result<Outco
     Ok(Outcome::with_losses(scanned.counts.rejected))
 }
 
-/// Returns the calibration that the results contain.
+/// Returns the calibration contained in the results.
 fn geometry(results: &Results) -> anyhow::Result<CameraAndPlane> {
     let provenance = results.provenance();
     let text = provenance.calibration.as_ref().context(

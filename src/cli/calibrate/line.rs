@@ -1,4 +1,4 @@
-//! The stripe of a picture or recording, by the node's own extraction.
+//! The stripe of a picture or recording, found by the node's own extraction.
 
 use std::{fs, path::Path};
 
@@ -14,13 +14,13 @@ use crate::{
     scanner::image::Frame,
 };
 
-/// Frames of a recording that are averaged; more change nothing.
+/// Frames of a recording that are averaged; more do not change the result.
 const MAX_FRAMES: u64 = 200;
 
-/// Finds the stripe of a PNG or JPEG file, or of a recording: there the median over its frames.
+/// Finds the stripe of a PNG or JPEG file, or the median stripe over the frames of a recording.
 ///
 /// # Errors
-/// A file that is neither, no stripe, frames of different sizes.
+/// A file of another kind, no stripe, or frames of different sizes.
 pub(super) fn find(path: &Path, settings: &Settings) -> anyhow::Result<GaugeStripe> {
     let is_picture = path.extension().is_some_and(|extension| {
         ["png", "jpg", "jpeg"].iter().any(|known| extension.eq_ignore_ascii_case(known))

@@ -1,4 +1,4 @@
-//! `laser_profiler calibrate steps`: known heights instead of a board.
+//! `laser_profiler calibrate steps`: calibrates from known heights instead of a board.
 
 mod args;
 mod gauge;
@@ -22,7 +22,7 @@ use gauge::Gauge;
 ///
 /// # Errors
 /// [`Usage`] for invalid parameters, for heights that do not calibrate, for an output without a lateral scale; pictures
-/// that cannot be read or show other plateaus.
+/// that cannot be read or show a different number of plateaus.
 pub(super) fn run(
     args: &StepsArgs,
     ros: RosArguments,
@@ -98,7 +98,7 @@ fn scale(
     Ok(Some(scale))
 }
 
-/// The time as `2026-11-22T12:00:00Z`.
+/// Formats the time as `2026-11-22T12:00:00Z`.
 fn now() -> String {
     jiff::Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
 }

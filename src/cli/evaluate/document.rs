@@ -1,13 +1,13 @@
-//! An answer as people read it: sections of text, tables and plots, on a terminal or as Markdown.
+//! A human-readable report: sections of text, tables and plots, as terminal text or Markdown.
 
 use std::{fmt::Write as _, path::Path};
 
-/// A part of an answer.
+/// A section of a report.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Section {
     /// Its heading.
     pub(super) title: String,
-    /// What is to be known before the tables.
+    /// Introductory text before the tables.
     pub(super) paragraphs: Vec<String>,
     /// Its tables.
     pub(super) tables: Vec<Table>,
@@ -15,10 +15,10 @@ pub(super) struct Section {
     pub(super) plots: Vec<(String, String)>,
 }
 
-/// Rows and columns of text. The first column stands left, figures stand right.
+/// A table of text cells. The first column is left-aligned, all others are right-aligned.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Table {
-    /// What it shows; empty where the section says so.
+    /// Caption; empty if the section already explains the table.
     pub(super) caption: String,
     /// Heads of the columns.
     pub(super) header: Vec<String>,
@@ -26,7 +26,7 @@ pub(super) struct Table {
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// Text for a terminal.
+/// Returns text for a terminal.
 pub(super) fn plain(sections: &[Section]) -> String {
     let mut text = String::new();
     for (number, section) in sections.iter().enumerate() {
@@ -42,7 +42,7 @@ pub(super) fn plain(sections: &[Section]) -> String {
     text
 }
 
-/// Markdown; plots are shown where they have been drawn, with paths as they stand in `plots`.
+/// Returns Markdown. Includes plots that have been drawn, with the paths given in `plots`.
 pub(super) fn markdown(sections: &[Section], plots: Option<&Path>) -> String {
     let mut text = String::new();
     for (number, section) in sections.iter().enumerate() {
@@ -105,7 +105,7 @@ impl Table {
     }
 }
 
-/// Lines of at most 100 letters.
+/// Breaks text into lines of at most 100 characters.
 fn wrapped(paragraph: &str) -> String {
     let mut text = String::new();
     let mut length = 0;
@@ -129,25 +129,25 @@ fn push(text: &mut String, what: std::fmt::Arguments<'_>) {
     text.write_fmt(what).unwrap_or_else(|_| unreachable!("text takes every text"));
 }
 
-/// A length with four decimals; a dash where there is none.
+/// Formats a length with four decimals; a dash if it is not finite.
 pub(super) fn px(value: f64) -> String {
     number(value, 4)
 }
 
-/// A number with so many decimals; a dash where there is none.
+/// Formats a number with the given decimals; a dash if it is not finite.
 pub(super) fn number(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return "-".to_owned();
     }
     let text = format!("{value:.decimals$}");
-    // What rounds to zero has no sign.
+    // Values that round to zero have no sign.
     match text.strip_prefix('-') {
         Some(zero) if zero.chars().all(|letter| "0.".contains(letter)) => zero.to_owned(),
         _ => text,
     }
 }
 
-/// A share in percent; a dash where there is none.
+/// Formats a share in percent; a dash if it is not finite.
 pub(super) fn percent(share: f64) -> String {
     number(100.0 * share, 1)
 }
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_terminal_gets_columns_and_short_lines() {
+    fn terminal_text_has_columns_and_short_lines() {
         let text = plain(&[section()]);
         assert!(text.starts_with("NOISE\nword word"), "{text}");
         assert!(
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_there_is_not_is_a_dash() {
+    fn missing_values_are_dashes() {
         assert_eq!((px(0.012_34).as_str(), px(f64::NAN).as_str()), ("0.0123", "-"));
         assert_eq!((percent(0.683).as_str(), px(-0.000_01).as_str()), ("68.3", "0.0000"));
         assert_eq!(px(-0.012), "-0.0120");

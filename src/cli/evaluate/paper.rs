@@ -42,13 +42,13 @@ recording also frames, rejected, columns and noise: [{gamma, points, methods: [.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub(super) struct PaperArgs {
-    /// rosbag2 directory or .mcap file; without it the paper's own Table 3.
+    /// rosbag2 directory or .mcap file; default: the paper's own Table 3.
     #[arg(value_name = "BAG")]
     bag: Option<PathBuf>,
-    /// Frames that are taken, from the first on.
+    /// Number of frames to use, from the first on.
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// First and last column (row, of a vertical stripe) that is taken; all, when not given.
+    /// First and last column (row, for a vertical stripe) to use; default: all.
     #[arg(long, value_name = "A..B", value_parser = parse_columns)]
     columns: Option<RangeInclusive<u32>>,
     /// Seed of the added noise.
@@ -60,7 +60,7 @@ pub(super) struct PaperArgs {
     pub(super) output: OutputArgs,
 }
 
-/// Columns `A..B`, both ends taken.
+/// Parses columns `A..B`, both ends included.
 fn parse_columns(text: &str) -> Result<RangeInclusive<u32>, String> {
     let ends = text.split_once("..").and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
     match ends {
@@ -80,7 +80,7 @@ struct MethodFigures {
     deviations: Deviations,
 }
 
-/// One method's figures with noise on the images.
+/// One method's figures with added noise.
 #[derive(Clone, Debug, Serialize)]
 struct NoisyFigures {
     method: &'static str,
@@ -92,12 +92,12 @@ struct NoisyFigures {
     from_own_rms_px: f64,
 }
 
-/// The noise test at one noise.
+/// The noise test at one noise level.
 #[derive(Clone, Debug, Serialize)]
 struct NoiseStep {
     /// Standard deviation of the added noise, grey levels of an 8-bit scale.
     gamma: f64,
-    /// Columns in which all three found a point.
+    /// Columns in which all three methods found a point.
     points: u64,
     methods: Vec<NoisyFigures>,
 }
@@ -107,10 +107,10 @@ fn figures(protocol: &Protocol) -> Vec<MethodFigures> {
     named.map(|(method, deviations)| MethodFigures { method: method.name(), deviations }).collect()
 }
 
-/// The protocol on Table 3 or on a recording.
+/// Applies the protocol to Table 3 or to a recording.
 ///
 /// # Errors
-/// A recording that cannot be read, has no images or not the columns; parameters that the node would refuse.
+/// A recording that cannot be read, has no images or not the requested columns; parameters that the node would reject.
 pub(super) fn report(args: PaperArgs, ros: RosArguments) -> anyhow::Result<Report> {
     let settings = Settings::load(&args.settings, ros)?;
     let Some(path) = &args.bag else {

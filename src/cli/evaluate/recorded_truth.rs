@@ -1,4 +1,4 @@
-//! A recording that carries its truth: every method's centrelines against it.
+//! Compares every method's centrelines with the ground truth in a recording.
 
 use std::collections::BTreeMap;
 
@@ -26,15 +26,15 @@ use crate::{
     },
 };
 
-/// Frames and truths that wait for one another; those of one frame lie side by side in the recording.
+/// Most frames and truths that wait for their counterpart; both for one frame are adjacent in the recording.
 const MAX_WAITING: usize = 32;
 
-/// What was measured.
+/// Measurement results.
 pub(super) struct Measured {
     pub(super) read: Read,
-    /// Frames that have their truth.
+    /// Number of frames with ground truth.
     pub(super) frames: u64,
-    /// Frames without truth.
+    /// Number of frames without ground truth.
     pub(super) unpaired: u64,
     pub(super) methods: Vec<MethodAccuracy>,
 }
@@ -47,10 +47,10 @@ pub(super) struct MethodAccuracy {
     accuracy: Accuracy,
 }
 
-/// Measures every frame by every method.
+/// Measures every frame with every method.
 ///
 /// # Errors
-/// A recording without truth, or without a frame that could be measured.
+/// A recording without ground truth, or without a frame that could be measured.
 pub(super) fn measure(recording: &Recording, methods: &[Method]) -> anyhow::Result<Measured> {
     let has_truth = recording.bag.topics().iter().any(|topic| topic.name == TRUTH_TOPIC);
     ensure!(
@@ -83,21 +83,21 @@ pub(super) fn measure(recording: &Recording, methods: &[Method]) -> anyhow::Resu
     Ok(Measured { read, frames: judge.frames, unpaired, methods })
 }
 
-/// The points of one frame, by column, of each method; and what was searched.
+/// The points of one frame by column, for each method, and the searched region.
 struct MeasuredFrame {
     searched: SearchedRegion,
     points: Vec<Vec<Option<Point>>>,
 }
 
-/// Brings frames and truths together by their stamps.
+/// Matches frames and ground truth by their stamps.
 struct Judge {
     params: Params,
     methods: Vec<Method>,
     pipelines: Vec<Pipeline>,
     tallies: Vec<Tally>,
-    /// By stamp, waiting for their truth.
+    /// Frames waiting for their ground truth, by stamp.
     measured: BTreeMap<i64, MeasuredFrame>,
-    /// By stamp, waiting for their frame: column and position.
+    /// Ground truth waiting for its frame, by stamp: column and position.
     truths: BTreeMap<i64, Vec<(usize, f64)>>,
     frames: u64,
     unpaired: u64,
@@ -160,7 +160,7 @@ impl Judge {
             return;
         }
         self.truths.insert(stamp_ns, points);
-        // A truth whose image was lost tells nothing.
+        // Ground truth of a lost image is useless.
         if self.truths.len() > MAX_WAITING {
             self.truths.pop_first();
         }
@@ -198,12 +198,12 @@ impl Judge {
     }
 }
 
-/// What was measured, as a table.
+/// Returns the results as a table.
 pub(super) fn section(name: &str, measured: &Measured) -> Section {
     let passed = match (measured.unpaired, measured.read.rejected) {
         (0, 0) => String::new(),
         (unpaired, rejected) => format!(
-            " {unpaired} frames without truth and {rejected} frames or damaged places were passed over."
+            " {unpaired} frames without truth and {rejected} frames or damaged places were skipped."
         ),
     };
     let row = |method: &MethodAccuracy| {
@@ -225,7 +225,7 @@ pub(super) fn section(name: &str, measured: &Measured) -> Section {
     Section {
         title: format!("Against truth: the recording {name}"),
         paragraphs: vec![format!(
-            "{} frames with {columns} true centres on {TRUTH_TOPIC}. Median and 95 %: what the size of the error stays below. Wrong: more than {WRONG_PX} px off. False: points in columns \
+            "{} frames with {columns} true centres on {TRUTH_TOPIC}. Median and 95 %: percentiles of the absolute error. Wrong: more than {WRONG_PX} px off. False: points in columns \
              without a true centre.{passed}",
             measured.frames
         )],

@@ -16,7 +16,7 @@ use crate::evaluate::{
     trial::Plan,
 };
 
-/// Results of the experiments that were asked for.
+/// Results of the requested experiments.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Study {
     pub(super) source: &'static str,
@@ -31,10 +31,10 @@ pub(super) struct Study {
     pub(super) smoothing: Vec<Smoothing>,
 }
 
-/// The experiments of a list of names, all where it is empty.
+/// Returns the experiments of a list of names, or all if the list is empty.
 ///
 /// # Errors
-/// [`Usage`](crate::cli::Usage): a name that no experiment has, or one twice.
+/// [`Usage`](crate::cli::Usage) for an unknown or repeated name.
 pub(super) fn experiments(names: &[String]) -> anyhow::Result<Vec<Experiment>> {
     settings::choose(names, Experiment::NAMES, |name| {
         Experiment::from_name(name).ok_or_else(|| {
@@ -89,7 +89,7 @@ pub(super) fn study(
     study
 }
 
-/// A plot of everything that is a curve.
+/// A plot of each curve.
 pub(super) fn plots(study: &Study) -> Vec<Plot> {
     let varied = study.series.iter().filter(|series| !series.axis.is_empty());
     let mut plots: Vec<_> = varied.map(series_plot).collect();
@@ -98,17 +98,17 @@ pub(super) fn plots(study: &Study) -> Vec<Plot> {
     plots
 }
 
-/// File name of the plot of a series.
+/// Returns the file name of the plot of a series.
 pub(super) fn series_file(series: &Series) -> String {
     format!("accuracy_{}.svg", series.experiment)
 }
 
-/// File name of the plot of a locking curve.
+/// Returns the file name of the plot of a locking curve.
 pub(super) fn locking_file(locking: &Locking) -> String {
     format!("accuracy_locking_s{}.svg", locking.sigma_px)
 }
 
-/// File name of the plot of a response to a step.
+/// Returns the file name of the plot of a response to a step.
 pub(super) fn edge_file(edge: &Edge) -> String {
     format!("accuracy_edge_s{}_step{}.svg", edge.sigma_px, edge.step_px)
 }

@@ -1,4 +1,4 @@
-//! Results on rendered scenes, in words and tables.
+//! Results on rendered scenes as text and tables.
 
 use super::{
     document::{Section, Table, number, percent, px},
@@ -13,12 +13,12 @@ use crate::evaluate::{
     trial::BORDER_COLUMNS,
 };
 
-/// Below so many averaged columns a method looks at one column alone.
+/// Number of averaged columns below which a method counts as using one column.
 const ONE_COLUMN: f64 = 1.5;
-/// A figure with a larger share of missing and wrong points is marked.
+/// Share of missing and wrong points above which a figure is marked.
 const MARKED_SHARE: f64 = 0.01;
 
-/// All sections of a study.
+/// Returns all sections of a study.
 pub(super) fn sections(study: &Study) -> Vec<Section> {
     let mut sections = vec![preface(study)];
     for series in &study.series {
@@ -54,10 +54,10 @@ fn preface(study: &Study) -> Section {
             ),
             "RMS counts every point found, wrong ones too. The bound is the Cramér-Rao bound of one column for the samples as \
              they are: A, centre, s and background unknown, clipped samples censored. The simple bound takes rounding as \
-             noise of variance 1/12, leaves saturated samples out and knows no clipping at 0."
+             noise of variance 1/12, leaves saturated samples out and ignores clipping at 0."
                 .to_owned(),
-            "\"Averages\" is the number of columns whose even mean would be as quiet, measured from the correlation of the \
-             noise along the stripe. A method that averages columns may lie below the bound of one column; it pays with lateral \
+            "\"Averages\" is the number of columns whose uniform mean would have the same noise, measured from the correlation of the \
+             noise along the stripe. A method that averages columns may lie below the bound of one column, at the cost of lateral \
              resolution: see the step below."
                 .to_owned(),
             format!("Parameters of the extraction: {}.", set.join(", ")),
@@ -99,8 +99,8 @@ fn reference(series: &Series) -> Section {
         title: "Six scenes".to_owned(),
         paragraphs: vec![
             format!(
-                "Wrong: more than {WRONG_PX} px off. ±1σ and ±2σ: share of the points whose error, bias and all, is within one and \
-                 two of the standard deviations that the method states; 68.3 and 95.4 if those are true."
+                "Wrong: more than {WRONG_PX} px off. ±1σ and ±2σ: share of the points whose error, bias included, is within one and \
+                 two of the standard deviations that the method states; 68.3 and 95.4 if those are right."
             ),
             series.scenes.iter().map(best).collect::<Vec<_>>().join(" "),
         ],
@@ -125,7 +125,8 @@ fn reference_row(result: &MethodResult) -> Vec<String> {
     ]
 }
 
-/// Who has the smallest RMS, at all and among those that look at one column; a method that misses columns does not count.
+/// Names the method with the smallest RMS, over all methods and among those that use one column. Methods that miss
+/// columns do not count.
 fn best(scene: &SceneResult) -> String {
     let smallest = |is_candidate: &dyn Fn(&MethodResult) -> bool| {
         let complete =
@@ -134,19 +135,19 @@ fn best(scene: &SceneResult) -> String {
             .filter(|method| is_candidate(method))
             .min_by(|a, b| a.accuracy.rms_px.total_cmp(&b.accuracy.rms_px))
     };
-    let told = |m: &MethodResult| format!("{} {}", m.method, px(m.accuracy.rms_px));
+    let named = |m: &MethodResult| format!("{} {}", m.method, px(m.accuracy.rms_px));
     let Some(first) = smallest(&|_| true) else {
         return format!("{}: no method finds all columns.", scene.scene);
     };
     match smallest(&|method| method.columns_averaged < ONE_COLUMN) {
         Some(alone) if alone.method != first.method => format!(
-            "{}: {} px leads by averaging {} columns, {} px of those that look at one.",
+            "{}: {} px leads by averaging {} columns; {} px leads among those that use one column.",
             scene.scene,
-            told(first),
+            named(first),
             number(first.columns_averaged, 1),
-            told(alone)
+            named(alone)
         ),
-        _ => format!("{}: {} px leads.", scene.scene, told(first)),
+        _ => format!("{}: {} px leads.", scene.scene, named(first)),
     }
 }
 
@@ -191,7 +192,7 @@ fn varied(series: &Series) -> Section {
         rows,
     };
     let mut tables = vec![table("RMS px", rms_rows)];
-    // Speckle is no noise of the camera's: nothing binds it to that bound.
+    // Speckle is not camera noise: the bound does not apply to it.
     if !is_speckle {
         let ratios = rows(&|result| number(result.over_bound, 2));
         tables.push(table("RMS ÷ bound of one column", ratios));
@@ -204,7 +205,7 @@ fn varied(series: &Series) -> Section {
     }
 }
 
-/// What is fixed while one thing is varied.
+/// Returns the fixed quantities of an experiment.
 fn about(experiment: &str) -> &'static str {
     match Experiment::from_name(experiment) {
         Some(Experiment::Noise) => {
@@ -214,23 +215,23 @@ fn about(experiment: &str) -> &'static str {
             "A 183, noise 2. *: more than 1 % of the columns missing or wrong."
         }
         Some(Experiment::Saturation) => {
-            "A is so many times 230, s 2.3 px, noise 2: at 1 nothing is clipped. *: more than 1 % of the columns missing or wrong."
+            "A is the given multiple of 230, s 2.3 px, noise 2: at 1 nothing is clipped. *: more than 1 % of the columns missing or wrong."
         }
         Some(Experiment::Slope) => {
-            "A 183, s 2.3 px square to the stripe, noise 2; light is integrated over the pixels in both directions. Errors are \
+            "A 183, s 2.3 px at right angles to the stripe, noise 2; light is integrated over the pixels in both directions. Errors are \
              along the column, as published; across the stripe they are smaller by the cosine. *: more than 1 % of the columns \
              missing or wrong."
         }
         Some(Experiment::Speckle) => {
-            "A 120, s 2.3 px, noise 2, and fully developed speckle with grains of 1 px, seen with so much contrast. The bound \
-             knows nothing of speckle; \"by speckle alone\" is what it does to a centroid over the whole column, to first \
+            "A 120, s 2.3 px, noise 2, and fully developed speckle with grains of 1 px, at the given contrast. The bound \
+             ignores speckle; \"by speckle alone\" is the error that it causes in a centroid over the whole column, to first \
              order. Speckle, not noise, limits every method on a rough surface. *: more than 1 % of the columns missing or wrong."
         }
         _ => "",
     }
 }
 
-/// The smallest and the largest of some numbers.
+/// Formats the range of some numbers.
 fn range_text(values: impl Iterator<Item = f64>) -> String {
     let ends = |(low, high): (f64, f64), value: f64| (low.min(value), high.max(value));
     let (low, high) =
@@ -254,8 +255,8 @@ fn locking_section(all: &[Locking]) -> Section {
     Section {
         title: "Pixel locking".to_owned(),
         paragraphs: vec![
-            "Mean error of a level stripe over where between two pixels it lies (A 183, noise 2, 1024 columns for each of 40 \
-             phases): half the range, in pixels. An estimator without locking shows what is left of the noise."
+            "Mean error of a level stripe as a function of its position between two pixels (A 183, noise 2, 1024 columns for each of 40 \
+             phases): half the range, in pixels. An estimator without locking shows only the remaining noise."
                 .to_owned(),
         ],
         tables: vec![Table { caption: String::new(), header, rows: rows.iter().enumerate().map(row).collect() }],

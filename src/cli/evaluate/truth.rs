@@ -1,4 +1,4 @@
-//! `laser_profiler evaluate truth`: the methods against centres that are known.
+//! `laser_profiler evaluate truth`: compares the methods with known centres.
 
 use std::path::PathBuf;
 
@@ -31,20 +31,20 @@ false_points, missing, wrong, bias_px, rms_px, median_px, p95_px, within_1_sigma
 over_simple_bound}]}]}], locking, edge, smoothing. With BAG: source, topic, frames, rejected, unpaired, extraction, methods.
 Shares are 0 to 1; null is what there is not.";
 
-/// The methods against truth: rendered stripes, or a recording that carries its truth.
+/// Compares the methods with ground truth: rendered stripes, or a recording with ground truth.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub(super) struct TruthArgs {
-    /// Recording with the topic /truth/centerline; without it stripes are rendered.
+    /// Recording with the topic /truth/centerline; default: rendered stripes.
     #[arg(value_name = "BAG")]
     bag: Option<PathBuf>,
-    /// Methods, separated by commas; all, when not given.
+    /// Methods, separated by commas; default: all.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     methods: Vec<String>,
-    /// Experiments on rendered stripes, separated by commas; all, when not given.
+    /// Experiments on rendered stripes, separated by commas; default: all.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', conflicts_with = "bag")]
     experiments: Vec<String>,
-    /// Frames of each rendered scene; 2 or more tell how many columns a method averages.
+    /// Frames of each rendered scene; at least 2 are needed to estimate the number of averaged columns.
     #[arg(long, default_value_t = 4, conflicts_with = "bag",
         value_parser = clap::value_parser!(u32).range(1..=1000))]
     frames: u32,
@@ -57,10 +57,10 @@ pub(super) struct TruthArgs {
     pub(super) output: OutputArgs,
 }
 
-/// Measures and tells.
+/// Measures the methods and prints the report.
 ///
 /// # Errors
-/// [`Usage`](crate::cli::Usage) when the request cannot be followed; a recording that cannot be read or carries no truth.
+/// [`Usage`](crate::cli::Usage) for an invalid request; a recording that cannot be read or has no ground truth.
 pub(super) fn report(args: &TruthArgs, ros: RosArguments) -> anyhow::Result<Report> {
     let methods = settings::methods(&args.methods)?;
     let experiments = rendered::experiments(&args.experiments)?;

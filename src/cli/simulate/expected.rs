@@ -1,4 +1,4 @@
-//! What bags/README.md expects of the bundled recordings, replayed through the node.
+//! Checks the accuracy of the bundled recordings, replayed through the node, that bags/README.md states.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -12,16 +12,16 @@ use crate::{
     scanner::params::StripeDirection,
 };
 
-/// By stamp, the position across the stripe on each line along it, pixels.
+/// Positions across the stripe on each line along it, by stamp, pixels.
 type Lines = BTreeMap<i64, BTreeMap<u32, f64>>;
 
-/// Measured less true centre, pixels, wherever both exist.
+/// Measured minus true centre, pixels, wherever both exist.
 #[derive(Debug, Default)]
 struct Errors {
     px: Vec<f64>,
-    /// Lines with a stripe on which nothing was measured.
+    /// Number of lines with a stripe but no measured point.
     missing: usize,
-    /// Measured points on lines without a stripe.
+    /// Number of measured points on lines without a stripe.
     false_points: usize,
 }
 
@@ -42,7 +42,7 @@ fn centerlines(bag: &Path, topic: &str, direction: StripeDirection) -> Lines {
     lines
 }
 
-/// Replays a bundled recording with its parameters and compares every centreline with its truth.
+/// Replays a bundled recording with its parameters and compares every centreline with the ground truth.
 fn compare(name: &str, direction: StripeDirection) -> (Summary, Errors) {
     let bags = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags");
     let directory = tempfile::tempdir().unwrap();
@@ -70,12 +70,12 @@ fn compare(name: &str, direction: StripeDirection) -> (Summary, Errors) {
 }
 
 impl Errors {
-    /// Magnitude that a share of all points does not exceed, pixels.
+    /// Returns the given quantile of the absolute error over all points, pixels.
     fn quantile_px(&self, share: f64) -> f64 {
         self.px[((self.px.len() - 1) as f64 * share) as usize].abs()
     }
 
-    /// Holds the errors to the limits of the README: median, 95 % and all, pixels.
+    /// Checks the errors against the limits of the README: median, 95 % and all, pixels.
     fn assert_within(&self, limits_px: [f64; 3]) {
         for (share, limit_px) in [0.5, 0.95, 1.0].into_iter().zip(limits_px) {
             let error_px = self.quantile_px(share);

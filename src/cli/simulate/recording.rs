@@ -1,4 +1,4 @@
-//! A scenario as a rosbag2 recording: images, the axis, the truth, and what explains them.
+//! Writes a scenario as a rosbag2 recording: images, the axis, the ground truth, and their description.
 
 use std::{
     fs,
@@ -28,29 +28,30 @@ use crate::{
 
 /// Images of the simulated camera.
 pub const IMAGE_TOPIC: &str = "/camera/image_raw";
-/// The simulated camera, where it is more than formula 6.
+/// Description of the simulated camera, unless it is that of formula 6.
 pub const INFO_TOPIC: &str = "/camera/camera_info";
 /// Position of the simulated axis.
 pub const AXIS_TOPIC: &str = "/axis/joint_states";
 /// Exact centre of the stripe in every image.
 pub const TRUTH_TOPIC: &str = "/truth/centerline";
 
-/// What was rendered.
+/// Summary of a rendered recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Summary {
-    /// Frames that the camera took.
+    /// Frames taken by the camera.
     pub frames: u32,
     /// Images in the recording.
     pub images: u64,
-    /// Frames that the scenario drops.
+    /// Dropped frames of the scenario.
     pub dropped: u64,
-    /// The recording.
+    /// Path of the recording.
     pub output: PathBuf,
-    /// Length of its MCAP file.
+    /// Length of its MCAP file, bytes.
     pub bytes: u64,
 }
 
-/// Renders a scenario, whose text is `yaml`, into the rosbag2 directory `output`, its calibration beside the MCAP file.
+/// Renders a scenario with the text `yaml` into the rosbag2 directory `output`, and writes its calibration next to the
+/// MCAP file.
 ///
 /// # Errors
 /// An output that exists or cannot be written.
@@ -86,7 +87,7 @@ pub fn record(
     })
 }
 
-/// Lays frames out as messages.
+/// Converts frames to messages.
 struct Writer<'a> {
     scene: &'a dyn Scene,
     recorder: Recorder,
@@ -153,7 +154,7 @@ impl<'a> Writer<'a> {
         self.write(self.images, frame, &message)
     }
 
-    /// As a driver describes the camera, with every image.
+    /// Writes the camera info with every image, as a driver does.
     fn write_info(&mut self, frame: u32) -> Result<()> {
         let (Some(topic), Some(camera)) = (self.info, self.scene.camera()) else { return Ok(()) };
         let [fx, fy, cx, cy] = [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px];
@@ -171,7 +172,7 @@ impl<'a> Writer<'a> {
         self.write(topic, frame, &message)
     }
 
-    /// Boards have no stripe whose centre could be stated.
+    /// Boards have no stripe and therefore no true centre.
     fn write_truth(&mut self, frame: u32, rendered: &RenderedFrame) -> Result<()> {
         let picture = self.scene.picture();
         let mut along = Vec::new();
@@ -217,7 +218,7 @@ impl<'a> Writer<'a> {
         self.write(self.truth, frame, &message)
     }
 
-    /// Calibration, scenario and program version go into the file; the calibration also beside it.
+    /// Writes calibration, scenario and program version into the file, and the calibration also next to it.
     fn finish(mut self, yaml: &str) -> Result<RecordSummary> {
         let calibration = self.scene.calibration_yaml();
         for (name, text) in [("calibration.yaml", calibration.as_str()), ("scenario.yaml", yaml)] {
@@ -246,7 +247,7 @@ impl<'a> Writer<'a> {
         Header { stamp, frame_id: frame_id.into() }
     }
 
-    /// Sequence numbers count frames from 1, so that dropped ones leave gaps.
+    /// Sequence numbers count frames from 1, so dropped frames leave gaps.
     fn write<M: Message>(&mut self, topic: TopicId, frame: u32, message: &M) -> Result<()> {
         let time_ns = self.scene.stamp_ns(frame);
         let times = Times { log_ns: time_ns, publish_ns: time_ns, sequence: frame + 1 };
@@ -267,7 +268,7 @@ mod tests {
         simulate::scenario::{EXAMPLE, Scenario},
     };
 
-    /// The recording of the small scenario in `directory`, and its messages on `topic`.
+    /// Renders the small scenario into `directory` and returns its messages on `topic`.
     fn small(directory: &Path, yaml: &str, topic: &str) -> (Summary, Vec<RawMessage>) {
         let scenario = Scenario::from_yaml(yaml).unwrap();
         let summary =
@@ -294,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn images_truth_and_axis_are_those_of_the_scenario() {
+    fn images_truth_and_axis_match_the_scenario() {
         let directory = tempfile::tempdir().unwrap();
         let scenario = Scenario::from_yaml(EXAMPLE).unwrap();
         let (_, images) = small(directory.path(), EXAMPLE, IMAGE_TOPIC);
@@ -343,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_scenario_gives_the_same_bytes_and_explains_itself() {
+    fn the_same_scenario_gives_the_same_self_describing_bytes() {
         let directories = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         let files = directories.each_ref().map(|directory| {
             small(directory.path(), EXAMPLE, IMAGE_TOPIC);
@@ -372,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bundled_recordings_are_what_their_scenarios_render() {
+    fn the_bundled_recordings_match_their_scenarios() {
         let bags = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags");
         for name in ["film_defects", "saturated_vertical"] {
             let yaml = fs::read_to_string(bags.join(format!("{name}.scenario.yaml"))).unwrap();

@@ -1,4 +1,4 @@
-//! Whether a `camera_info` describes the camera of a calibration, and which part of its sensor.
+//! Checks whether a `camera_info` describes the camera of a calibration, and finds the region of the sensor.
 
 use nalgebra::{Point2, Point3};
 use thiserror::Error;
@@ -7,19 +7,19 @@ use crate::{
     msg::sensor_msgs::CameraInfo,
     scanner::{
         calibration::Calibration,
-        camera::{Camera, Distortion, View},
+        camera::{Camera, DistortedPixel, Distortion, View},
     },
 };
 
-/// Two calibrations of one camera differ by less anywhere in the image, as a share of its longer side.
+/// Maximum difference between two calibrations of one camera anywhere in the image, as a fraction of its longer side.
 const LARGEST_DIFFERENCE: f64 = 0.01;
-/// Places along each side of the image that are compared.
+/// Number of points compared along each side of the image.
 const GRID: u32 = 8;
 
-/// The reason that a `camera_info` is not of the calibrated camera.
+/// The reason that a `camera_info` does not match the calibrated camera.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Misfit {
-    /// Another resolution.
+    /// The resolutions differ.
     #[error(
         "camera_info is of a camera of {} x {} pixels, the calibration of one of {} x {}: it is another camera, or was \
          calibrated in another mode", .info.0, .info.1, .calibrated.0, .calibrated.1
@@ -30,7 +30,7 @@ pub enum Misfit {
         /// Columns and rows of the calibration.
         calibrated: (u32, u32),
     },
-    /// A part that the sensor does not have.
+    /// The region of interest does not lie on the sensor.
     #[error(
         "the roi of camera_info, {} x {} from ({}, {}), does not lie in its {} x {} pixels", .size_px[0], .size_px[1],
         .offset_px[0], .offset_px[1], .sensor_px[0], .sensor_px[1]
@@ -43,7 +43,7 @@ pub enum Misfit {
         /// Columns and rows of the sensor.
         sensor_px: [u32; 2],
     },
-    /// A distortion model that cannot be compared.
+    /// The distortion model cannot be compared.
     #[error(
         "camera_info has distortion model {model:?} with {count} coefficients: allowed are plumb_bob (5) and \
          rational_polynomial (8)"
@@ -54,30 +54,32 @@ pub enum Misfit {
         /// Number of coefficients.
         count: usize,
     },
-    /// Another camera.
+    /// The projections differ too much: it is another camera.
     #[error(
-        "K and D of camera_info see points up to {difference_px:.1} px from where the calibration does, more than 1 % \
+        "K and D of camera_info project points up to {difference_px:.1} px from where the calibration does, more than 1 % \
          of its side: it is another camera, or its images are rectified (image_rect), which are not measured"
     )]
     Camera {
-        /// Largest distance in the image, pixels, to a tenth.
+        /// Largest distance in the image, pixels, rounded to a tenth.
         difference_px: f64,
     },
 }
 
-/// A `camera_info` compared with the calibrated camera.
+/// Result of comparing a `camera_info` with the calibrated camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
-    /// The part of the sensor that its images show.
+    /// The region of the sensor that its images show.
     pub view: View,
-    /// How far from each other both see the same point, at most, pixels: two calibrations of one camera are never equal.
+    /// Largest distance between the projections of the same point by both cameras, pixels. Two calibrations of one
+    /// camera are never equal.
     pub difference_px: f64,
 }
 
-/// The part of the sensor that images of a `camera_info` show, and how far its camera is from the calibrated one.
+/// Returns the region of the sensor that a `camera_info` describes, and the difference of its camera from the
+/// calibrated one.
 ///
 /// # Errors
-/// The message is of another camera than the calibration.
+/// The message is from a camera other than the calibrated one.
 pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<Fit, Misfit> {
     let view = view(info)?;
     let mut fit = Fit { view, difference_px: 0.0 };
@@ -92,15 +94,15 @@ pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<Fit, Misf
     Ok(fit)
 }
 
-/// The part of the sensor that a message states.
+/// Returns the region of the sensor that a message states.
 ///
 /// # Errors
-/// The sensor does not have that part.
+/// The region does not lie on the sensor.
 pub fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
     let roi = &info.roi;
     let sensor_px = [info.width, info.height];
     let offset_px = [roi.x_offset, roi.y_offset];
-    // Width 0 and height 0: all of the sensor.
+    // Width 0 and height 0 mean the whole sensor.
     let size_px = [0, 1].map(|axis| match [roi.width, roi.height][axis] {
         0 => sensor_px[axis].saturating_sub(offset_px[axis]),
         size => size,
@@ -117,7 +119,7 @@ pub fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
     Ok(View { offset_px, size_px, binning })
 }
 
-/// Largest distance between the images of a point by both cameras, pixels.
+/// Largest distance between the projections of a point by both cameras, pixels.
 fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<f64, Misfit> {
     let model = if info.distortion_model.is_empty() { "plumb_bob" } else { &info.distortion_model };
     let distortion = Distortion::from_coefficients(model, &info.d)
@@ -128,7 +130,7 @@ fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<f64, Misfit> {
         cx_px: info.k[2],
         cy_px: info.k[5],
         distortion,
-        // The message has no place for a tilt.
+        // The message cannot represent a tilt.
         ..*calibrated
     };
     let (mut difference_px, mut compared) = (0.0_f64, 0);
@@ -140,9 +142,10 @@ fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<f64, Misfit> {
             along(place % (GRID + 1), calibrated.width_px),
             along(place / (GRID + 1), calibrated.height_px),
         );
-        let Some(ray) = calibrated.ray(pixel) else { continue };
+        let Some(ray) = calibrated.ray(DistortedPixel(pixel)) else { continue };
         let seen = described.project(Point3::from(ray));
-        difference_px = difference_px.max(seen.map_or(f64::INFINITY, |seen| (seen - pixel).norm()));
+        difference_px =
+            difference_px.max(seen.map_or(f64::INFINITY, |seen| (seen.0 - pixel).norm()));
         compared += 1;
     }
     let longer_px = f64::from(calibrated.width_px.max(calibrated.height_px));
@@ -212,7 +215,7 @@ laser_plane: {normal: [0.0, -0.866, 0.5], distance_m: 0.15}
     }
 
     #[test]
-    fn another_camera_is_told_by_what_differs() {
+    fn another_camera_is_reported_with_the_difference() {
         let roi = |x_offset, width| RegionOfInterest { x_offset, width, ..Default::default() };
         let mut longer = info();
         longer.k[0] = 640.0;

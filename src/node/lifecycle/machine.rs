@@ -36,7 +36,7 @@ impl State {
         Self::ErrorProcessing,
     ];
 
-    /// Its number.
+    /// Returns its number.
     pub const fn id(self) -> u8 {
         self as u8
     }
@@ -64,7 +64,7 @@ impl State {
     }
 }
 
-/// From where to where.
+/// A transition between two states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transition {
     /// Its number in `lifecycle_msgs/Transition`.
@@ -114,7 +114,7 @@ pub const TRANSITIONS: [Transition; 25] = [
     transition(62, ERROR, State::ErrorProcessing, State::Finalized),
 ];
 
-/// A transition that somebody wants.
+/// A requested transition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted<'a> {
     /// By its number.
@@ -142,7 +142,7 @@ impl Wanted<'_> {
     }
 }
 
-/// A transition that cannot begin.
+/// The requested transition cannot begin in this state.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("transition {wanted} cannot begin in state {}: possible is {possible}", .state.label())]
 pub struct Impossible {
@@ -157,15 +157,15 @@ pub struct Impossible {
 /// Result of a callback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// It did what it should.
+    /// It succeeded.
     Success,
-    /// It did nothing.
+    /// It failed and changed nothing.
     Failure,
-    /// It did something by halves.
+    /// It failed with an incomplete action.
     Error,
 }
 
-/// The state that a node is in.
+/// State machine of a node.
 #[derive(Debug)]
 pub struct Machine(State);
 
@@ -181,19 +181,19 @@ impl Machine {
         self.0
     }
 
-    /// Transitions that begin in this state.
+    /// Returns the transitions that begin in this state.
     pub fn available(&self) -> impl Iterator<Item = Transition> {
         let state = self.0;
         TRANSITIONS.into_iter().filter(move |transition| transition.start == state)
     }
 
-    /// Begins a transition: a callback runs now, and [`end`](Self::end) follows.
+    /// Begins a transition. The caller runs the callback, then calls [`end`](Self::end).
     ///
     /// # Errors
-    /// No such transition begins here; how a running one ends is nobody's to ask for.
+    /// The transition does not begin in this state. The end of a running transition cannot be requested.
     pub fn begin(&mut self, wanted: Wanted<'_>) -> Result<Transition, Impossible> {
-        let asked = self.available().find(|transition| wanted.is(transition));
-        let Some(transition) = asked.filter(|_| self.0.is_primary()) else {
+        let found = self.available().find(|transition| wanted.is(transition));
+        let Some(transition) = found.filter(|_| self.0.is_primary()) else {
             let labels: Vec<_> = self.available().map(|transition| transition.label).collect();
             let possible = match (self.0.is_primary(), labels.is_empty()) {
                 (false, _) => "waiting for its end".to_owned(),
@@ -206,8 +206,8 @@ impl Machine {
         Ok(transition)
     }
 
-    /// Ends a transition as its callback did. After an error, error processing runs and ends the same way. `None` where
-    /// none is running.
+    /// Ends the running transition with the result of its callback. After an error, error processing follows, which
+    /// also ends with this function. Returns `None` if no transition is running.
     pub fn end(&mut self, ending: Ending) -> Option<Transition> {
         let label = match ending {
             Ending::Success => SUCCESS,

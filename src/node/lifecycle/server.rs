@@ -1,4 +1,4 @@
-//! The lifecycle on the network: five services and `~/transition_event`; and a handle for the program itself.
+//! The lifecycle on the network: five services and `~/transition_event`, and a handle for this process.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
@@ -27,18 +27,18 @@ use crate::{
 /// The reason that a transition failed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ChangeError {
-    /// It cannot begin here.
+    /// It cannot begin in this state.
     #[error(transparent)]
     Impossible(#[from] Impossible),
     /// Another one is running.
     #[error("the node is changing its state ({}): wait for its end", .0.label())]
     Busy(State),
-    /// The node could not do it.
+    /// The callback failed.
     #[error("{label} failed, the node is {}: {failure}", .state.label())]
     Failed {
         /// The transition.
         label: &'static str,
-        /// The state now.
+        /// The current state.
         state: State,
         /// The reason.
         failure: Failure,
@@ -53,29 +53,29 @@ struct LifecycleState {
     machine: Mutex<Machine>,
     managed: Arc<dyn Managed>,
     clock: RosClock,
-    /// Held while a transition runs: one at a time, and its events in order.
+    /// Locked while a transition runs, so that transitions run one at a time and their events are in order.
     events: Mutex<Box<dyn Publication>>,
 }
 
 impl Lifecycle {
-    /// The state now.
+    /// The current state.
     pub fn state(&self) -> State {
         lock(&self.0.machine).state()
     }
 
-    /// Changes the state, and returns when that is done.
+    /// Changes the state and returns when the transition is complete.
     ///
     /// # Errors
-    /// It cannot begin, or the node could not do it.
+    /// The transition cannot begin, or its callback failed.
     pub fn change(&self, wanted: Wanted<'_>) -> Result<State, ChangeError> {
         let mut events = match self.0.events.try_lock() {
             Ok(events) => events,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
             Err(TryLockError::WouldBlock) => return Err(ChangeError::Busy(self.state())),
         };
-        let begun = lock(&self.0.machine).begin(wanted)?;
-        self.tell(&mut **events, begun);
-        let done = self.call(begun.goal);
+        let started = lock(&self.0.machine).begin(wanted)?;
+        self.publish(&mut **events, started);
+        let done = self.call(started.goal);
         self.end(&mut **events, &done);
         if matches!(done, Err(Failure::Broken(_))) {
             let recovered = self.0.managed.recover();
@@ -84,23 +84,23 @@ impl Lifecycle {
         let state = self.state();
         match done {
             Ok(()) => Ok(state),
-            Err(failure) => Err(ChangeError::Failed { label: begun.label, state, failure }),
+            Err(failure) => Err(ChangeError::Failed { label: started.label, state, failure }),
         }
     }
 
-    /// Configures and activates: for those who have no manager.
+    /// Configures and activates the node, for systems without a lifecycle manager.
     ///
     /// # Errors
-    /// A callback failed; the state of the node shows how far it got.
+    /// A callback failed; the state shows which one.
     pub fn autostart(&self) -> Result<State, ChangeError> {
         self.change(Wanted::Label("configure"))?;
         self.change(Wanted::Label("activate"))
     }
 
-    /// Ends for good; nothing happens where that is done already.
+    /// Shuts down; does nothing if the node is already finalized.
     ///
     /// # Errors
-    /// Something was lost at the end, or another change is running.
+    /// Data was lost, or another transition is running.
     pub fn shutdown(&self) -> Result<State, ChangeError> {
         match self.state() {
             State::Finalized => Ok(State::Finalized),
@@ -115,7 +115,7 @@ impl Lifecycle {
             State::Activating => managed.activate(),
             State::Deactivating => managed.deactivate(),
             State::CleaningUp => managed.cleanup(),
-            // The only other state in which a transition of TRANSITIONS that is asked for ends.
+            // `ShuttingDown`, the only other goal of a transition that can be requested.
             _ => managed.shutdown(),
         }
     }
@@ -128,11 +128,11 @@ impl Lifecycle {
         };
         let ended = lock(&self.0.machine).end(ending);
         if let Some(transition) = ended {
-            self.tell(events, transition);
+            self.publish(events, transition);
         }
     }
 
-    fn tell(&self, events: &mut dyn Publication, transition: Transition) {
+    fn publish(&self, events: &mut dyn Publication, transition: Transition) {
         let now_ns = self.0.clock.now_ns();
         let described = described(transition);
         let event = TransitionEvent {
@@ -183,18 +183,18 @@ fn described(transition: Transition) -> msgs::TransitionDescription<'static> {
     }
 }
 
-/// The lifecycle's services. Dropping it takes them out of the graph; [`Lifecycle`] still works.
+/// The lifecycle's services. Dropping it removes them from the graph; [`Lifecycle`] still works.
 pub struct LifecycleServer {
-    // Dropped before the handle: a service that ends is never the last to hold the publisher.
+    // Dropped before the handle, so that no service is the last owner of the publisher.
     _servers: Vec<Box<dyn Server>>,
     lifecycle: Lifecycle,
 }
 
 impl LifecycleServer {
-    /// Offers the services and the topic of a node that is unconfigured.
+    /// Creates the services and the topic of an unconfigured node.
     ///
     /// # Errors
-    /// The middleware refuses one of them.
+    /// The middleware rejects one of them.
     pub fn start(
         transport: &dyn Transport,
         names: &NodeNames,
@@ -250,7 +250,7 @@ impl LifecycleServer {
         Ok(Self { _servers: servers, lifecycle })
     }
 
-    /// The handle for the program itself.
+    /// Returns a handle for this process.
     pub fn lifecycle(&self) -> Lifecycle {
         self.lifecycle.clone()
     }

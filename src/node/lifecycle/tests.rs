@@ -74,12 +74,12 @@ impl Rig {
         let network = Loopback::default();
         let names = NodeNames::new("laser_profiler", &[]).unwrap();
         let events = Arc::new(Mutex::new(Vec::new()));
-        let heard = Arc::clone(&events);
-        let hear = Box::new(move |arrival: Result<crate::ros::transport::Arrival, _>| {
+        let received = Arc::clone(&events);
+        let on_arrival = Box::new(move |arrival: Result<crate::ros::transport::Arrival, _>| {
             let bytes = arrival.unwrap().data;
             let event: TransitionEvent<'_> = cdr::decode(&bytes).unwrap();
             assert!(event.timestamp > 0);
-            heard.lock().unwrap().push(format!(
+            received.lock().unwrap().push(format!(
                 "{} {}>{}",
                 event.transition.id, event.start_state.label, event.goal_state.label
             ));
@@ -87,7 +87,8 @@ impl Rig {
         let topic = (&names, "~/transition_event");
         let qos = QosProfile::reliable(10);
         let subscription =
-            endpoints::subscribe::<TransitionEvent<'_>>(&network, topic, qos, 1000, hear).unwrap();
+            endpoints::subscribe::<TransitionEvent<'_>>(&network, topic, qos, 1000, on_arrival)
+                .unwrap();
         let node = Arc::new(Noted::default());
         let managed: Arc<dyn Managed> = Arc::<Noted>::clone(&node);
         let server =
@@ -132,10 +133,10 @@ impl Rig {
 }
 
 #[test]
-fn a_manager_takes_the_node_through_its_life() {
+fn a_manager_takes_the_node_through_all_states() {
     let rig = Rig::new();
     assert_eq!(rig.state(), "unconfigured");
-    // By id, by label, and by a label beside an id that is wrong: the label counts, as in rclcpp.
+    // By id, by label, and by a label with a wrong id: the label takes precedence, as in rclcpp.
     for (id, label, state) in [
         (1, "", "inactive"),
         (0, "activate", "active"),
@@ -183,7 +184,7 @@ fn an_impossible_transition_changes_nothing_and_the_error_lists_possible_ones() 
 }
 
 #[test]
-fn a_refusal_goes_back_to_the_state_before() {
+fn a_refusal_returns_to_the_previous_state() {
     let rig = Rig::new();
     rig.node.fail("configure", Failure::from("no calibration".to_owned()));
     assert!(!rig.change(1, ""));
@@ -198,7 +199,7 @@ fn a_refusal_goes_back_to_the_state_before() {
 }
 
 #[test]
-fn something_broken_is_recovered_from_or_ends() {
+fn a_broken_node_recovers_or_ends() {
     let rig = Rig::new();
     rig.node.fail("configure", Failure::Broken("half a publisher".into()));
     assert!(!rig.change(1, ""));
@@ -212,7 +213,7 @@ fn something_broken_is_recovered_from_or_ends() {
         ]
     );
 
-    // A failed recovery is final; a shutdown that loses something still is a shutdown.
+    // A failed recovery is final; a shutdown that loses data is still a shutdown.
     let mut machine = Machine::default();
     machine.begin(Wanted::Id(1)).unwrap();
     machine.end(Ending::Error).unwrap();
@@ -251,7 +252,7 @@ fn a_malformed_request_gets_no_answer_and_an_empty_one_needs_no_bytes() {
     assert!(network.services().is_empty());
 }
 
-/// A node whose callback requests another transition, as when it is stopped while it starts.
+/// A node whose callback requests another transition, as if it were stopped during its start.
 struct Impatient(Mutex<Option<Lifecycle>>, Mutex<Vec<ChangeError>>);
 
 impl Managed for Impatient {
@@ -288,19 +289,19 @@ fn one_change_at_a_time() {
     *node.0.lock().unwrap() = Some(server.lifecycle());
     assert_eq!(server.lifecycle().autostart(), Ok(State::Active));
     assert_eq!(*node.1.lock().unwrap(), [ChangeError::Busy(State::Configuring)]);
-    // The node holds a handle on itself: let go.
+    // Breaks the reference cycle: the node holds a handle on itself.
     *node.0.lock().unwrap() = None;
 }
 
 #[test]
-fn numbers_names_and_ways_are_those_of_rcl() {
+fn states_and_transitions_are_those_of_rcl() {
     for (index, transition) in TRANSITIONS.iter().enumerate() {
         assert!(TRANSITIONS[..index].iter().all(|earlier| earlier.id != transition.id));
         assert!(
             transition.start.is_primary() != transition.goal.is_primary() || is_error(transition)
         );
     }
-    // Every state but the last has a way out; every state in passing has three.
+    // Every state except the last has a transition; every transition state has three.
     for state in State::ALL {
         let ways = TRANSITIONS.iter().filter(|transition| transition.start == state).count();
         match state {

@@ -1,4 +1,4 @@
-//! Values and declarations as `rcl_interfaces` has them.
+//! Converts values and declarations to and from `rcl_interfaces`.
 
 use std::borrow::Cow;
 
@@ -10,7 +10,7 @@ use crate::{
     ros::{parameters::Declared, table::Kind, value::Value},
 };
 
-/// A value as a message.
+/// Converts a value to a message.
 pub(super) fn value_message(value: &Value) -> ParameterValue<'_> {
     let kind = type_of(value);
     let none = ParameterValue::default();
@@ -26,7 +26,7 @@ pub(super) fn value_message(value: &Value) -> ParameterValue<'_> {
     }
 }
 
-/// The type of a value, a constant of [`parameter_type`].
+/// Returns the type of a value, a constant of [`parameter_type`].
 pub(super) const fn type_of(value: &Value) -> u8 {
     match value {
         Value::Bool(_) => parameter_type::BOOL,
@@ -37,12 +37,12 @@ pub(super) const fn type_of(value: &Value) -> u8 {
     }
 }
 
-/// A parameter with its value as a message.
+/// Converts a parameter and its value to a message.
 pub(super) fn parameter_message<'a>(name: &'a str, value: &'a Value) -> Parameter<'a> {
     Parameter { name: Cow::Borrowed(name), value: value_message(value) }
 }
 
-/// The value in a message; otherwise why no parameter of this node can have it.
+/// Returns the value in a message, or the reason that no parameter of this node can have it.
 pub(super) fn value(message: &ParameterValue<'_>) -> Result<Value, String> {
     match message.kind {
         parameter_type::BOOL => Ok(Value::Bool(message.bool_value)),
@@ -57,11 +57,11 @@ pub(super) fn value(message: &ParameterValue<'_>) -> Result<Value, String> {
         parameter_type::BYTE_ARRAY..=parameter_type::DOUBLE_ARRAY => {
             Err("no parameter of this node is an array of bytes or numbers".to_owned())
         }
-        other => Err(format!("type {other} is none of rcl_interfaces/msg/ParameterType")),
+        other => Err(format!("type {other} is not one of rcl_interfaces/msg/ParameterType")),
     }
 }
 
-/// The descriptor of a parameter, with its allowed values.
+/// Returns the descriptor of a parameter, with its allowed values.
 pub(super) fn descriptor(declared: &Declared) -> ParameterDescriptor<'_> {
     let row = declared.row();
     let (mut floating_point_range, mut integer_range) = (Vec::new(), Vec::new());

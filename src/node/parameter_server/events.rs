@@ -1,4 +1,4 @@
-//! `/parameter_events`: what the node has, and every change.
+//! Publishes the parameters of the node and every change on `/parameter_events`.
 
 use std::{borrow::Cow, sync::Arc};
 
@@ -21,7 +21,7 @@ use crate::{
 use super::convert;
 
 pub(super) const TOPIC: &str = "/parameter_events";
-/// As rmw's profile for this topic.
+/// Depth of rmw's profile for this topic.
 const QOS: QosProfile = QosProfile::reliable(1000);
 
 /// The node's time, nanoseconds since the epoch.
@@ -36,7 +36,7 @@ pub(super) struct Events {
 }
 
 impl Events {
-    /// A publisher on `topic`, which is the absolute name after remapping, with the overrides among these values.
+    /// Creates a publisher on `topic`, the absolute name after remapping, with the QoS overrides in these values.
     pub(super) fn new(
         transport: &dyn Transport,
         topic: String,
@@ -51,31 +51,31 @@ impl Events {
     }
 
     /// Publishes all parameters of the node.
-    pub(super) fn tell_all(&mut self, values: &Parameters) {
+    pub(super) fn publish_all(&mut self, values: &Parameters) {
         let all = values.iter().map(|declared| (declared.name(), declared.value()));
         let new_parameters = messages(all);
-        self.tell(ParameterEvent { new_parameters, ..ParameterEvent::default() });
+        self.publish(ParameterEvent { new_parameters, ..ParameterEvent::default() });
     }
 
     /// Publishes changed parameters.
-    pub(super) fn tell_changed(&mut self, changed: &[(&str, Value)]) {
+    pub(super) fn publish_changed(&mut self, changed: &[(&str, Value)]) {
         let changed_parameters = messages(changed.iter().map(|(name, value)| (*name, value)));
-        self.tell(ParameterEvent { changed_parameters, ..ParameterEvent::default() });
+        self.publish(ParameterEvent { changed_parameters, ..ParameterEvent::default() });
     }
 
-    fn tell(&mut self, event: ParameterEvent<'_>) {
+    fn publish(&mut self, event: ParameterEvent<'_>) {
         let now_ns = (self.now_ns)();
         let node = Cow::Borrowed(self.node.as_str());
         let event = ParameterEvent { stamp: Time::from_ns(now_ns), node, ..event };
         let mut bytes = Vec::new();
-        let told = match cdr::encode(&event, &mut bytes) {
+        let sent = match cdr::encode(&event, &mut bytes) {
             Ok(()) => self
                 .publication
                 .publish(&Arc::from(bytes), now_ns)
                 .map_err(|error| error.to_string()),
             Err(error) => Err(error.to_string()),
         };
-        match told {
+        match sent {
             Ok(()) => self.has_failed = false,
             Err(error) if !self.has_failed => {
                 self.has_failed = true;

@@ -5,8 +5,8 @@ use crate::msg::rcl_interfaces::{ListParametersResult, Text};
 /// Separator between the levels of a name.
 const SEPARATOR: char = '.';
 
-/// The names below one of the prefixes, and all where there is none; `depth` levels deep, 0 is any. In their order, with
-/// the prefixes that they have.
+/// Lists the names below one of the prefixes, or all names without prefixes, up to `depth` levels deep (0: unlimited).
+/// Returns the names in order, with their prefixes.
 pub(super) fn list<'a>(
     names: impl Iterator<Item = &'a str>,
     prefixes: &[Text<'_>],

@@ -1,4 +1,4 @@
-//! The six parameter services and `/parameter_events`, above any middleware.
+//! The six parameter services and `/parameter_events`, independent of the middleware.
 
 mod convert;
 mod events;
@@ -33,7 +33,7 @@ use crate::{
 use events::Events;
 pub use store::{OnChange, ParameterStore};
 
-/// Most names or parameters of a request: some times what the node has.
+/// Maximum number of names or parameters in a request: several times the number of parameters.
 const MAX_ITEMS: usize = 2048;
 
 /// Answers a request with a response, both as CDR bytes.
@@ -48,7 +48,7 @@ const SERVICES: [(&str, &ServiceType, Answer); 6] = [
     ("~/set_parameters_atomically", &rcl::SET_PARAMETERS_ATOMICALLY, ServerState::set_atomically),
 ];
 
-/// The reason that a request gets no answer.
+/// The reason that a request gets no response.
 #[derive(Debug, Error)]
 enum BadRequest {
     #[error(transparent)]
@@ -64,11 +64,11 @@ pub struct ParameterServer {
 }
 
 impl ParameterServer {
-    /// Offers the services of the node and tells `/parameter_events` what it has. `now_ns` is the node's time, nanoseconds
-    /// since the epoch.
+    /// Creates the services of the node and publishes its parameters on `/parameter_events`. `now_ns` returns the
+    /// node's time, nanoseconds since the epoch.
     ///
     /// # Errors
-    /// The middleware refuses a service or the topic, or a remap rule gives one a name that ROS does not allow.
+    /// The middleware rejects a service or the topic, or a remap rule gives one a name that ROS does not allow.
     pub fn start(
         transport: &dyn Transport,
         names: &NodeNames,
@@ -79,7 +79,7 @@ impl ParameterServer {
         let (node, now_ns): (_, events::Now) = (names.fully_qualified(), Box::new(now_ns));
         let mut events =
             store.read(|values| Events::new(transport, topic, node, now_ns, values))?;
-        store.read(|values| events.tell_all(values));
+        store.read(|values| events.publish_all(values));
         let (events, num_malformed) = (Mutex::new(events), AtomicU64::new(0));
         let shared = Arc::new(ServerState { store, events, num_malformed });
         let mut servers = Vec::new();
@@ -92,18 +92,18 @@ impl ParameterServer {
         Ok(Self { _servers: servers, shared })
     }
 
-    /// A handle to the parameters for others in this process.
+    /// Returns a handle to the parameters for other parts of this process.
     pub fn handle(&self) -> ParameterHandle {
         ParameterHandle(Arc::clone(&self.shared))
     }
 
-    /// Requests that got no answer, because they are malformed.
+    /// Returns the number of malformed requests, which get no response.
     pub fn num_malformed(&self) -> u64 {
         self.shared.num_malformed.load(Ordering::Relaxed)
     }
 }
 
-/// The parameters of a node that is served, for others in this process.
+/// A handle to the served parameters for other parts of this process.
 #[derive(Clone)]
 pub struct ParameterHandle(Arc<ServerState>);
 
@@ -113,7 +113,7 @@ impl ParameterHandle {
         self.0.store.read(look)
     }
 
-    /// Sets one parameter, as a service would, and publishes the change.
+    /// Sets one parameter, as the service does, and publishes the change.
     ///
     /// # Errors
     /// The reason for refusal, as text.
@@ -132,7 +132,7 @@ fn resolve(names: &NodeNames, name: &str) -> Result<String, TransportError> {
 
 struct ServerState {
     store: Arc<ParameterStore>,
-    /// Held from a change to its event: events follow one another as the changes do.
+    /// Locked from a change to its event, so that events have the order of the changes.
     events: Mutex<Events>,
     num_malformed: AtomicU64,
 }
@@ -143,7 +143,7 @@ impl ServerState {
             Ok(response) => Some(response),
             Err(error) => {
                 let num_before = self.num_malformed.fetch_add(1, Ordering::Relaxed);
-                // One is enough to act on.
+                // Logged once; further ones are counted.
                 if num_before == 0 {
                     tracing::warn!(
                         "parameter request without an answer: {error}; further ones are only counted"
@@ -216,8 +216,8 @@ impl ServerState {
 
     /// Sets all or none, and publishes the changes.
     fn change(&self, parameters: &[rcl::Parameter<'_>]) -> rcl::SetParametersResult<'static> {
-        let wish = |parameter: &'_ rcl::Parameter<'_>| convert::value(&parameter.value);
-        let values: Result<Vec<Value>, String> = parameters.iter().map(wish).collect();
+        let convert = |parameter: &'_ rcl::Parameter<'_>| convert::value(&parameter.value);
+        let values: Result<Vec<Value>, String> = parameters.iter().map(convert).collect();
         let set = values.and_then(|values| {
             let names = parameters.iter().map(|parameter| &*parameter.name);
             self.set_all(&names.zip(values).collect::<Vec<_>>())
@@ -227,10 +227,10 @@ impl ServerState {
         rcl::SetParametersResult { successful, reason }
     }
 
-    fn set_all(&self, wishes: &[(&str, Value)]) -> Result<(), String> {
+    fn set_all(&self, changes: &[(&str, Value)]) -> Result<(), String> {
         let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
-        self.store.set_atomically(wishes)?;
-        events.tell_changed(wishes);
+        self.store.set_atomically(changes)?;
+        events.publish_changed(changes);
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! The values in force while the node runs: a change counts when it is allowed, consistent and accepted.
+//! The effective values while the node runs. A change takes effect if it is allowed, consistent and accepted.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -9,11 +9,11 @@ use crate::ros::{
 /// Names the source of a value in messages.
 const ORIGIN: &str = "refused";
 
-/// Longest name that is looked at, bytes: longer ones would only fill messages.
+/// Longest accepted name, bytes: longer ones would only enlarge messages.
 const MAX_NAME_BYTES: usize = 255;
 
-/// Hears of a change before it counts, and may refuse it with a reason. Both say the same: the values, and their types.
-/// It must not ask the store, which waits for the answer.
+/// Called before a change takes effect; may refuse it with a reason. Both arguments hold the same values, typed and
+/// raw. Must not call the store, which waits for the result.
 pub type OnChange = Box<dyn Fn(&NodeParams, &Parameters) -> Result<(), String> + Send + Sync>;
 
 /// The parameters of a running node.
@@ -28,7 +28,7 @@ struct Current {
 }
 
 impl ParameterStore {
-    /// Creates a store with these values; `on_change` is called for later changes only.
+    /// Creates a store with these values; `on_change` is called only for later changes.
     ///
     /// # Errors
     /// Values that contradict one another.
@@ -42,15 +42,15 @@ impl ParameterStore {
         look(&self.lock().values)
     }
 
-    /// Sets all of them, one after another, or none.
+    /// Sets all parameters in order, or none.
     ///
     /// # Errors
-    /// Why not, in words: a name that is not declared, a value that is not allowed, values that contradict one another, a
-    /// parameter that stands fast, or what the hearer of changes says.
-    pub fn set_atomically(&self, wishes: &[(&str, Value)]) -> Result<(), String> {
+    /// The reason as text: a name is not declared, a value is not allowed, values contradict one another, a parameter
+    /// is read-only, or `on_change` refuses the change.
+    pub fn set_atomically(&self, changes: &[(&str, Value)]) -> Result<(), String> {
         let mut current = self.lock();
         let mut values = current.values.clone();
-        for (name, value) in wishes {
+        for (name, value) in changes {
             if name.len() > MAX_NAME_BYTES {
                 let length = name.len();
                 return Err(format!(

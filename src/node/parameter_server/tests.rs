@@ -25,7 +25,7 @@ use crate::{
 const NOW_NS: i64 = 1_577_836_800_000_000_001;
 const NODE: &str = "/laser_profiler";
 
-/// A node with its services, and all events that it has published.
+/// A node with its services and its published events.
 struct Node {
     network: Loopback,
     server: ParameterServer,
@@ -34,18 +34,18 @@ struct Node {
     _subscription: Box<dyn Subscription>,
 }
 
-/// A node whose changes go to `on_change`.
+/// Creates a node with this `on_change`.
 fn node(values: Parameters, on_change: OnChange) -> Node {
     let network = Loopback::default();
     let events = Arc::new(Mutex::new(Vec::new()));
-    let heard = Arc::clone(&events);
+    let received = Arc::clone(&events);
     let topic = TopicEndpoint {
         name: "/parameter_events".into(),
         kind: ParameterEvent::TYPE,
         qos: QosProfile::reliable(1000),
     };
     let on_event =
-        move |arrival: Result<Arrival, Fault>| heard.lock().unwrap().push(arrival.unwrap().data);
+        move |arrival: Result<Arrival, Fault>| received.lock().unwrap().push(arrival.unwrap().data);
     let subscription = network.subscribe(&topic, usize::MAX, Box::new(on_event)).unwrap();
     let store = Arc::new(ParameterStore::new(values, on_change).unwrap());
     let names = NodeNames::new("laser_profiler", &[]).unwrap();
@@ -69,14 +69,14 @@ impl Node {
     fn set(&self, parameters: Vec<Parameter<'_>>) -> Vec<(bool, String)> {
         let response = self.call("set_parameters", &SetParametersRequest { parameters });
         let response: SetParametersResponse<'_> = cdr::decode(&response).unwrap();
-        response.results.into_iter().map(told).collect()
+        response.results.into_iter().map(outcome).collect()
     }
 
     fn set_atomically(&self, parameters: Vec<Parameter<'_>>) -> (bool, String) {
         let request = SetParametersAtomicallyRequest { parameters };
         let response = self.call("set_parameters_atomically", &request);
         let response: SetParametersAtomicallyResponse<'_> = cdr::decode(&response).unwrap();
-        told(response.result)
+        outcome(response.result)
     }
 
     fn get(&self, name: &str) -> Option<Value> {
@@ -96,7 +96,7 @@ fn call(network: &Loopback, service: &str, request: &impl Message) -> Vec<u8> {
     network.call(&format!("{NODE}/{service}"), &encode(request).unwrap()).unwrap()
 }
 
-fn told(result: SetParametersResult<'_>) -> (bool, String) {
+fn outcome(result: SetParametersResult<'_>) -> (bool, String) {
     (result.successful, result.reason.into_owned())
 }
 
@@ -104,7 +104,7 @@ fn text(value: &str) -> Value {
     Value::Text(value.to_owned())
 }
 
-fn wish<'a>(name: &'a str, value: &'a Value) -> Parameter<'a> {
+fn parameter<'a>(name: &'a str, value: &'a Value) -> Parameter<'a> {
     convert::parameter_message(name, value)
 }
 
@@ -148,32 +148,32 @@ fn parameters_are_listed_described_and_published() {
 
 #[test]
 fn a_change_applies_when_accepted_and_is_published() {
-    let heard = Arc::new(Mutex::new(Vec::new()));
-    let hears = Arc::clone(&heard);
+    let changes = Arc::new(Mutex::new(Vec::new()));
+    let log = Arc::clone(&changes);
     let on_change = move |params: &NodeParams, values: &Parameters| {
         let threshold = params.cameras[0].scanner.extraction.segment_threshold;
         if threshold > 200.0 {
             return Err("the camera is too dark".to_owned());
         }
-        hears.lock().unwrap().push((threshold.to_string(), values.camera_sha256("")));
+        log.lock().unwrap().push((threshold.to_string(), values.camera_sha256("")));
         Ok(())
     };
     let node = node(Parameters::default(), Box::new(on_change));
     let (name, before) = ("extraction.segment_threshold", Parameters::default().camera_sha256(""));
-    assert_eq!(node.set(vec![wish(name, &Value::Float(50.0))]), [(true, String::new())]);
+    assert_eq!(node.set(vec![parameter(name, &Value::Float(50.0))]), [(true, String::new())]);
     assert_eq!(node.get(name), Some(Value::Float(50.0)));
-    assert_eq!(node.set(vec![wish(name, &Value::Float(50.0))]), [(true, String::new())]);
-    let refused = node.set(vec![wish(name, &Value::Float(201.0))]);
+    assert_eq!(node.set(vec![parameter(name, &Value::Float(50.0))]), [(true, String::new())]);
+    let refused = node.set(vec![parameter(name, &Value::Float(201.0))]);
     assert_eq!(refused, [(false, "the camera is too dark".to_owned())]);
     assert_eq!(node.get(name), Some(Value::Float(50.0)));
-    let heard = heard.lock().unwrap();
-    assert_eq!((heard.len(), &*heard[0].0), (1, "50"), "the second one changes nothing");
-    assert_ne!(heard[0].1, before);
+    let changes = changes.lock().unwrap();
+    assert_eq!((changes.len(), &*changes[0].0), (1, "50"), "the second one changes nothing");
+    assert_ne!(changes[0].1, before);
 
     let events = node.events.lock().unwrap();
     assert_eq!(events.len(), 3, "at the start and for each that was set");
     let event: ParameterEvent<'_> = cdr::decode(&events[1]).unwrap();
-    assert_eq!(event.changed_parameters, [wish(name, &Value::Float(50.0))]);
+    assert_eq!(event.changed_parameters, [parameter(name, &Value::Float(50.0))]);
     assert!(event.new_parameters.is_empty() && event.deleted_parameters.is_empty());
 }
 
@@ -197,7 +197,7 @@ fn refusals_give_their_reason() {
         ("slice.profiles", Value::Integer(6000), "scan.max_profiles"),
     ];
     for (name, value, words) in &cases {
-        let (is_set, reason) = node.set_atomically(vec![wish(name, value)]);
+        let (is_set, reason) = node.set_atomically(vec![parameter(name, value)]);
         assert!(!is_set && reason.contains(words), "{name}: {reason}");
         assert!(reason.len() < 400, "{name}: {} bytes", reason.len());
     }
@@ -212,17 +212,19 @@ fn refusals_give_their_reason() {
 }
 
 #[test]
-fn values_that_only_fit_together_are_set_together() {
+fn interdependent_values_can_be_set_atomically() {
     let node = default_node();
     let (slice, scan) = (Value::Integer(6000), Value::Integer(7000));
-    let both = || vec![wish("slice.profiles", &slice), wish("scan.max_profiles", &scan)];
+    let both = || vec![parameter("slice.profiles", &slice), parameter("scan.max_profiles", &scan)];
     let each = node.set(both());
     assert!(!each[0].0 && each[1].0, "{each:?}");
     let node = default_node();
     assert_eq!(node.set_atomically(both()), (true, String::new()));
     let bad = Value::Float(1.0);
-    let (is_set, _) = node
-        .set_atomically(vec![wish("slice.profiles", &Value::Integer(5)), wish("full_scale", &bad)]);
+    let (is_set, _) = node.set_atomically(vec![
+        parameter("slice.profiles", &Value::Integer(5)),
+        parameter("full_scale", &bad),
+    ]);
     assert!(!is_set);
     assert_eq!(node.get("slice.profiles"), Some(Value::Integer(6000)));
 }
@@ -230,7 +232,7 @@ fn values_that_only_fit_together_are_set_together() {
 #[test]
 fn malformed_requests_are_counted_and_get_no_answer() {
     let node = default_node();
-    let parameters = vec![wish("slice.profiles", &Value::Integer(7))];
+    let parameters = vec![parameter("slice.profiles", &Value::Integer(7))];
     let good = encode(&SetParametersRequest { parameters }).unwrap();
     let mut lies = good.clone();
     lies[4..8].copy_from_slice(&u32::MAX.to_le_bytes());
@@ -254,7 +256,7 @@ fn malformed_requests_are_counted_and_get_no_answer() {
 }
 
 #[test]
-fn services_go_with_the_server() {
+fn services_end_with_the_server() {
     let node = default_node();
     assert_eq!(node.network.services().len(), 6);
     drop(node.server);
@@ -280,7 +282,7 @@ fn ten_thousand_sets_half_of_them_wrong_lose_nothing() {
         });
         let set = |number: i64| {
             let value = Value::Integer(if number % 2 == 0 { 1 + number / 2 } else { -number });
-            node.set(vec![wish("slice.profiles", &value)]).remove(0).0
+            node.set(vec![parameter("slice.profiles", &value)]).remove(0).0
         };
         let num_set = (0..10_000).filter(|number| set(*number)).count();
         is_over.store(true, Ordering::Relaxed);
@@ -303,7 +305,7 @@ fn is_allowed(name: &str, value: &Value) -> bool {
     }
 }
 
-fn wishes() -> impl Strategy<Value = (&'static str, Value)> {
+fn changes() -> impl Strategy<Value = (&'static str, Value)> {
     let names = prop::sample::select(vec![
         "slice.profiles",
         "scan.max_profiles",
@@ -323,10 +325,10 @@ fn wishes() -> impl Strategy<Value = (&'static str, Value)> {
 }
 
 proptest! {
-    /// Whatever is asked for, the store is what a map would be that takes good batches and leaves others alone.
+    /// For any requests, the store equals a map that applies valid batches and ignores others.
     #[test]
     fn the_store_equals_a_model(
-        batches in prop::collection::vec(prop::collection::vec(wishes(), 1..4), 1..30),
+        batches in prop::collection::vec(prop::collection::vec(changes(), 1..4), 1..30),
     ) {
         let store = ParameterStore::new(Parameters::default(), Box::new(|_, _| Ok(()))).unwrap();
         let all = |values: &Parameters| -> BTreeMap<String, Value> {

@@ -9,7 +9,7 @@ use crate::{
     scanner::{calibration::Calibration, camera::View},
 };
 
-/// Difference of two calibrations that is worth a warning, pixels.
+/// Smallest difference of two calibrations that causes a warning, pixels.
 const WARN_ABOVE_PX: f64 = 0.1;
 
 /// The calibration and the descriptions of a camera.
@@ -19,7 +19,7 @@ pub(super) struct Framing {
     calibration: Option<Calibration>,
     /// Recorded descriptions, in a replay. On a network, an observer keeps them.
     infos: CameraInfos,
-    /// Their topic.
+    /// Topic of the recorded descriptions.
     pub(super) topic: Option<String>,
     /// Calibration and view of the last image.
     current: Option<(u64, View)>,
@@ -74,7 +74,7 @@ impl Worker {
         let calibration = calibration.seen_through(&view);
         if difference_px > WARN_ABOVE_PX {
             tracing::warn!(
-                "K and D of camera_info see points up to {difference_px:.1} px from where the calibration does: the \
+                "K and D of camera_info project points up to {difference_px:.1} px from where the calibration does: the \
                  calibration is used; the driver has another one of this camera"
             );
         }

@@ -1,4 +1,4 @@
-//! The scale along the stripe, which heights alone leave open, and the calibration that follows.
+//! The scale along the stripe, which heights alone do not determine, and the resulting calibration.
 
 use super::{GaugePlateau, HeightModel, StepsCalibration, VerticalGeometry};
 use crate::{
@@ -12,15 +12,15 @@ use crate::{
 /// A known length along the stripe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum KnownLateral {
-    /// Length that a pixel sees at height 0 in the middle of the picture, metres.
+    /// Length of a pixel at height 0 in the middle of the image, metres.
     PerPixel(f64),
     /// Width of every plateau between two others, metres.
     PlateauWidth(f64),
 }
 
 impl StepsCalibration {
-    /// Returns the numerator of x per pixel along the stripe: a projective map divides it by the same denominator as the
-    /// heights, here taken where the middle of the picture sees height 0. `None` if a plateau width is known, but no
+    /// Returns the numerator of x per pixel along the stripe. A projective map divides it by the same denominator as
+    /// the heights, taken here at height 0 in the middle of the image. `None` if a plateau width is known, but no
     /// plateau lies between two others.
     #[must_use]
     pub fn lateral_scale(
@@ -37,7 +37,7 @@ impl StepsCalibration {
         }
     }
 
-    /// Returns the length that a pixel sees at height 0 in the middle of the picture, metres.
+    /// Returns the length of a pixel at height 0 in the middle of the image, metres.
     #[must_use]
     pub fn meters_per_pixel(&self, lateral_scale: f64, picture: &GaugePicture) -> f64 {
         (lateral_scale / denominator_at_base(&self.model, picture.middle_px())).abs()
@@ -85,7 +85,7 @@ impl StepsCalibration {
         }
     }
 
-    /// A covariance that the heights leave open is not stated.
+    /// A covariance that the heights do not determine is omitted.
     fn quality(&self, covariance: &[f64]) -> StepsQuality {
         let is_known = covariance.iter().all(|value| value.is_finite());
         StepsQuality {
@@ -96,7 +96,7 @@ impl StepsCalibration {
     }
 }
 
-/// The numerator of x from plateaus of one known width.
+/// Returns the numerator of x from plateaus of one known width.
 fn of_width(model: &HeightModel, plateaus: &[GaugePlateau], width_m: f64) -> Option<f64> {
     let [_, w] = model.rows();
     let scales: Vec<f64> = plateaus
@@ -115,12 +115,12 @@ fn of_width(model: &HeightModel, plateaus: &[GaugePlateau], width_m: f64) -> Opt
 
 fn denominator_at_base(model: &HeightModel, middle_px: f64) -> f64 {
     let [z, w] = model.rows();
-    // Where z is 0: z[0]·u + z[1]·v + z[2] = 0.
+    // The line z = 0: z[0]·u + z[1]·v + z[2] = 0.
     let across = -(z[0] * middle_px + z[2]) / z[1];
     w[0] * middle_px + w[1] * across + w[2]
 }
 
-/// The homography from (column, row, 1) to (x, z, 1), row-major.
+/// Returns the homography from (column, row, 1) to (x, z, 1), row-major.
 fn homography(model: &HeightModel, picture: &GaugePicture, scale: f64) -> [f64; 9] {
     let [z, w] = model.rows();
     let rows =

@@ -9,15 +9,15 @@ const MAX_ROUNDS: usize = 50;
 /// The image coordinates on which the height depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeightTerms {
-    /// The position across the stripe alone: three numbers.
+    /// The position across the stripe alone: three parameters.
     Across,
-    /// Also the position along it, as when the camera is rolled or the gauge lies at an angle: five numbers.
+    /// Also the position along it, for a rolled camera or an oblique gauge: five parameters.
     Both,
 }
 
-/// `z = (p·v + q + p'·u) / (r·v + 1 + r'·u)`, u along and v across the stripe, both counted from a middle and in units
-/// of a length that make the numbers alike. A camera sees a plane by a projective map (Hartley and Zisserman 2004,
-/// section 2.3); this is its row of heights.
+/// `z = (p·v + q + p'·u) / (r·v + 1 + r'·u)`, u along and v across the stripe, both relative to a centre and scaled so
+/// that the parameters have similar magnitudes. A camera maps a plane projectively (Hartley and Zisserman 2004, section
+/// 2.3); this is the map's row of heights.
 #[derive(Clone, Debug)]
 pub struct HeightModel {
     /// The image coordinates on which the height depends.
@@ -30,7 +30,7 @@ pub struct HeightModel {
 }
 
 impl HeightModel {
-    /// The map that fits best, every plateau of one weight. None: the plateaus leave it open.
+    /// Returns the best fit with equal weights for all plateaus; `None` if the plateaus do not determine it.
     pub(super) fn fit(plateaus: &[Plateau], term: HeightTerms) -> Option<Self> {
         let (middle_px, unit_px) = extent(plateaus)?;
         let num = if term == HeightTerms::Both { 5 } else { 3 };
@@ -42,7 +42,7 @@ impl HeightModel {
             covariance: DMatrix::zeros(num, num),
         };
         let places: Vec<_> = equations(plateaus, term).collect();
-        // z (r·v + 1) = p·v + q is linear in the numbers: the start.
+        // z (r·v + 1) = p·v + q is linear in the parameters: the initial guess.
         let rows = DMatrix::from_fn(places.len(), num, |i, j| {
             let (place, height_m) = places[i];
             let [u, v] = blank.local(place);
@@ -63,7 +63,8 @@ impl HeightModel {
         is_sound.then_some(model)
     }
 
-    /// The same with the covariance of its numbers, for heights of plateaus with one standard deviation `sigma_m`.
+    /// Returns the map with the covariance of its parameters, for plateau heights with the standard deviation
+    /// `sigma_m`.
     pub(super) fn with_spread(self, plateaus: &[Plateau], sigma_m: f64) -> Self {
         let places: Vec<_> = equations(plateaus, self.term).collect();
         let each = places.len() as f64 / plateaus.len() as f64;
@@ -78,7 +79,7 @@ impl HeightModel {
         }
     }
 
-    /// Height at (along, across) in pixels, metres; none behind the camera.
+    /// Returns the height at (along, across) in pixels, metres; `None` behind the camera.
     #[must_use]
     pub fn height_m(&self, place: [f64; 2]) -> Option<f64> {
         let denominator = self.denominator(place);
@@ -93,14 +94,14 @@ impl HeightModel {
         Some((p - r * z_m) / self.denominator(place) / self.unit_px)
     }
 
-    /// One standard deviation of a height at a place, metres, from that of the map.
+    /// Returns one standard deviation of the height at a position, metres, from the covariance of the map.
     #[must_use]
     pub fn sigma_m(&self, place: [f64; 2]) -> Option<f64> {
         let gradient = self.gradient(place)?;
         Some((gradient.transpose() * &self.covariance * gradient)[(0, 0)].max(0.0).sqrt())
     }
 
-    /// Numerator and denominator over (along, across, 1) in pixels: the map's row of heights and its last row.
+    /// Returns numerator and denominator over (along, across, 1) in pixels: the map's row of heights and its last row.
     #[must_use]
     pub fn rows(&self) -> [[f64; 3]; 2] {
         let [p, q, r] = [self.values[0], self.values[1], self.values[2]];
@@ -111,7 +112,7 @@ impl HeightModel {
         [[along_p, p, q - along_p * u - p * v], [along_r, r, 1.0 - along_r * u - r * v]]
     }
 
-    /// Covariance of any function of the map, by differences.
+    /// Returns the covariance of any function of the map, by finite differences.
     #[must_use]
     pub fn propagated<const N: usize>(&self, of: impl Fn(&Self) -> [f64; N]) -> DMatrix<f64> {
         let mut jacobian = DMatrix::zeros(N, self.values.len());
@@ -131,8 +132,8 @@ impl HeightModel {
         &jacobian * &self.covariance * jacobian.transpose()
     }
 
-    /// The three numbers of `h = (p·v + q) / (r·v + 1 - r·v₀)` over v in pixels across the stripe, at the middle
-    /// along it, with their covariance: the derivative of these by the map's numbers is constant.
+    /// Returns the three parameters of `h = (p·v + q) / (r·v + 1 - r·v₀)` over v in pixels across the stripe, at the
+    /// middle along it, with their covariance: their derivative with respect to the map's parameters is constant.
     pub(super) fn across_numbers(&self) -> ([f64; 3], DMatrix<f64>, f64) {
         let unit = self.unit_px;
         let numbers = [self.values[0] / unit, self.values[1], self.values[2] / unit];
@@ -141,7 +142,7 @@ impl HeightModel {
         (numbers, covariance, self.middle_px[1])
     }
 
-    /// Sum of squared residuals over two places a plateau, square metres.
+    /// Returns the sum of squared residuals over two positions per plateau, square metres.
     pub(super) fn squares(&self, plateaus: &[Plateau]) -> f64 {
         let residual = |(place, height_m): ([f64; 2], f64)| {
             self.height_m(place).map_or(f64::INFINITY, |measured_m| measured_m - height_m)
@@ -165,7 +166,7 @@ impl HeightModel {
         x[2] * v + 1.0 + x.get(4).map_or(0.0, |r| r * u)
     }
 
-    /// Derivatives of the height by the numbers.
+    /// Returns the derivatives of the height with respect to the parameters.
     fn gradient(&self, place: [f64; 2]) -> Option<DVector<f64>> {
         let z_m = self.height_m(place)?;
         let [u, v] = self.local(place);
@@ -185,7 +186,7 @@ impl HeightModel {
     }
 }
 
-/// Places and their heights: the middle of each plateau, or two places where its inclination counts too.
+/// Returns positions and their heights: the middle of each plateau, or two positions if its inclination counts too.
 fn equations(plateaus: &[Plateau], term: HeightTerms) -> impl Iterator<Item = ([f64; 2], f64)> {
     plateaus.iter().flat_map(move |plateau| {
         let middle = [plateau.middle_px(), plateau.across_px];
@@ -195,7 +196,7 @@ fn equations(plateaus: &[Plateau], term: HeightTerms) -> impl Iterator<Item = ([
     })
 }
 
-/// Middle of all plateaus, and half of their extent, pixels.
+/// Returns the middle of all plateaus and half of their extent, pixels.
 fn extent(plateaus: &[Plateau]) -> Option<([f64; 2], f64)> {
     let mut low = [f64::INFINITY; 2];
     let mut high = [f64::NEG_INFINITY; 2];
@@ -210,7 +211,7 @@ fn extent(plateaus: &[Plateau]) -> Option<([f64; 2], f64)> {
     (unit_px > 0.0 && unit_px.is_finite()).then_some((middle_px, unit_px))
 }
 
-/// Least squares with columns of one length: heights are metres and small.
+/// Solves least squares with normalised columns: heights are metres and small.
 fn least_squares_scaled(rows: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
     let norms: Vec<f64> = rows.column_iter().map(|column| column.norm()).collect();
     if norms.iter().any(|norm| !(*norm > 0.0 && norm.is_finite())) {

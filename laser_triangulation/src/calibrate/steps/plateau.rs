@@ -1,4 +1,4 @@
-//! Flat pieces of a gauge as the camera sees them.
+//! Flat pieces of a gauge in the image.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::metrology::{
     robust::{self, Equation},
 };
 
-/// A flat piece of a gauge as the camera sees it: a straight line.
+/// A flat piece of a gauge in the image: a straight line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plateau {
     /// Known height, metres.
@@ -56,22 +56,22 @@ impl Plateau {
         })
     }
 
-    /// Two places that stand for the line: a straight line through both has the mean and the inclination of the whole
-    /// piece (Gauss and Legendre's points).
+    /// Returns two positions that represent the line: a straight line through both has the mean and the inclination of
+    /// the whole piece (Gauss-Legendre points).
     pub(super) fn places(&self) -> [[f64; 2]; 2] {
         let half = 0.5 * (self.along_px[1] - self.along_px[0]) / 3.0_f64.sqrt();
         let middle = self.middle_px();
         [-half, half].map(|from| [middle + from, self.across_px + self.slope * from])
     }
 
-    /// Middle along the stripe, pixels.
+    /// Returns the middle along the stripe, pixels.
     #[must_use]
     pub fn middle_px(&self) -> f64 {
         0.5 * (self.along_px[0] + self.along_px[1])
     }
 }
 
-/// A plateau, and its borders if both lie between plateaus of one picture.
+/// A plateau, and its borders if it has neighbours on both sides in one image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GaugePlateau {
     /// The plateau.
@@ -84,7 +84,7 @@ pub struct GaugePlateau {
 /// along the stripe; `heights_m` are metres.
 ///
 /// # Errors
-/// Too few points, or another number of plateaus than heights.
+/// Too few points, or a number of plateaus other than the number of heights.
 pub fn find_plateaus(
     points: &[[f64; 2]],
     heights_m: &[f64],

@@ -4,7 +4,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// A pinhole camera built from vectors, which knows nothing of formulas: it looks down at a vertical laser plane.
+/// A pinhole camera built from vectors, independent of the formulas under test. It looks down at a vertical laser
+/// plane.
 struct Pinhole {
     lens: Vector3<f64>,
     /// Right, down, forward.
@@ -35,7 +36,7 @@ impl Pinhole {
         [0, 1].map(|i| self.middle_px[i] + self.focal_px * ray.dot(&self.axes[i]) / depth)
     }
 
-    /// What the camera sees of a flat at a height, from column to column, with noise in pixels.
+    /// Returns the image of a flat at a height, column by column, with noise in pixels.
     fn plateau(&self, height_m: f64, columns: [f64; 2], noise_px: f64, seed: u64) -> Plateau {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
@@ -59,7 +60,7 @@ impl Pinhole {
 const HEIGHTS_M: [f64; 5] = [0.0, 0.002, 0.005, 0.009, 0.012];
 
 #[test]
-fn three_numbers_are_a_camera_that_is_not_rolled() {
+fn three_parameters_fit_a_camera_without_roll() {
     let pinhole = Pinhole::new(0.0);
     let result = calibrate_steps(&pinhole.whole(&HEIGHTS_M, 0.0, 0), None).unwrap();
     assert!(result.rms_m < 1e-12, "{}", result.rms_m);
@@ -70,7 +71,7 @@ fn three_numbers_are_a_camera_that_is_not_rolled() {
 }
 
 #[test]
-fn a_rolled_camera_needs_terms_along_the_stripe_and_gets_them() {
+fn a_rolled_camera_gets_terms_along_the_stripe() {
     let pinhole = Pinhole::new(0.02);
     let plateaus = pinhole.whole(&HEIGHTS_M, 0.02, 1);
     let result = calibrate_steps(&plateaus, None).unwrap();
@@ -109,12 +110,12 @@ fn the_stated_uncertainty_of_a_height_covers_the_truth() {
         covered += u32::from(error.abs() < u95);
     }
     let share = f64::from(covered) / num as f64;
-    // Never less than stated; more, because the larger of two estimates is taken.
+    // The coverage is never less than stated; it may be more, because the larger of two estimates is taken.
     assert!((0.92..=1.0).contains(&share), "{share}");
 }
 
 #[test]
-fn one_length_more_tells_the_geometry_of_formula_6() {
+fn one_more_length_determines_the_geometry_of_formula_6() {
     let pinhole = Pinhole::new(0.0);
     let plateaus = pinhole.whole(&[0.0, 0.01, 0.02, 0.03, 0.045], 0.005, 3);
     let model = calibrate_steps(&plateaus, Some(HeightTerms::Across)).unwrap().model;
@@ -139,7 +140,7 @@ fn one_length_more_tells_the_geometry_of_formula_6() {
 }
 
 #[test]
-fn flat_perspective_is_told_and_not_guessed() {
+fn flat_perspective_is_an_error() {
     let plateaus = Pinhole::new(0.0).whole(&[0.0, 0.0002, 0.0004, 0.0006], 0.5, 4);
     let model = calibrate_steps(&plateaus, Some(HeightTerms::Across)).unwrap().model;
     let error =
@@ -148,7 +149,7 @@ fn flat_perspective_is_told_and_not_guessed() {
 }
 
 #[test]
-fn wrong_heights_are_seen() {
+fn wrong_heights_are_detected() {
     let pinhole = Pinhole::new(0.0);
     let mut plateaus = pinhole.whole(&HEIGHTS_M, 0.02, 5);
     plateaus[2].height_m += 50e-6;

@@ -1,11 +1,11 @@
-//! The lengths and the angle of formula 6 from a map of heights and one length that a ruler or a data sheet knows.
+//! The parameters of formula 6, from a map of heights and one length that is measured or taken from a data sheet.
 
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use thiserror::Error;
 
 use super::HeightModel;
 
-/// The length that is known besides the heights.
+/// The length that is known in addition to the heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum KnownDistance {
     /// a: from the lens to the sensor, near the focal length, metres.
@@ -23,18 +23,18 @@ pub struct VerticalGeometry {
     pub object_distance_m: [f64; 2],
     /// β, radians.
     pub beta_rad: [f64; 2],
-    /// Where height 0 lies across the stripe, pixels.
+    /// Position of height 0 across the stripe, pixels.
     pub base_px: [f64; 2],
-    /// -1: the stripe moves towards smaller positions when the surface rises.
+    /// -1: the stripe moves towards smaller positions when the surface rises; otherwise 1.
     pub height_sign: i8,
-    /// Of a, b, β and the base line, in their units.
+    /// One standard deviation of a, b, β and the base line, in their units.
     pub covariance: Matrix4<f64>,
 }
 
 /// The reason why heights do not determine the geometry.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum VerticalIncidenceError {
-    /// The perspective does not show.
+    /// The perspective is lost in the uncertainty.
     #[error(
         "the heights do not separate a, b and β: cos β / b is {value:.3} ± {sigma:.3} 1/m; use more height, or the projective model, which needs neither"
     )]
@@ -44,7 +44,7 @@ pub enum VerticalIncidenceError {
         /// One standard deviation of it.
         sigma: f64,
     },
-    /// Perspective and known length contradict one another.
+    /// Perspective and known length contradict each other.
     #[error(
         "an object distance of {object_distance_m} m contradicts the heights: cos β would be {cos:.3}"
     )]
@@ -56,8 +56,9 @@ pub enum VerticalIncidenceError {
     },
 }
 
-/// Solves formula 6, `h = s·b / (a·sin β + s·cos β)`, for what heights leave open: heights alone determine
-/// `A = a·sin β / b`, `B = cos β / b` and the base line; one more length determines everything. `pixel_pitch_m` is the distance of pixels on the sensor, metres.
+/// Solves formula 6, `h = s·b / (a·sin β + s·cos β)`. Heights alone determine only `A = a·sin β / b`, `B = cos β / b`
+/// and the base line; one more length determines all parameters. `pixel_pitch_m` is the pixel pitch of the sensor,
+/// metres.
 ///
 /// # Errors
 /// A perspective that is lost in the uncertainty, or that contradicts the known length.
@@ -97,11 +98,11 @@ pub fn vertical_incidence(
 
 /// Returns true if heights grow with the position.
 fn rises([p, q, r]: [f64; 3]) -> bool {
-    // The sign of the derivative, p - q·r over a square.
+    // Sign of the derivative: p - q·r over a square.
     p - q * r > 0.0
 }
 
-/// a, b, β and the base line; NaN where there is none.
+/// Returns a, b, β and the base line; NaN if there is no solution.
 fn geometry([p, q, r]: [f64; 3], middle_px: f64, pitch_m: f64, known: KnownDistance) -> [f64; 4] {
     let base = -q / p;
     let sign = if rises([p, q, r]) { 1.0 } else { -1.0 };
@@ -120,13 +121,13 @@ fn geometry([p, q, r]: [f64; 3], middle_px: f64, pitch_m: f64, known: KnownDista
     [a, b, beta, base + middle_px]
 }
 
-/// One standard deviation of a function of the numbers.
+/// Returns one standard deviation of a function of the parameters.
 fn propagated(value: &dyn Fn([f64; 3]) -> f64, at: [f64; 3], covariance: &DMatrix<f64>) -> f64 {
     let gradient = gradient(value, at, covariance);
     (gradient.transpose() * covariance * gradient)[(0, 0)].max(0.0).sqrt()
 }
 
-/// Derivatives of a function of the numbers, by differences.
+/// Returns the derivatives of a function of the parameters, by finite differences.
 fn gradient(
     value: &dyn Fn([f64; 3]) -> f64,
     at: [f64; 3],

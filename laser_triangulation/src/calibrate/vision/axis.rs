@@ -1,7 +1,7 @@
 //! The axis that moves the part, from markers that turn with it or a board that moves with it.
 
 use calib_targets_chessboard::ChessboardParamsError;
-use nalgebra::{Point2, Point3, Unit, Vector3};
+use nalgebra::{Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::{
@@ -19,10 +19,10 @@ use super::{
 use crate::scanner::{
     axis::{Axis, AxisKind},
     calibration::{AxisQuality, CameraAndPlane},
-    camera::Camera,
+    camera::{Camera, DistortedPixel},
 };
 
-/// Fewest pictures that must show a marker.
+/// Fewest pictures in which a marker must be visible.
 const MIN_SEEN: usize = 3;
 
 /// The target that moves with the part.
@@ -34,7 +34,7 @@ pub enum AxisTarget {
     Board(Checkerboard),
 }
 
-/// The target as one picture shows it.
+/// The target as seen in one picture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SeenTarget {
     /// At least one marker.
@@ -64,7 +64,7 @@ enum Detector {
 }
 
 impl AxisTargetDetector {
-    /// Creates a detector. A board must be seen whole: a part of it does not tell which part it is.
+    /// Creates a detector. A board must be entirely visible: a part of it is ambiguous.
     ///
     /// # Errors
     /// Never: the grid detector's own defaults are valid.
@@ -100,11 +100,11 @@ impl AxisTargetDetector {
 pub struct AxisView {
     /// Columns and rows of the picture.
     pub size_px: [u32; 2],
-    /// Position that the joint or encoder states, in its unit.
+    /// Position reported by the joint or encoder, in its unit.
     pub stated: f64,
     /// The target.
     pub target: SeenTarget,
-    /// Stripe of the picture, in each light that was tried. Only markers of unknown side need it.
+    /// Stripe of the picture, in each light that was tried. Only needed for markers of unknown size.
     pub stripes: Vec<LitCenterline>,
 }
 
@@ -146,9 +146,9 @@ pub struct AxisFit {
     pub axis: Axis,
     /// Residuals and uncertainties.
     pub quality: AxisQuality,
-    /// Position of every view against the first, radians or metres, of arbitrary sense.
+    /// Position of every view relative to the first, radians or metres, with arbitrary sign.
     pub shown: Vec<f64>,
-    /// Agreement of stated and shown positions.
+    /// Agreement of reported and observed positions.
     pub agreement: Agreement,
     /// Circles of the markers; `None` for a board.
     pub circles: Option<MarkerCircles>,
@@ -157,7 +157,7 @@ pub struct AxisFit {
 /// The reason why pictures determine no axis.
 #[derive(Debug, Error)]
 pub enum AxisError {
-    /// The pictures are of another size than the camera's.
+    /// The size of the pictures differs from the camera's.
     #[error(
         "the pictures have {} x {} pixels, the calibrated camera {} x {}: another camera's, or scaled",
         .pictures[0], .pictures[1], .camera[0], .camera[1]
@@ -180,7 +180,7 @@ pub enum AxisError {
     /// The board moves along no axis.
     #[error(transparent)]
     Board(#[from] BoardAxisError),
-    /// Stated and shown positions do not belong together.
+    /// Reported and observed positions do not match.
     #[error(transparent)]
     Position(#[from] PositionError),
 }
@@ -188,7 +188,7 @@ pub enum AxisError {
 /// Calibrates the axis from views of the target, all of the kind that `target` states.
 ///
 /// # Errors
-/// Pictures of another size than the camera's; views that determine no axis; positions that contradict them.
+/// Pictures of another size than the camera's, views that determine no axis, or positions that contradict the views.
 pub fn calibrate_axis(
     geometry: &CameraAndPlane,
     target: &AxisTarget,
@@ -205,7 +205,7 @@ pub fn calibrate_axis(
 }
 
 impl AxisFit {
-    /// Puts the axis into a calibration. A part's frame is dropped: it was defined in the frame of the axis before.
+    /// Puts the axis into a calibration. A part's frame is dropped: it was defined in the frame of the previous axis.
     pub fn apply_to(&self, geometry: &mut CameraAndPlane) {
         geometry.axis = Some(self.axis);
         geometry.axis_quality = Some(self.quality.clone());
@@ -261,7 +261,7 @@ fn of_board(
     Ok(with_positions(views, fit.shown, way)?)
 }
 
-/// An axis whose sense and unit are not known yet.
+/// An axis of unknown sign and unit.
 struct Way {
     kind: AxisKind,
     point_m: Point3<f64>,
@@ -269,14 +269,14 @@ struct Way {
     quality: AxisQuality,
 }
 
-/// Takes sense and unit of the axis from the stated positions.
+/// Takes sign and unit of the axis from the reported positions.
 fn with_positions(views: &[AxisView], shown: Vec<f64>, way: Way) -> Result<AxisFit, PositionError> {
     let pairs = views.iter().zip(&shown);
     let pairs: Vec<_> =
         pairs.map(|(view, &shown)| Position { stated: view.stated, shown }).collect();
     let agreement = positions::compare(&pairs)?;
     let Way { kind, point_m, direction, quality } = way;
-    // The position grows where the direction points, or as a right hand turns about it.
+    // The position grows along the direction, or by the right-hand rule about it.
     let direction = Unit::new_unchecked(direction.into_inner() * agreement.scale.signum());
     let axis = Axis { kind, point_m, direction, scale: agreement.scale_to_write() };
     let quality = AxisQuality {
@@ -297,7 +297,7 @@ fn ids(views: &[AxisView]) -> Vec<u32> {
     ids
 }
 
-/// Returns the markers' middles: where the diagonals of their corners cross, without the lens's distortion.
+/// Returns the centres of the markers: the intersections of their diagonals, without lens distortion.
 fn sightings(camera: &Camera, views: &[AxisView], ids: &[u32]) -> Vec<Sighting> {
     let mut sightings = Vec::new();
     for (frame, view) in views.iter().enumerate() {
@@ -310,10 +310,10 @@ fn sightings(camera: &Camera, views: &[AxisView], ids: &[u32]) -> Vec<Sighting> 
     sightings
 }
 
-fn middle(camera: &Camera, marker: &Marker) -> Option<Point2<f64>> {
+fn middle(camera: &Camera, marker: &Marker) -> Option<DistortedPixel> {
     let mut rays = [Vector3::zeros(); 4];
     for (ray, corner) in rays.iter_mut().zip(marker.corners) {
-        *ray = camera.ray(corner)?;
+        *ray = camera.ray(DistortedPixel(corner))?;
     }
     let diagonal = rays[0].cross(&rays[2]).cross(&rays[1].cross(&rays[3]));
     let towards = if diagonal.z < 0.0 { -diagonal } else { diagonal };

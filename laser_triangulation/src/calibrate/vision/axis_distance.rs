@@ -1,4 +1,4 @@
-//! The distance of turning markers, which their pictures alone leave open.
+//! The distance of turning markers, which their images alone do not determine.
 
 use std::fmt;
 
@@ -7,15 +7,18 @@ use thiserror::Error;
 
 use super::{axis::AxisView, revolute::RevoluteFit};
 use crate::{
-    scanner::{calibration::CameraAndPlane, camera::Camera},
+    scanner::{
+        calibration::CameraAndPlane,
+        camera::{Camera, DistortedPixel},
+    },
     statistics::{RobustSpread, robust_spread},
 };
 
 /// Fewest points of the stripe on the table.
 const MIN_POINTS: usize = 200;
-/// Largest robust standard deviation of their distances, as a share of the distance.
+/// Largest robust standard deviation of their distances, relative to the distance.
 const MAX_SPREAD: f64 = 0.02;
-/// Share of the smallest marker circle inside which the table is taken to be flat.
+/// Share of the smallest marker circle inside which the table is assumed to be flat.
 const INSIDE: f64 = 0.95;
 
 /// The distance from the lens to the plane of the markers.
@@ -23,7 +26,7 @@ const INSIDE: f64 = 0.95;
 pub struct TableDistance {
     /// Distance, metres.
     pub distance_m: f64,
-    /// Robust standard deviation of the samples behind it, metres.
+    /// Robust standard deviation of the underlying samples, metres.
     pub spread_m: f64,
     /// Origin of the distance.
     pub source: DistanceSource,
@@ -53,7 +56,7 @@ pub enum DistanceError {
     /// The camera model is not valid at any marker.
     #[error("no marker's side can be measured")]
     NoSide,
-    /// Hardly any line on the table.
+    /// Too few points of the line are on the table.
     #[error(
         "the laser's line on the table inside the circle of the markers has only {points} points: give the markers' side \
          (aruco:DICTIONARY:SIDE), or make the line visible (--params-file)"
@@ -86,7 +89,7 @@ pub(super) fn from_side(
     let mut sides = Vec::new();
     for marker in views.iter().flat_map(AxisView::markers) {
         let corner = |at: usize| {
-            let ray = camera.ray(marker.corners[at % 4])?;
+            let ray = camera.ray(DistortedPixel(marker.corners[at % 4]))?;
             Some(ray / fit.direction.dot(&ray))
         };
         let side = |at: usize| Some((corner(at + 1)? - corner(at)?).norm());
@@ -103,7 +106,7 @@ pub(super) fn from_side(
 /// Returns the distance from the laser's line on the table inside the circle of the markers, by the laser plane.
 ///
 /// # Errors
-/// Too few points there, or a table that is not flat.
+/// Too few points, or a table that is not flat.
 pub(super) fn from_stripe(
     geometry: &CameraAndPlane,
     views: &[AxisView],
@@ -119,7 +122,8 @@ pub(super) fn from_stripe(
     for stripe in views.iter().flat_map(|view| &view.stripes) {
         let line = &stripe.centerline;
         for (&u, &v) in line.u_px.iter().zip(&line.v_px) {
-            let ray = geometry.camera.ray(Point2::new(u.into(), v.into())).filter(on_table);
+            let pixel = DistortedPixel(Point2::new(u.into(), v.into()));
+            let ray = geometry.camera.ray(pixel).filter(on_table);
             let point = ray.and_then(|ray| geometry.plane.meet(ray));
             distances.extend(point.map(|point| normal.dot(&point.coords)));
         }

@@ -10,22 +10,23 @@ use thiserror::Error;
 
 use super::{checkerboard::Checkerboard, picture::GrayPicture};
 
-/// Corners that lie farther from where their neighbours put them, root mean square, come from a blurred picture, pixels.
+/// Root mean square distance of corners from the positions that their neighbours predict, beyond which a picture counts
+/// as blurred, pixels.
 const MAX_SCATTER_PX: f32 = 0.6;
 
 /// One inner corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// Its place on the board, squares from the first corner found: columns run to the right, rows downwards.
+    /// Its position on the board, squares from the first corner found: columns run to the right, rows downwards.
     pub place: (u32, u32),
-    /// Where the picture shows it, pixels.
+    /// Its position in the picture, pixels.
     pub seen: Point2<f64>,
 }
 
 /// The corners found in one picture.
 ///
-/// A checkerboard has no first corner: how the grid lies on the board, and which part of it is seen, is unknown. What is
-/// computed from a board's pose alone does not depend on it.
+/// A checkerboard has no distinct first corner: the orientation of the grid on the board and the visible part of it are
+/// unknown. Results computed from a board's pose alone do not depend on them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Board {
     /// Columns that the corners span.
@@ -39,18 +40,18 @@ pub struct Board {
 /// The reason why a picture shows no usable board.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum BoardRejected {
-    /// None found.
+    /// No board was found.
     #[error("no board")]
     None,
-    /// Too little of it.
+    /// Too few corners are visible.
     #[error("only {found} corners of the board, at least {needed} are needed")]
     Few {
         /// Corners found.
         found: usize,
-        /// Corners wanted.
+        /// Corners required.
         needed: usize,
     },
-    /// Another board.
+    /// The board does not match the target.
     #[error("the board has {columns} x {rows} inner corners or more, the target {target}")]
     Larger {
         /// Columns found.
@@ -65,7 +66,7 @@ pub enum BoardRejected {
         "blurred: corners lie {scatter_px:.2} px from where their neighbours put them, allowed is {MAX_SCATTER_PX}"
     )]
     Blurred {
-        /// Root mean square.
+        /// Root mean square distance, pixels.
         scatter_px: f32,
     },
 }
@@ -80,21 +81,21 @@ pub struct BoardDetector {
 }
 
 impl BoardDetector {
-    /// A detector for this board; `min_corners` of one that is partly outside the picture are enough.
+    /// Creates a detector for this board; `min_corners` suffice for a board that is partly outside the picture.
     ///
     /// # Errors
     /// Never: the grid detector's own defaults are valid.
     pub fn new(target: Checkerboard, min_corners: usize) -> Result<Self, ChessboardParamsError> {
         let grid = ChessboardDetector::new(ChessboardParams::default())?;
-        // The saddle is a third more accurate than the default, the centre of mass.
+        // The saddle method is a third more accurate than the default, the centre of mass.
         let front_end = default_chess_config().with_refiner(ImageRefiner::saddle_point());
         Ok(Self { target, min_corners: min_corners.min(target.num_corners()), front_end, grid })
     }
 
-    /// The board in a picture.
+    /// Finds the board in a picture.
     ///
     /// # Errors
-    /// No board, too little of it, another one, or a blurred one.
+    /// No board, too few corners, a different board, or a blurred one.
     pub fn detect(&self, picture: &GrayPicture) -> Result<Board, BoardRejected> {
         let view = GrayImageView {
             width: picture.width as usize,
@@ -151,7 +152,7 @@ impl Board {
         self.corners.len() == target.num_corners()
     }
 
-    /// Each corner on the board, metres, and in the picture, pixels.
+    /// Returns each corner on the board, metres, and in the picture, pixels.
     pub fn pairs(&self, square_m: f64) -> Vec<(Point2<f64>, Point2<f64>)> {
         let on_board =
             |(column, row)| Point2::new(f64::from(column) * square_m, f64::from(row) * square_m);

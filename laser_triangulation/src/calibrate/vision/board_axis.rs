@@ -1,4 +1,4 @@
-//! An axis from a board that moves with the part: it shifts the board, or it turns it.
+//! An axis from a board that moves with the part: prismatic or revolute.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -10,11 +10,11 @@ use crate::scanner::axis::AxisKind;
 
 /// Fewest pictures.
 const MIN_FRAMES: usize = 4;
-/// An axis that turns the board by less shifts it, radians.
+/// Rotation of the board below which the axis counts as prismatic, radians.
 const MIN_TURN: f64 = 0.1;
-/// Shortest shift, as a share of the board's distance from the camera.
+/// Shortest shift, relative to the board's distance from the camera.
 const MIN_SHIFT: f64 = 0.01;
-/// Largest departure of the board from its way, as a share of that way.
+/// Largest deviation of the board from its path, relative to the length of that path.
 const MAX_OFF: f64 = 0.05;
 
 /// An axis in the camera's frame.
@@ -22,13 +22,13 @@ const MAX_OFF: f64 = 0.05;
 pub(super) struct BoardAxisFit {
     /// Kind of the axis.
     pub kind: AxisKind,
-    /// Where the board goes, or about what it turns; its sense is any.
+    /// Direction of motion or of rotation, with arbitrary sign.
     pub direction: Unit<Vector3<f64>>,
-    /// A point of the axis, metres; of one that shifts, the board's first middle.
+    /// A point of the axis, metres; for a prismatic axis, the middle of the first board.
     pub point_m: Point3<f64>,
-    /// Position of every picture against the first, metres or radians.
+    /// Position of every picture relative to the first, metres or radians.
     pub shown: Vec<f64>,
-    /// Root mean square distance of the board's middle from its way, metres.
+    /// Root mean square distance of the board's middle from its path, metres.
     pub rms_m: f64,
     /// One standard deviation of the direction, radians.
     pub direction_sigma_rad: f64,
@@ -45,31 +45,31 @@ pub enum BoardAxisError {
         /// Pictures with the whole board.
         frames: usize,
     },
-    /// Nothing moves.
+    /// The board does not move.
     #[error(
         "the board moves by only {moved_mm:.1} mm and turns by {turned_deg:.1} degrees: move the axis farther between the \
          pictures"
     )]
     Still {
-        /// From first to last position, millimetres.
+        /// Distance from first to last position, millimetres.
         moved_mm: f64,
         /// Largest angle, degrees.
         turned_deg: f64,
     },
-    /// Neither a straight line nor a circle.
+    /// The path is neither a straight line nor a circle.
     #[error(
         "the board's middle leaves its way by {off_mm:.2} mm: it does not move with one axis, or the board slips on it"
     )]
     Crooked {
-        /// Root mean square, millimetres.
+        /// Root mean square deviation, millimetres.
         off_mm: f64,
     },
 }
 
-/// The axis that moves the whole boards, which lie at these poses.
+/// Fits the axis that moves the boards, given their poses.
 ///
 /// # Errors
-/// Too few boards, or boards that do not move, or not with one axis.
+/// Too few boards, boards that do not move, or boards that do not move about one axis.
 pub(super) fn fit(
     target: &Checkerboard,
     boards: &[(&Board, &BoardPose)],
@@ -110,8 +110,8 @@ fn board_size_m(target: &Checkerboard) -> f64 {
     target.square_m * f64::from(target.columns.max(target.rows))
 }
 
-/// Poses of the board's middle. A checkerboard looks the same after half a turn: of the poses that it may have, each
-/// picture gets the one that is turned least against the picture before.
+/// Returns the poses of the board's middle. A checkerboard looks the same after half a turn: of its possible poses,
+/// each picture gets the one with the smallest rotation from the previous picture.
 fn followed(target: &Checkerboard, boards: &[(&Board, &BoardPose)]) -> Vec<Isometry3<f64>> {
     let mut poses: Vec<Isometry3<f64>> = Vec::with_capacity(boards.len());
     let first = boards[0].0;
@@ -135,7 +135,7 @@ fn followed(target: &Checkerboard, boards: &[(&Board, &BoardPose)]) -> Vec<Isome
     poses
 }
 
-/// The straight line through the board's middles.
+/// Fits the straight line through the middles of the boards.
 fn shifting(poses: &[Isometry3<f64>]) -> BoardAxisFit {
     let middles: Vec<_> = poses.iter().map(|pose| pose.translation.vector).collect();
     let count = middles.len() as f64;
@@ -159,18 +159,18 @@ fn shifting(poses: &[Isometry3<f64>]) -> BoardAxisFit {
     }
 }
 
-/// The line whose points stay where they are.
+/// Fits the line whose points do not move.
 fn turning(poses: &[Isometry3<f64>], turns: &[UnitQuaternion<f64>]) -> BoardAxisFit {
     let direction = longest(turns.iter().map(UnitQuaternion::scaled_axis));
     let mut shown: Vec<f64> = Vec::with_capacity(turns.len());
     for turn in turns {
-        // The part of a turn that is about the axis.
+        // The part of a rotation that is about the axis.
         let about = 2.0 * turn.imag().dot(&direction).atan2(turn.w);
         let last = shown.last().copied().unwrap_or(0.0);
         shown.push(about - TAU * ((about - last) / TAU).round());
     }
     let first = poses[0].translation.vector;
-    // c = R (c - m₀) + m for every picture; along the axis, where any point would do, that of the first middle.
+    // c = R (c - m₀) + m for every picture. Along the axis any point would do: that of the first middle is used.
     let along = direction.into_inner();
     let mut normal = along * along.transpose();
     let mut right = along * along.dot(&first);
@@ -205,7 +205,7 @@ fn turning(poses: &[Isometry3<f64>], turns: &[UnitQuaternion<f64>]) -> BoardAxis
     }
 }
 
-/// The direction in which vectors are longest.
+/// Returns the direction in which vectors are longest.
 fn longest(vectors: impl Iterator<Item = Vector3<f64>>) -> Unit<Vector3<f64>> {
     let spread: Matrix3<f64> = vectors.map(|vector| vector * vector.transpose()).sum();
     let eigen = spread.symmetric_eigen();
@@ -226,7 +226,7 @@ mod tests {
         let board = board();
         let half_turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
         let across = Translation3::new(0.14, 0.10, 0.0) * half_turn;
-        // Every third picture begins at the other end of the board.
+        // Every third picture starts at the other end of the board.
         let poses: Vec<_> = poses
             .iter()
             .enumerate()
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shift_is_found_whichever_end_the_board_begins_at() {
+    fn a_shift_is_found_from_either_end_of_the_board() {
         let along = Unit::new_normalize(Vector3::new(0.9, 0.1, -0.3));
         let at = |i: i32| Translation3::from(along.into_inner() * 0.01 * f64::from(i)) * start();
         let found = fitted(&(0..9).map(at).collect::<Vec<_>>()).unwrap();
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_is_found_whichever_end_the_board_begins_at() {
+    fn a_turn_is_found_from_either_end_of_the_board() {
         let about = Unit::new_normalize(Vector3::new(0.1, -0.9, -0.4));
         let point = Point3::new(0.02, 0.05, 0.45);
         let at = |i: i32| {
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_still_or_staggers_is_no_axis() {
+    fn a_board_that_stands_still_or_staggers_gives_no_axis() {
         assert!(matches!(fitted(&[start(); 6]), Err(BoardAxisError::Still { .. })));
         let staggering = |i: i32| {
             let aside = if i % 2 == 0 { 0.02 } else { -0.02 };

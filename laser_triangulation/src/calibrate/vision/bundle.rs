@@ -21,10 +21,10 @@ use super::{
 };
 use crate::scanner::camera::{Camera, Distortion};
 
-/// The camera that explains these of the views best, and how well its parameters are known.
+/// Fits the camera to the selected views, with the uncertainty of its parameters.
 ///
 /// # Errors
-/// Equations without a solution, or one that is no camera.
+/// Equations without a solution, or a solution that is no valid camera.
 pub(super) fn adjust(
     views: &CameraViews<'_>,
     kept: &[usize],
@@ -38,7 +38,7 @@ pub(super) fn adjust(
     let start = start(views, &data, model).map_err(|error| unsolved(&error))?;
     let options = PlanarIntrinsicsSolveOptions {
         robust_loss,
-        // Nothing is held: not even k3.
+        // No parameter is fixed, not even k3.
         fix: CameraFix::none(),
         ..PlanarIntrinsicsSolveOptions::default()
     };
@@ -56,7 +56,7 @@ fn view(board: &Board, square_m: f64) -> Result<View<NoMeta>, Error> {
     CorrespondenceView::new(on_board.collect(), seen.collect()).map(View::without_meta)
 }
 
-/// A first guess: Zhang's closed form, poses from homographies.
+/// Returns an initial guess: Zhang's closed form, poses from homographies.
 fn start(
     views: &CameraViews<'_>,
     data: &PlanarDataset,
@@ -65,7 +65,7 @@ fn start(
     let found = estimate_intrinsics_iterative(data, IterativeIntrinsicsOptions::default());
     let mut camera = match found {
         Ok(pinhole) => pinhole_camera_params(&pinhole),
-        // The adjustment finds its way from a guess too: a focal length of the longer side.
+        // The adjustment also converges from a rough guess: a focal length equal to the longer side.
         Err(_) => guess(views),
     };
     let k = camera.intrinsics.k_matrix();
@@ -96,7 +96,7 @@ fn guess(views: &CameraViews<'_>) -> CameraParams {
     }
 }
 
-/// The same lens in the other formula, its denominator 1.
+/// Returns the same lens in the other model, with denominator 1.
 fn rational(distortion: &DistortionParams) -> DistortionParams {
     let mut params = RationalPolynomial::default();
     if let DistortionParams::BrownConrady5 { params: brown } = distortion {

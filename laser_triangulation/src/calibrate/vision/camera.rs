@@ -1,4 +1,4 @@
-//! A camera from many views of a board, without those that contradict the rest.
+//! A camera from many views of a board, without outliers.
 
 use nalgebra::DMatrix;
 use thiserror::Error;
@@ -19,14 +19,14 @@ use crate::{
     statistics::median,
 };
 
-/// A view whose residual is this many times the median of all views is an outlier.
+/// A view is an outlier if its residual is this many times the median of all views.
 const OUTLIER_FACTOR: f64 = 4.0;
-/// Times that outliers are looked for.
+/// Number of outlier rejection rounds.
 const MAX_ROUNDS: usize = 4;
 /// Largest relative standard deviation of a focal length.
 const MAX_FOCAL_SIGMA: f64 = 0.05;
 
-/// The lens's formula.
+/// The lens model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LensModel {
     /// k1, k2, p1, p2, k3.
@@ -48,12 +48,12 @@ pub struct CameraViews<'a> {
     pub square_m: f64,
 }
 
-/// A view that took part.
+/// A view that was used.
 #[derive(Clone, Debug)]
 pub struct UsedView {
     /// Index into the boards.
     pub index: usize,
-    /// Where the board lies, and the residual of every corner.
+    /// Pose of the board, and the residual of every corner.
     pub pose: BoardPose,
 }
 
@@ -78,8 +78,8 @@ pub struct CameraUncertainty {
     pub parameters: Vec<String>,
     /// Covariance, in their order.
     pub covariance: DMatrix<f64>,
-    /// Ratio of the variance when whole views are left out to the variance that the residuals alone explain. The
-    /// covariance contains it.
+    /// Ratio of the variance estimated by leaving out whole views to the variance that the residuals alone explain. The
+    /// covariance includes it.
     pub view_scatter: Option<f64>,
 }
 
@@ -115,12 +115,12 @@ pub enum CameraError {
          and in all parts of the image"
     )]
     Vague {
-        /// Which parameters.
+        /// Names of the parameters that are not determined.
         parameters: String,
     },
 }
 
-/// Calibrates the camera that explains the boards best. Views that contradict the rest are left out and reported.
+/// Fits the camera to the boards. Views that contradict the rest are left out and reported.
 ///
 /// # Errors
 /// Views that do not determine a camera, or contradict one another.
@@ -135,7 +135,7 @@ pub fn calibrate_camera(
         view_variety::check_views(&boards, views.width_px, views.height_px)
     };
     check(&kept)?;
-    // The first look must not be bent by what it looks for.
+    // Outliers must not bias the fit that is used to detect them.
     let mut solved = solve(views, &kept, model, RobustLoss::Cauchy { scale: 0.5 })?;
     for round in 0..MAX_ROUNDS {
         let found = find_outliers(&solved.used);
@@ -179,7 +179,7 @@ fn finish(solved: Solved, mut outliers: Vec<OutlierView>) -> Result<CameraFit, C
     Ok(CameraFit { camera, used, outliers, rms_px, uncertainty })
 }
 
-/// The boards' poses under a camera; what it cannot see is left out.
+/// Returns the boards' poses under a camera, without boards that it cannot see.
 fn posed(views: &CameraViews<'_>, kept: &[usize], camera: &Camera) -> Vec<UsedView> {
     let used = kept.iter().filter_map(|&index| {
         let pose = pose::fit(camera, &views.boards[index].pairs(views.square_m))?;
@@ -288,7 +288,7 @@ impl CameraFit {
 }
 
 impl CameraUncertainty {
-    /// Standard deviation of a parameter, in its own unit.
+    /// Returns the standard deviation of a parameter, in its own unit.
     pub fn sigma(&self, parameter: &str) -> Option<f64> {
         let at = self.parameters.iter().position(|name| name == parameter)?;
         Some(self.covariance[(at, at)].sqrt())

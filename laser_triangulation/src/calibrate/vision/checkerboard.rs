@@ -9,7 +9,7 @@ const MIN_SIDE: u32 = 3;
 /// Most inner corners a side of a board may have.
 const MAX_SIDE: u32 = 100;
 
-/// A checkerboard, by its inner corners: those at which four squares meet.
+/// A checkerboard, defined by its inner corners, where four squares meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Checkerboard {
     /// Inner corners along one side.
@@ -48,7 +48,7 @@ fn parse(text: &str) -> Option<Checkerboard> {
 }
 
 impl Checkerboard {
-    /// Inner corners of the whole board.
+    /// Returns the number of inner corners of the whole board.
     pub const fn num_corners(&self) -> usize {
         self.columns as usize * self.rows as usize
     }
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_target_is_read_and_written_alike() {
+    fn a_target_survives_a_round_trip_through_text() {
         let board: Checkerboard = "checkerboard:8x6:0.04".parse().unwrap();
         assert_eq!(board, Checkerboard { columns: 8, rows: 6, square_m: 0.04 });
         assert_eq!(board.to_string().parse(), Ok(board));
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_target_is_refused_with_an_example() {
+    fn an_invalid_target_is_rejected_with_an_example() {
         for text in [
             "",
             "chess:8x6:0.04",

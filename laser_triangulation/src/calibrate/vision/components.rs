@@ -4,14 +4,14 @@ use nalgebra::Point2;
 
 use super::picture::GrayPicture;
 
-/// Half the side of the square about a pixel whose mean is its surroundings.
+/// Half the side of the square around a pixel that defines its surroundings.
 const RADIUS: usize = 15;
 /// A pixel is dark below this share of the mean of its surroundings.
 const DARK: f64 = 0.85;
 /// Fewest pixels of a region.
 const MIN_PIXELS: usize = 60;
 
-/// The outline of every dark region: the first and last pixel of each of its rows.
+/// Returns the outline of every dark region: the first and last pixel of each of its rows.
 pub(super) fn dark_outlines(picture: &GrayPicture) -> Vec<Vec<Point2<f64>>> {
     let (width, height) = (picture.width as usize, picture.height as usize);
     let mut is_dark = dark(picture);
@@ -59,10 +59,10 @@ pub(super) fn dark_outlines(picture: &GrayPicture) -> Vec<Vec<Point2<f64>>> {
     outlines
 }
 
-/// Pixels darker than their surroundings.
+/// Marks pixels darker than their surroundings.
 fn dark(picture: &GrayPicture) -> Vec<bool> {
     let (width, height) = (picture.width as usize, picture.height as usize);
-    // Sums of everything above and to the left.
+    // Integral image: sums of everything above and to the left.
     let mut sums = vec![0_u64; (width + 1) * (height + 1)];
     for y in 0..height {
         let mut row = 0;

@@ -11,7 +11,7 @@ pub(super) fn fit(pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<Matrix3<f64>> 
     }
     let from_plane = normaliser(pairs.iter().map(|pair| pair.0))?;
     let from_image = normaliser(pairs.iter().map(|pair| pair.1))?;
-    // nalgebra's singular vectors are as many as the matrix has rows: a square one is kept full.
+    // nalgebra returns only as many singular vectors as the matrix has rows: padding to a square matrix keeps all.
     let mut equations = DMatrix::zeros((2 * pairs.len()).max(9), 9);
     for (i, (plane, image)) in pairs.iter().enumerate() {
         let p = apply(&from_plane, *plane)?;
@@ -41,14 +41,14 @@ pub(super) fn fit(pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<Matrix3<f64>> 
     scaled.iter().all(|value| value.is_finite()).then_some(scaled)
 }
 
-/// Where a map takes a point; `None` at infinity.
+/// Maps a point; `None` at infinity.
 pub(super) fn apply(map: &Matrix3<f64>, point: Point2<f64>) -> Option<Point2<f64>> {
     let mapped = map * Vector3::new(point.x, point.y, 1.0);
     let found = Point2::new(mapped.x / mapped.z, mapped.y / mapped.z);
     (found.x.is_finite() && found.y.is_finite()).then_some(found)
 }
 
-/// Moves points to their centroid and scales them to a mean distance of √2 from it.
+/// Moves points to their centroid and scales their mean distance from it to √2.
 fn normaliser(points: impl Iterator<Item = Point2<f64>> + Clone) -> Option<Matrix3<f64>> {
     let count = points.clone().count() as f64;
     let sum = points.clone().fold((0.0, 0.0), |sum, p| (sum.0 + p.x, sum.1 + p.y));
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_map_is_found_again() {
+    fn a_known_map_is_recovered() {
         let truth = Matrix3::new(300.0, 20.0, 320.0, -15.0, 280.0, 240.0, 0.2, -0.4, 1.0);
         let grid = (0..12).map(|i| Point2::new(f64::from(i % 4) * 0.04, f64::from(i / 4) * 0.04));
         let pairs: Vec<_> = grid.map(|p| (p, apply(&truth, p).unwrap())).collect();

@@ -12,15 +12,15 @@ use crate::scanner::{
     stripe::{Centerline, Extractor},
 };
 
-/// The colours that a laser may have.
+/// The possible colours of a laser.
 const COLORS: [Channel; 3] = [Channel::Red, Channel::Green, Channel::Blue];
-/// Level of zero difference: noise stays on both sides of it, so that its size can be estimated.
+/// Level of zero difference: noise stays on both sides of it, so that its standard deviation can be estimated.
 const MIDDLE: i32 = 64;
 
 /// The grey level in which the stripe is searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Light {
-    /// One channel, or a grey picture as it is.
+    /// One channel, or a grey picture unchanged.
     Channel(Channel),
     /// One colour minus the mean of the other two. This separates a laser from a printed board in any room light.
     Over(Channel),
@@ -57,7 +57,7 @@ pub enum LaserFinderError {
     FullScale(#[from] FullScaleError),
 }
 
-/// Extracts the stripe from pictures in each light that the laser may have.
+/// Extracts the stripe from pictures in each possible light of the laser.
 #[derive(Clone, Copy, Debug)]
 pub struct LaserFinder {
     params: Params,
@@ -71,8 +71,8 @@ impl LaserFinder {
         Self { params, channel }
     }
 
-    /// Returns the extraction parameters that suit a line on a printed board in room light: background, threshold,
-    /// smallest segment, peak selection and method. The others are those given.
+    /// Returns extraction parameters for a line on a printed board in room light: background, threshold, smallest
+    /// segment, peak selection and method. All others are taken from the given parameters.
     #[must_use]
     pub const fn extraction_on_board(given: ExtractionParams) -> ExtractionParams {
         ExtractionParams {

@@ -70,15 +70,16 @@ pub enum BoardRejection {
         /// Median over all views, pixels.
         median_px: f64,
     },
-    /// The stripe on the board is no line.
+    /// The stripe on the board is not a line.
     #[error(transparent)]
     Line(#[from] LineRejected),
 }
 
 impl LaserLines {
-    /// Finds the lines. The laser has one colour in all pictures: the light with most lines is taken.
+    /// Finds the lines. The laser has the same colour in all pictures: the light that gives most lines is used.
     ///
-    /// `border_squares` is the width of the flat rim beyond the inner corners, in squares: the line is searched that far.
+    /// `border_squares` is the width of the flat rim beyond the inner corners, in squares: the search for the line
+    /// extends that far.
     #[must_use]
     pub fn find(
         camera: &Camera,
@@ -132,7 +133,8 @@ fn lights(views: &[BoardView<'_>]) -> Vec<Light> {
     lights
 }
 
-/// Estimates the boards' poses from their corners alone: views by index, and those that do not fit the camera.
+/// Estimates the boards' poses from their corners alone. Returns the views by index, and those that do not fit the
+/// camera.
 fn poses(
     camera: &Camera,
     views: &[BoardView<'_>],

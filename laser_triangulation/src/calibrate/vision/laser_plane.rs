@@ -12,22 +12,22 @@ use crate::{
     statistics::median,
 };
 
-/// Fewest boards: the scatter between them is the uncertainty.
+/// Fewest boards: the scatter between them determines the uncertainty.
 const MIN_BOARDS: usize = 4;
-/// Boards that a robust start tries three by three.
+/// Boards that the robust initial fit combines three at a time.
 const MAX_TRIED: usize = 24;
-/// A board whose line lies this many times farther from the plane than the median board's is an outlier.
+/// A board is an outlier if its line lies this many times farther from the plane than the median board's.
 const OUTLIER_FACTOR: f64 = 4.0;
-/// Lines that lie within this share of their distance of one straight line determine no plane.
+/// Lines that lie within this share of their distance of a straight line determine no plane.
 const MIN_SPREAD: f64 = 0.01;
 
-/// Largest root mean square distance from the plane, as a share of the distance from the camera.
+/// Largest root mean square distance from the plane, relative to the distance from the camera.
 const MAX_RMS: f64 = 0.01;
 
 /// The residual of one board's line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardResidual {
-    /// Which board.
+    /// Index of the board.
     pub index: usize,
     /// Points of the line.
     pub points: usize,
@@ -44,12 +44,12 @@ pub struct LaserPlaneFit {
     pub plane: LaserPlane,
     /// Root mean square distance of all points, metres.
     pub rms_m: f64,
-    /// Boards that took part.
+    /// Boards that were used.
     pub used: Vec<BoardResidual>,
-    /// Boards that contradict them, and how far.
+    /// Boards that contradict the others.
     pub outliers: Vec<BoardResidual>,
-    /// Covariance of two tilts of the normal, along [`LaserPlane::tangents`], radians, and the distance, metres: from leaving
-    /// one board out at a time, because what one board has wrong all its points share.
+    /// Covariance of two tilts of the normal along [`LaserPlane::tangents`], radians, and of the distance, metres.
+    /// Estimated by leaving out one board at a time, because all points of a board share its errors.
     pub covariance: Matrix3<f64>,
 }
 
@@ -65,7 +65,7 @@ pub enum LaserPlaneError {
         /// Boards with a line.
         usable: usize,
     },
-    /// All lines in one place.
+    /// All lines coincide.
     #[error(
         "all laser lines lie within {spread_mm:.1} mm of one straight line in space, and any plane through it would do: \
          move the board nearer and farther, or tilt it about the line, between the pictures"
@@ -74,7 +74,7 @@ pub enum LaserPlaneError {
         /// Standard deviation across that line, millimetres.
         spread_mm: f64,
     },
-    /// The lines contradict one another.
+    /// The lines contradict each other.
     #[error(
         "the lines lie {rms_mm:.1} mm from the best plane, which is no plane: check that the bright line on the boards is the laser, and that the \
          target's size is right"
@@ -83,7 +83,7 @@ pub enum LaserPlaneError {
         /// Root mean square distance, millimetres.
         rms_mm: f64,
     },
-    /// No plane before the camera.
+    /// The plane is not in front of the camera.
     #[error(
         "the lines' plane passes through the lens: the laser must not shine along the camera's view"
     )]
@@ -171,7 +171,7 @@ impl LaserPlaneFit {
     }
 }
 
-/// Of the planes through three boards' lines, the one with the least median distance of all boards.
+/// Returns the plane through three boards' lines with the least median distance of all boards.
 fn robust_start(boards: &[BoardLine]) -> Result<LaserPlane, LaserPlaneError> {
     let every = boards.len().div_ceil(MAX_TRIED);
     let tried: Vec<_> = boards.iter().step_by(every).collect();
@@ -213,7 +213,7 @@ fn residual(board: &BoardLine, plane: &LaserPlane) -> BoardResidual {
     }
 }
 
-/// Every point counts alike.
+/// Fits the plane with equal weights for all points.
 fn least_squares(boards: &[&BoardLine]) -> Result<LaserPlane, LaserPlaneError> {
     let points = || boards.iter().flat_map(|board| &board.line.points);
     let count = points().count() as f64;

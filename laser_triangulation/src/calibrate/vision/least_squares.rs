@@ -1,12 +1,12 @@
-//! Levenberg's and Marquardt's method for a few dozen unknowns (Nocedal and Wright 2006, section 10.3).
+//! The Levenberg-Marquardt method for a few dozen unknowns (Nocedal and Wright 2006, section 10.3).
 
 use nalgebra::{DMatrix, DVector};
 
-/// Steps after which a solution stands still.
+/// Largest number of steps.
 const MAX_STEPS: usize = 60;
-/// Relative change of the cost that is none.
+/// Relative change of the cost that counts as convergence.
 const STILL: f64 = 1e-14;
-/// Step of the numeric derivatives, for unknowns of the order of 1: half the digits of an f64.
+/// Step of the numeric derivatives, for unknowns of the order of 1: half the digits of an `f64`.
 const STEP: f64 = 1e-7;
 
 /// A solution.
@@ -14,21 +14,21 @@ const STEP: f64 = 1e-7;
 pub(super) struct Solution {
     /// The unknowns.
     pub unknowns: DVector<f64>,
-    /// The residuals there.
+    /// The residuals at the solution.
     pub residuals: DVector<f64>,
-    /// Covariance of the unknowns for residuals with standard deviation 1; `None` where they are not determined.
+    /// Covariance of the unknowns for residuals with standard deviation 1; `None` if they are not determined.
     pub unit_covariance: Option<DMatrix<f64>>,
 }
 
 impl Solution {
-    /// Root mean square of the residuals.
+    /// Returns the root mean square of the residuals.
     pub(super) fn rms(&self) -> f64 {
         (self.residuals.norm_squared() / self.residuals.len() as f64).sqrt()
     }
 }
 
-/// The unknowns near `start` with the least sum of squared residuals. `residuals` gives `None` where they mean nothing;
-/// such a place is not entered. `None` when that is so at the start.
+/// Returns the unknowns near `start` with the least sum of squared residuals. `residuals` returns `None` where it is
+/// undefined, and the search stays out of there. `None` if it is undefined at the start.
 pub(super) fn minimise(
     start: DVector<f64>,
     residuals: impl Fn(&DVector<f64>) -> Option<DVector<f64>>,
@@ -82,7 +82,7 @@ fn derivatives(
         behind[i] -= STEP;
         let slope = match (residuals(&ahead), residuals(&behind)) {
             (Some(ahead), Some(behind)) => (ahead - behind) / (2.0 * STEP),
-            // At the edge of what means something.
+            // At the edge of the domain.
             (Some(ahead), None) => (ahead - now) / STEP,
             (None, Some(behind)) => (now - behind) / STEP,
             (None, None) => return None,
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rosenbrocks_valley_is_descended() {
+    fn the_minimum_of_rosenbrocks_function_is_found() {
         let residuals = |x: &DVector<f64>| {
             Some(DVector::from_vec(vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]]))
         };
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_not_entered() {
+    fn the_search_stays_inside_the_domain() {
         let residuals = |x: &DVector<f64>| (x[0] > 0.5).then(|| DVector::from_vec(vec![x[0]]));
         assert!(minimise(DVector::from_vec(vec![0.0]), residuals).is_none());
         let found = minimise(DVector::from_vec(vec![1.0]), residuals).unwrap();

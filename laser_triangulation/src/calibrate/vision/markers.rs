@@ -1,4 +1,4 @@
-//! Square markers with a number, as `ArUco` has them (Garrido-Jurado et al. 2014).
+//! Square markers with a number, such as `ArUco` (Garrido-Jurado et al. 2014).
 
 use calib_targets_aruco::{
     Dictionary, GrayImageView, Matcher, ScanDecodeConfig, builtins, scan_decode_markers,
@@ -12,16 +12,16 @@ use super::{
     quads::{self, Quad},
 };
 
-/// Side of the square that a marker is unrolled to, pixels.
+/// Side of the square to which a marker is rectified, pixels.
 const SIDE: usize = 60;
-/// Bits that may be wrong.
+/// Largest number of wrong bits.
 const MAX_WRONG_BITS: u8 = 1;
 
-/// Which markers were shown.
+/// The kind of the markers.
 #[derive(Clone, Copy, Debug)]
 pub struct MarkerKind {
     dictionary: Dictionary,
-    /// Side of their black squares, metres, where it is known.
+    /// Side of their black squares, metres, if it is known.
     pub side_m: Option<f64>,
 }
 
@@ -58,7 +58,7 @@ impl std::str::FromStr for MarkerKind {
 pub struct Marker {
     /// Its number.
     pub id: u32,
-    /// Its corners, pixels, round it.
+    /// Its corners in order round it, pixels.
     pub corners: Quad,
 }
 
@@ -70,14 +70,14 @@ pub struct MarkerDetector {
 }
 
 impl MarkerDetector {
-    /// A detector for these markers.
+    /// Creates a detector for these markers.
     pub fn new(kind: &MarkerKind) -> Self {
-        // The quadrilateral is the marker's own edge: nothing is to be left off.
+        // The quadrilateral is the marker's own edge: no margin is removed.
         let decoding = ScanDecodeConfig::default().with_inset_frac(0.0);
         Self { matcher: Matcher::new(kind.dictionary, MAX_WRONG_BITS), decoding }
     }
 
-    /// Every marker in a picture, by number. A number that is seen twice is seen nowhere.
+    /// Finds every marker in a picture, by number. Drops numbers that appear twice.
     pub fn detect(&self, picture: &GrayPicture) -> Vec<Marker> {
         let quads = quads::find(picture).into_iter();
         let read = |corners| Some(Marker { id: self.read(picture, &corners)?, corners });

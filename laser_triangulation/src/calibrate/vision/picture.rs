@@ -1,4 +1,4 @@
-//! Grey pictures as the detectors of boards and markers take them.
+//! Grey pictures, the input of the detectors of boards and markers.
 
 use crate::scanner::{
     channel::{AnyPlane, Decoder, SearchedRegion},

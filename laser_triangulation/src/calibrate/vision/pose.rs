@@ -5,37 +5,37 @@ use nalgebra::{
 };
 
 use super::{homography, least_squares};
-use crate::scanner::camera::Camera;
+use crate::scanner::camera::{Camera, DistortedPixel};
 
-/// A board's pose and how well the corners agree with it.
+/// A board's pose and its residuals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardPose {
     /// `point_in_camera = camera_from_board * point_on_board`, the board's points in its plane z = 0.
     pub camera_from_board: Isometry3<f64>,
-    /// Projected minus seen position of each corner, pixels.
+    /// Projected minus observed position of each corner, pixels.
     pub residuals_px: Vec<(f64, f64)>,
 }
 
 impl BoardPose {
-    /// Root mean square of the distances between corners seen and projected, pixels.
+    /// Returns the root mean square distance between observed and projected corners, pixels.
     pub fn rms_px(&self) -> f64 {
         let sum: f64 = self.residuals_px.iter().map(|(u, v)| u * u + v * v).sum();
         (sum / self.residuals_px.len() as f64).sqrt()
     }
 
-    /// The board's normal in the camera's frame, towards the camera.
+    /// Returns the board's normal in the camera's frame, towards the camera.
     pub fn normal(&self) -> Vector3<f64> {
         let normal = self.camera_from_board.rotation * Vector3::z();
         if normal.z > 0.0 { -normal } else { normal }
     }
 }
 
-/// The pose with the least squares of reprojection. `pairs`: points on the board, metres, and in the image, pixels.
-/// `None` for fewer than four, for points on a line, or where the camera sees nothing.
+/// Returns the pose with the least squared reprojection error. `pairs`: points on the board, metres, and in the image,
+/// pixels. `None` for fewer than four pairs, for collinear points, or outside the camera's view.
 pub(super) fn fit(camera: &Camera, pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<BoardPose> {
     let straight: Option<Vec<_>> = pairs
         .iter()
-        .map(|&(on_board, seen)| Some((on_board, camera.ray(seen)?.xy().into())))
+        .map(|&(on_board, seen)| Some((on_board, camera.ray(DistortedPixel(seen))?.xy().into())))
         .collect();
     let start = from_homography(&homography::fit(&straight?)?)?;
     let camera_from_board = refine(camera, pairs, start)?;
@@ -43,7 +43,7 @@ pub(super) fn fit(camera: &Camera, pairs: &[(Point2<f64>, Point2<f64>)]) -> Opti
     Some(BoardPose { camera_from_board, residuals_px })
 }
 
-/// The pose of a plane z = 0 whose picture on the plane z = 1 the map gives (Zhang 2000, section 3.1).
+/// Returns the pose of a plane z = 0 from its homography to the plane z = 1 (Zhang 2000, section 3.1).
 pub(super) fn from_homography(map: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     let (first, second) = (map.column(0), map.column(1));
     let scale = 2.0 / (first.norm() + second.norm());
@@ -74,21 +74,22 @@ fn refine(
     Some(at(&found.unknowns))
 }
 
-/// A pose shifted and turned in the camera's frame about the board's origin.
+/// Returns a pose shifted and rotated in the camera's frame about the board's origin.
 fn moved(pose: &Isometry3<f64>, step: &DVector<f64>) -> Isometry3<f64> {
     let shift = Vector3::new(step[0], step[1], step[2]);
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
     Isometry3::from_parts(Translation3::from(pose.translation.vector + shift), turn * pose.rotation)
 }
 
-/// Projected minus seen, pixels.
+/// Returns projected minus observed positions, pixels.
 fn residuals(
     camera: &Camera,
     pairs: &[(Point2<f64>, Point2<f64>)],
     pose: &Isometry3<f64>,
 ) -> Option<Vec<(f64, f64)>> {
     let residual = |(on_board, seen): &(Point2<f64>, Point2<f64>)| {
-        let projected = camera.project(pose * Point3::new(on_board.x, on_board.y, 0.0))?;
+        let DistortedPixel(projected) =
+            camera.project(pose * Point3::new(on_board.x, on_board.y, 0.0))?;
         Some((projected.x - seen.x, projected.y - seen.y))
     };
     pairs.iter().map(residual).collect()

@@ -1,64 +1,64 @@
-//! Positions of the axis that were stated, against those that the pictures show.
+//! Compares the reported positions of the axis with those that the pictures show.
 
 use thiserror::Error;
 
 use crate::statistics::{median, sigma_about_zero};
 
-/// A picture is suspicious when it departs from the rest by so many robust standard deviations.
+/// Number of robust standard deviations beyond which a picture is suspicious.
 const SUSPICIOUS_SIGMAS: f64 = 5.0;
-/// Relative change of the scale below which a stated unit is right.
+/// Relative deviation of the scale below which the stated unit is accepted.
 const SAME_UNIT: f64 = 0.01;
 
-/// Pictures whose distances to one another are looked at.
+/// Number of pictures whose pairwise distances are used.
 const MAX_PAIRED: usize = 400;
 
 /// A picture and its positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Position {
-    /// Position that the joint or encoder states, in its unit.
+    /// Position reported by the joint or encoder, in its unit.
     pub stated: f64,
-    /// Position that the picture shows, radians or metres.
+    /// Position observed in the picture, radians or metres.
     pub shown: f64,
 }
 
-/// The relation of stated and shown positions.
+/// The relation of reported and observed positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Agreement {
-    /// Shown for one unit stated; negative when the axis runs the other way round.
+    /// Observed motion per reported unit; negative if the directions are opposite.
     pub scale: f64,
     /// One standard deviation of the scale.
     pub scale_sigma: f64,
-    /// Shown minus expected position of each picture, radians or metres.
+    /// Observed minus expected position of each picture, radians or metres.
     pub off: Vec<f64>,
     /// Pictures that lag or lead.
     pub suspicious: Vec<usize>,
-    /// Robust standard deviation of the others.
+    /// Robust standard deviation of the others, radians or metres.
     pub sigma: f64,
 }
 
-/// Positions that cannot be compared.
+/// The reason why positions cannot be compared.
 #[derive(Debug, Error, PartialEq)]
 pub enum PositionError {
-    /// The stated positions do not change.
+    /// The reported positions do not change.
     #[error(
         "the stated positions do not change: the axis stood still, or the joint is another one"
     )]
     Still,
-    /// No relation.
+    /// Reported and observed positions are unrelated.
     #[error(
         "the stated positions explain the pictures only to {off} of the distance moved: the joint is another one, or most \
          pictures lag"
     )]
     Unrelated {
-        /// Median departure as a share of the whole movement.
+        /// Median deviation as a share of the whole movement.
         off: String,
     },
 }
 
-/// Compares them, robustly: a third of the pictures may lag.
+/// Compares the positions robustly: up to a third of the pictures may lag.
 ///
 /// # Errors
-/// Stated positions that do not move or have nothing to do with the pictures.
+/// Reported positions that do not change, or are unrelated to the pictures.
 pub(super) fn compare(positions: &[Position]) -> Result<Agreement, PositionError> {
     let mut slopes = Vec::new();
     let ends = |values: &dyn Fn(&Position) -> f64| {
@@ -69,7 +69,7 @@ pub(super) fn compare(positions: &[Position]) -> Result<Agreement, PositionError
         ends.1 - ends.0
     };
     let (stated_range, shown_range) = (ends(&|p| p.stated), ends(&|p| p.shown));
-    // A few hundred of thousands of pictures determine the slope.
+    // A few hundred out of thousands of pictures suffice to determine the slope.
     let some: Vec<_> =
         positions.iter().step_by(positions.len().div_ceil(MAX_PAIRED).max(1)).collect();
     for (i, one) in some.iter().enumerate() {
@@ -80,7 +80,7 @@ pub(super) fn compare(positions: &[Position]) -> Result<Agreement, PositionError
             }
         }
     }
-    // Theil's slope.
+    // Theil's estimate of the slope.
     let scale = median(&mut slopes).filter(|s| s.is_finite()).ok_or(PositionError::Still)?;
     let mut offsets: Vec<_> = positions.iter().map(|p| p.shown - scale * p.stated).collect();
     let offset = median(&mut offsets).ok_or(PositionError::Still)?;
@@ -102,7 +102,8 @@ pub(super) fn compare(positions: &[Position]) -> Result<Agreement, PositionError
 }
 
 impl Agreement {
-    /// The scale for the file: exactly 1 where the stated unit is radians or metres within what was measured.
+    /// Returns the scale for the file: exactly 1 if the stated unit is radians or metres within the measurement
+    /// uncertainty.
     pub fn scale_to_write(&self) -> f64 {
         let size = self.scale.abs();
         if (size - 1.0).abs() < SAME_UNIT { 1.0 } else { size }
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lag_of_some_pictures_is_found_and_bends_nothing() {
+    fn lagging_pictures_are_found_and_do_not_bias_the_scale() {
         let found = compare(&turning(|i| if (1..6).contains(&i) { 0.02 } else { 0.0 })).unwrap();
         assert_eq!(found.suspicious, [1, 2, 3, 4, 5]);
         assert!((found.scale + 0.998).abs() < 1e-4, "{found:?}");
@@ -135,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn another_joint_is_refused() {
+    fn an_unrelated_joint_is_rejected() {
         let still: Vec<_> =
             turning(|_| 0.0).iter().map(|p| Position { stated: 1.0, ..*p }).collect();
         assert_eq!(compare(&still), Err(PositionError::Still));

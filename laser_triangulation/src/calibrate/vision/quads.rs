@@ -1,14 +1,14 @@
-//! Dark quadrilaterals in a grey picture: what square markers on a light ground look like.
+//! Dark quadrilaterals in a grey picture: the outlines of square markers on a light ground.
 
 use nalgebra::{Point2, Vector2};
 
 use super::{components, picture::GrayPicture};
 
-/// Smallest side of a quadrilateral, pixels: two a cell of a marker of six.
+/// Smallest side of a quadrilateral, pixels: two per cell of a marker of six cells.
 const MIN_SIDE_PX: f64 = 12.0;
-/// A region whose hull is less than this share of a quadrilateral is none.
+/// A region is rejected if its hull covers less than this share of the quadrilateral.
 const MIN_SHARE: f64 = 0.85;
-/// Most corners of a hull that are looked at.
+/// Most hull corners that are examined.
 const MAX_HULL: usize = 120;
 /// Search range for an edge across a side, pixels.
 const REACH_PX: i32 = 3;
@@ -16,13 +16,13 @@ const REACH_PX: i32 = 3;
 /// Four corners in order round the quadrilateral, pixels.
 pub type Quad = [Point2<f64>; 4];
 
-/// Every dark quadrilateral, its sides fitted to the steepest places.
+/// Returns every dark quadrilateral, with its sides fitted to the steepest gradients.
 pub(super) fn find(picture: &GrayPicture) -> Vec<Quad> {
     let regions = components::dark_outlines(picture);
     regions.iter().filter_map(|outline| refine(picture, &quad_of(outline)?)).collect()
 }
 
-/// The largest quadrilateral in the hull of an outline, when the region is little else.
+/// Returns the largest quadrilateral in the hull of an outline, if it covers most of the region.
 fn quad_of(outline: &[Point2<f64>]) -> Option<Quad> {
     let hull = hull(outline);
     if hull.len() < 4 || hull.len() > MAX_HULL {
@@ -52,7 +52,7 @@ fn quad_of(outline: &[Point2<f64>]) -> Option<Quad> {
     (is_large && area > MIN_SHARE * whole.abs()).then_some(quad)
 }
 
-/// Andrew's monotone chain, without points on its sides; turns to the right in image coordinates.
+/// Computes the hull by Andrew's monotone chain, without collinear points; turns to the right in image coordinates.
 fn hull(points: &[Point2<f64>]) -> Vec<Point2<f64>> {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
@@ -75,7 +75,7 @@ fn hull(points: &[Point2<f64>]) -> Vec<Point2<f64>> {
     hull
 }
 
-/// The quadrilateral between the lines through the steepest places across each side.
+/// Returns the quadrilateral between the lines through the steepest gradients across each side.
 fn refine(picture: &GrayPicture, quad: &Quad) -> Option<Quad> {
     let mut sides = Vec::with_capacity(4);
     for i in 0..4 {
@@ -95,7 +95,7 @@ fn refine(picture: &GrayPicture, quad: &Quad) -> Option<Quad> {
 /// A point of a line and its direction.
 type Line = (Point2<f64>, Vector2<f64>);
 
-/// The line through the steepest places across a side, its ends left out.
+/// Fits the line through the steepest gradients across a side, without its ends.
 fn side(picture: &GrayPicture, from: Point2<f64>, to: Point2<f64>) -> Option<Line> {
     let length = (to - from).norm();
     let along = (to - from) / length;
@@ -110,7 +110,7 @@ fn side(picture: &GrayPicture, from: Point2<f64>, to: Point2<f64>) -> Option<Lin
     if edges.len() < steps / 2 || edges.len() < 4 {
         return None;
     }
-    // Twice: the second time without what lies far from the first line.
+    // Two rounds: the second one ignores points far from the first line.
     let first = through(&edges);
     let close: Vec<_> = edges.into_iter().filter(|edge| off(&first, *edge) < 0.7).collect();
     (close.len() >= 4).then(|| through(&close))
@@ -120,7 +120,7 @@ fn off(line: &Line, point: Point2<f64>) -> f64 {
     line.1.perp(&(point - line.0)).abs()
 }
 
-/// Where along `across` the grey level changes fastest, sub-pixel.
+/// Returns the sub-pixel position along `across` at which the grey level changes fastest.
 fn steepest(picture: &GrayPicture, at: Point2<f64>, across: Vector2<f64>) -> Option<f64> {
     let step = 0.5;
     let count = (f64::from(REACH_PX) / step) as i32;
@@ -137,7 +137,7 @@ fn steepest(picture: &GrayPicture, at: Point2<f64>, across: Vector2<f64>) -> Opt
     (b > 4.0).then(|| (top as f64 + shift - f64::from(count)) * step)
 }
 
-/// Grey level between pixels, bilinear; `None` outside.
+/// Returns the grey level between pixels, bilinear; `None` outside.
 pub(super) fn level(picture: &GrayPicture, at: Point2<f64>) -> Option<f64> {
     let (x, y) = (at.x.floor(), at.y.floor());
     let (width, height) = (picture.width as usize, picture.height as usize);

@@ -1,4 +1,4 @@
-//! A rotary axis from markers that turn with the part: each goes round a circle about it.
+//! A rotary axis from markers that turn with the part: each moves on a circle about it.
 
 use std::f64::consts::TAU;
 
@@ -6,40 +6,43 @@ use nalgebra::{DVector, Point2, Point3, Unit, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::least_squares::{self, Solution};
-use crate::scanner::{camera::Camera, pose::perpendicular_basis};
+use crate::scanner::{
+    camera::{Camera, DistortedPixel},
+    pose::perpendicular_basis,
+};
 
 /// Fewest pictures.
 const MIN_FRAMES: usize = 5;
-/// Least angle that the markers must turn, radians.
+/// Smallest total rotation of the markers, radians.
 const MIN_TURN: f64 = 0.5;
-/// Normals that are tried at first, about half the sphere.
+/// Number of initial normals to try, spread over about half the sphere.
 const TRIED: usize = 1500;
-/// Best of them from which the least squares starts.
+/// Number of the best of them from which least squares starts.
 const STARTS: usize = 3;
 
-/// A marker's middle in one picture.
+/// The centre of a marker in one picture.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting {
-    /// Which picture, from 0 without gaps.
+    /// Index of the picture, from 0 without gaps.
     pub frame: usize,
-    /// Which marker, from 0 without gaps.
+    /// Index of the marker, from 0 without gaps.
     pub marker: usize,
-    /// Its middle, pixels.
-    pub seen: Point2<f64>,
+    /// Its centre, pixels.
+    pub seen: DistortedPixel,
 }
 
-/// An axis whose distance is not known: all lengths are in units of the distance from the lens to the markers' plane.
+/// An axis of unknown distance: all lengths are in units of the distance from the lens to the markers' plane.
 #[derive(Clone, Debug)]
 pub(super) struct RevoluteFit {
-    /// Along the axis, away from the lens; the angles grow as a right hand turns about it.
+    /// Direction of the axis, away from the lens; angles grow by the right-hand rule about it.
     pub direction: Unit<Vector3<f64>>,
-    /// Where the axis meets the plane of the first marker, in units.
+    /// Intersection of the axis and the plane of the first marker, in units.
     pub point: Point3<f64>,
-    /// Angle of every picture against the first, radians, without jumps.
+    /// Angle of every picture relative to the first, radians, without jumps.
     pub angles: Vec<f64>,
     /// Radius of each marker's circle, in units.
     pub radii: Vec<f64>,
-    /// Root mean square distance between seen and projected middles, pixels.
+    /// Root mean square distance between observed and projected centres, pixels.
     pub rms_px: f64,
     /// One standard deviation of the direction, radians, and of the point, in units.
     pub sigma: [f64; 2],
@@ -54,21 +57,21 @@ pub enum RevoluteError {
         /// Pictures with markers.
         frames: usize,
     },
-    /// Nothing turns.
+    /// The markers do not turn.
     #[error(
         "the markers turn by only {turned_deg:.1} degrees, which determines no axis: turn the table farther, once round is \
          best"
     )]
     Still {
-        /// From first to last angle, degrees.
+        /// Angle from first to last picture, degrees.
         turned_deg: f64,
     },
-    /// No circles.
+    /// The markers do not move on circles.
     #[error("the markers go round no common axis: {0}")]
     NoAxis(String),
 }
 
-/// The axis about which all markers go round circles.
+/// Fits the axis about which all markers move on circles.
 ///
 /// # Errors
 /// Too few pictures, too small an angle, or no common axis.
@@ -96,7 +99,7 @@ pub(super) fn fit(camera: &Camera, sightings: &[Sighting]) -> Result<RevoluteFit
 }
 
 /// The sightings. The unknowns are, in this order: two tilts of the normal, two coordinates of the centre in the plane,
-/// the angle of every picture but the first, and each marker's radius, phase and height but the first one's height.
+/// the angle of every picture but the first, and each marker's radius, phase and height except the first one's height.
 struct Problem<'a> {
     camera: &'a Camera,
     sightings: &'a [Sighting],
@@ -106,7 +109,7 @@ struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// Points of the plane with this normal at distance 1, in coordinates of the plane.
+    /// Returns points of the plane with this normal at distance 1, in coordinates of the plane.
     fn in_plane(&self, normal: Vector3<f64>) -> Option<Vec<Point2<f64>>> {
         let [e1, e2] = perpendicular_basis(&normal);
         let point = |ray: &Vector3<f64>| {
@@ -140,7 +143,7 @@ impl Problem<'_> {
             let seen = || self.sightings.iter().enumerate().filter(move |(_, s)| s.frame == frame);
             let angle = |at: usize| off(at).y.atan2(off(at).x);
             let turned = seen().find_map(|(at, s)| Some(angle(at) - phases[s.marker]?));
-            // No jump of a whole turn between two pictures.
+            // No jumps of a whole turn between two pictures.
             let turned = turned.map_or(last, |turned| last + wrapped(turned - last));
             last = turned;
             if frame > 0 {
@@ -161,7 +164,7 @@ impl Problem<'_> {
         4 + self.frames - 1 + 3 * self.markers - 1
     }
 
-    /// Where a marker's radius stands, phase and height behind it; the first has no height.
+    /// Returns the index of a marker's radius, followed by its phase and height; the first marker has no height.
     fn first_of(&self, marker: usize) -> usize {
         4 + self.frames - 1 + 3 * marker - usize::from(marker > 0)
     }
@@ -171,7 +174,7 @@ impl Problem<'_> {
         (start + e1 * x[0] + e2 * x[1]).normalize()
     }
 
-    /// Projected minus seen, pixels.
+    /// Returns projected minus observed positions, pixels.
     fn residuals(&self, start: Vector3<f64>, x: &DVector<f64>) -> Option<DVector<f64>> {
         let normal = Self::normal(start, x);
         let [e1, e2] = perpendicular_basis(&normal);
@@ -183,9 +186,9 @@ impl Problem<'_> {
             let height = if sighting.marker == 0 { 0.0 } else { x[first + 2] };
             let (sin, cos) = (x[first + 1] + turned).sin_cos();
             let point = center + (e1 * cos + e2 * sin) * x[first] + normal * height;
-            let seen = self.camera.project(point.into())?;
-            residuals[2 * at] = seen.x - sighting.seen.x;
-            residuals[2 * at + 1] = seen.y - sighting.seen.y;
+            let DistortedPixel(seen) = self.camera.project(point.into())?;
+            residuals[2 * at] = seen.x - sighting.seen.0.x;
+            residuals[2 * at + 1] = seen.y - sighting.seen.0.y;
         }
         Some(residuals)
     }
@@ -221,7 +224,7 @@ impl Problem<'_> {
     }
 }
 
-/// The point from which each marker's positions are equally far: `|p - c|² = r²`, linear in c and r² - |c|².
+/// Returns the point equidistant from each marker's positions: `|p - c|² = r²`, linear in c and r² - |c|².
 fn common_center(points: &[Point2<f64>], seen: &[Sighting], markers: usize) -> Option<Point2<f64>> {
     let size = 2 + markers;
     let mut normal = nalgebra::DMatrix::zeros(size, size);
@@ -236,7 +239,7 @@ fn common_center(points: &[Point2<f64>], seen: &[Sighting], markers: usize) -> O
     Some(Point2::new(found[0], found[1]))
 }
 
-/// Directions spread evenly over the half of the sphere that looks away from the lens (Fibonacci's lattice).
+/// Returns directions spread evenly over the half of the sphere that faces away from the lens (Fibonacci lattice).
 fn half_sphere() -> impl Iterator<Item = Vector3<f64>> {
     let golden = TAU * (1.0 - 1.0 / 1.618_033_988_749_895);
     (0..TRIED).map(move |i| {
@@ -246,7 +249,7 @@ fn half_sphere() -> impl Iterator<Item = Vector3<f64>> {
     })
 }
 
-/// Into half a turn either way.
+/// Wraps an angle to half a turn either way.
 fn wrapped(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
 }

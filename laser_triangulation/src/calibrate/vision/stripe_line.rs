@@ -1,30 +1,33 @@
-//! The laser's line on a board: straight, once the lens's distortion is undone.
+//! The laser's line on a board, which is straight after removing the lens's distortion.
 
 use nalgebra::{Matrix2, Point2, Point3, Vector2};
 use thiserror::Error;
 
 use super::{board::Board, pose::BoardPose};
-use crate::scanner::{camera::Camera, stripe::Centerline};
+use crate::scanner::{
+    camera::{Camera, DistortedPixel},
+    stripe::Centerline,
+};
 
-/// Farthest from the line that a point of the stripe may lie, pixels.
+/// Largest distance of an inlier from the line, pixels.
 const INLIER_PX: f64 = 1.2;
-/// Points between which lines are tried; all pairs of them.
+/// Number of points whose pairs are tried as lines.
 const MAX_TRIED: usize = 80;
 /// Fewest points of a line.
 const MIN_POINTS: usize = 25;
 /// Shortest line, pixels.
 const MIN_LENGTH_PX: f64 = 40.0;
-/// A line has points on at least this share of its length.
+/// Smallest share of its length on which a line must have points.
 const MIN_FILLED: f64 = 0.5;
-/// Root mean square distance from the line beyond which it is none, pixels.
+/// Largest root mean square distance from the line, pixels.
 const MAX_RMS_PX: f64 = 0.6;
 
-/// A board as it lies before the camera.
+/// A board in front of the camera.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed<'a> {
     /// Its corners.
     pub board: &'a Board,
-    /// Where it lies, from the corners alone.
+    /// Pose of the board, from the corners alone.
     pub pose: &'a BoardPose,
     /// Side of a square, metres.
     pub square_m: f64,
@@ -35,32 +38,32 @@ pub(super) struct Placed<'a> {
 /// The line on one board.
 #[derive(Clone, Debug)]
 pub struct StripeLine {
-    /// Where it lies on the board, in the camera's frame, metres.
+    /// Points of the line on the board, in the camera's frame, metres.
     pub points: Vec<Point3<f64>>,
-    /// Root mean square distance of its points from a straight line, pixels without distortion.
+    /// Root mean square distance of its points from a straight line, undistorted pixels.
     pub rms_px: f64,
-    /// From end to end, pixels.
+    /// Length from end to end, pixels.
     pub length_px: f64,
 }
 
 /// The reason why a board shows no line.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LineRejected {
-    /// No stripe there.
+    /// The board has no stripe.
     #[error("no laser line on the board")]
     None,
-    /// Too short to determine a direction.
+    /// The line is too short to determine a direction.
     #[error(
         "the laser line on the board is {length_px:.0} px long with {points} points, at least {MIN_LENGTH_PX} px and \
          {MIN_POINTS} points are needed"
     )]
     Short {
-        /// From end to end, pixels.
+        /// Length from end to end, pixels.
         length_px: f64,
         /// Points on it.
         points: usize,
     },
-    /// Not straight, or not one line.
+    /// The points form no single straight line.
     #[error(
         "the bright pixels on the board form no straight line: {rms_px:.2} px RMS, {filled:.0} % of its length seen"
     )]
@@ -75,15 +78,15 @@ pub enum LineRejected {
 /// A point of the stripe on the board.
 #[derive(Clone, Copy)]
 struct OnBoard {
-    /// Where a camera without distortion would see it, pixels from the principal point.
+    /// Its undistorted position, pixels from the principal point.
     straight: Point2<f64>,
     point: Point3<f64>,
 }
 
-/// The line among a centreline's points on the board's squares.
+/// Finds the line among a centreline's points on the board's squares.
 ///
 /// # Errors
-/// None, a short one, or something that is no line.
+/// No line, a line that is too short, or points that form no line.
 pub(super) fn find(
     camera: &Camera,
     placed: &Placed<'_>,
@@ -95,7 +98,7 @@ pub(super) fn find(
         .into_iter()
         .filter(|point| line.distance(point.straight).abs() <= INLIER_PX)
         .collect();
-    // Once more through all of them.
+    // Repeat with all inliers.
     let line = Line::through(&close).ok_or(LineRejected::None)?;
     let along = |point: &OnBoard| line.direction.dot(&point.straight.coords);
     let (first, last) = close
@@ -108,7 +111,7 @@ pub(super) fn find(
     }
     let squares = close.iter().map(|point| line.distance(point.straight).powi(2));
     let rms_px = (squares.sum::<f64>() / points as f64).sqrt();
-    // One point a row or column: a line at 45 degrees has 0.7 points a pixel.
+    // One point per row or column: a line at 45 degrees has 0.7 points per pixel.
     let steps = line.direction.amax() * length_px;
     let filled = points as f64 / steps;
     if rms_px > MAX_RMS_PX || filled < MIN_FILLED {
@@ -117,7 +120,7 @@ pub(super) fn find(
     Ok(StripeLine { points: close.iter().map(|point| point.point).collect(), rms_px, length_px })
 }
 
-/// The points whose rays meet the board within the squares about its corners.
+/// Returns the points whose rays meet the board within the squares around its corners.
 fn on_board(camera: &Camera, placed: &Placed<'_>, stripe: &Centerline) -> Vec<OnBoard> {
     let &Placed { board, pose, square_m, border } = placed;
     let board_from_camera = pose.camera_from_board.inverse();
@@ -127,7 +130,7 @@ fn on_board(camera: &Camera, placed: &Placed<'_>, stripe: &Centerline) -> Vec<On
         (-border..=f64::from(corners) - 1.0 + border).contains(&(at / square_m))
     };
     let points = stripe.u_px.iter().zip(&stripe.v_px).filter_map(|(&u, &v)| {
-        let ray = camera.ray(Point2::new(u.into(), v.into()))?;
+        let ray = camera.ray(DistortedPixel(Point2::new(u.into(), v.into())))?;
         let point = Point3::from(ray * (distance / normal.dot(&ray)));
         let on = board_from_camera * point;
         let straight = Point2::new(ray.x * camera.fx_px, ray.y * camera.fy_px);
@@ -148,7 +151,7 @@ impl Line {
         self.direction.perp(&(point - self.through))
     }
 
-    /// Least squares of the distances.
+    /// Fits a line by least squares of the distances.
     fn through(points: &[OnBoard]) -> Option<Self> {
         let count = points.len() as f64;
         let sum: Vector2<f64> = points.iter().map(|point| point.straight.coords).sum();
@@ -167,7 +170,7 @@ impl Line {
     }
 }
 
-/// The line through two of the points that has most of all points close to it.
+/// Returns the line through two of the points that has most points close to it.
 fn best_line(points: &[OnBoard]) -> Option<Line> {
     let every = points.len().div_ceil(MAX_TRIED).max(1);
     let tried: Vec<_> = points.iter().step_by(every).map(|point| point.straight).collect();

@@ -1,16 +1,16 @@
-//! Checks that a set of boards determines a camera, and names the picture that is missing.
+//! Checks that a set of boards determines a camera, and reports which kind of view is missing.
 
 use nalgebra::Vector3;
 use thiserror::Error;
 
 use super::{board::Board, homography, pose};
-use crate::scanner::camera::{Camera, Distortion};
+use crate::scanner::camera::{Camera, DistortedPixel, Distortion};
 
-/// Fewest views that are worth a solution.
+/// Fewest views for a solution.
 const MIN_VIEWS: usize = 5;
 /// Least standard deviation of the boards' inclination about either axis, degrees.
 const MIN_TILT_DEG: f64 = 4.0;
-/// Boards whose normals all lie within this angle of their mean are parallel, degrees.
+/// Boards whose normals all lie within this angle of their mean count as parallel, degrees.
 const PARALLEL_DEG: f64 = 5.0;
 /// Names of the ninths of the image, row by row.
 const NINTHS: [&str; 9] = [
@@ -27,10 +27,10 @@ const NINTHS: [&str; 9] = [
 /// Ninths of the image that must show corners.
 const MIN_NINTHS: usize = 6;
 
-/// Views that leave something open, and what would settle it.
+/// The reason why views do not determine a camera, with a remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MissingViews {
-    /// Too few.
+    /// Too few views.
     #[error(
         "{usable} usable views, at least {MIN_VIEWS} are needed (20 are good): the board nearer and farther, in the middle \
          and in the corners of the image, tilted by 20 to 40 degrees each way"
@@ -39,7 +39,7 @@ pub enum MissingViews {
         /// Views with a board that can be used.
         usable: usize,
     },
-    /// One orientation only.
+    /// All boards have the same orientation.
     #[error(
         "all boards are parallel within {spread_deg:.1} degrees, which leaves the focal length open: tilt the board by 20 \
          to 40 degrees, to the left and to the right (about its vertical axis) and forwards and backwards (about its \
@@ -49,7 +49,7 @@ pub enum MissingViews {
         /// Largest angle between a board's normal and their mean, degrees.
         spread_deg: f64,
     },
-    /// Never tilted about one of the axes.
+    /// The boards are never tilted about one of the axes.
     #[error(
         "the boards are tilted about the image's {axis} axis by only {sigma_deg:.1} degrees (standard deviation), which \
          leaves the principal point open: tilt the board about that axis by 20 to 40 degrees, {how}"
@@ -59,24 +59,25 @@ pub enum MissingViews {
         axis: &'static str,
         /// Standard deviation of the inclination, degrees.
         sigma_deg: f64,
-        /// In other words.
+        /// Directions in which to tilt the board.
         how: &'static str,
     },
-    /// Always in one part of the image.
+    /// The boards are always in one part of the image.
     #[error(
         "no view has corners of the board in these parts of the image: {}. The lens is not measured there: hold the \
          board into them", .parts.join(", ")
     )]
     Parts {
-        /// Where no corner was seen.
+        /// Parts of the image without corners.
         parts: Vec<&'static str>,
     },
 }
 
-/// Checks that need no calibration: number of views, parts of the image, and boards that are all parallel.
+/// Checks the number of views, the coverage of the image, and that the boards are not all parallel. Needs no
+/// calibration.
 ///
 /// # Errors
-/// The first thing that is missing.
+/// The first check that fails.
 pub(super) fn check_views(
     boards: &[&Board],
     width_px: u32,
@@ -89,7 +90,7 @@ pub(super) fn check_views(
     if NINTHS.len() - parts.len() < MIN_NINTHS {
         return Err(MissingViews::Parts { parts });
     }
-    // A guess is good enough to detect parallel boards: a focal length of the image's longer side.
+    // A rough guess suffices to detect parallel boards: a focal length equal to the image's longer side.
     let long_side = f64::from(width_px.max(height_px));
     let guess = Camera {
         width_px,
@@ -109,7 +110,7 @@ pub(super) fn check_views(
     Ok(())
 }
 
-/// Checks the inclinations that the solution found: `normals` of the boards, towards the camera.
+/// Checks the inclinations of the solution: `normals` of the boards, towards the camera.
 ///
 /// # Errors
 /// An axis about which the boards are not tilted.
@@ -133,7 +134,7 @@ pub(super) fn check_tilts(normals: &[Vector3<f64>]) -> Result<(), MissingViews> 
     Ok(())
 }
 
-/// The ninths of the image without any corner.
+/// Returns the ninths of the image without any corner.
 pub(super) fn empty_parts(boards: &[&Board], width_px: u32, height_px: u32) -> Vec<&'static str> {
     let mut is_seen = [false; 9];
     for corner in boards.iter().flat_map(|board| &board.corners) {
@@ -145,7 +146,7 @@ pub(super) fn empty_parts(boards: &[&Board], width_px: u32, height_px: u32) -> V
 }
 
 fn normal(camera: &Camera, board: &Board) -> Option<Vector3<f64>> {
-    let ray = |seen| Some(camera.ray(seen)?.xy().into());
+    let ray = |seen| Some(camera.ray(DistortedPixel(seen))?.xy().into());
     let pairs: Option<Vec<_>> =
         board.pairs(1.0).into_iter().map(|(on, seen)| Some((on, ray(seen)?))).collect();
     let pose = pose::from_homography(&homography::fit(&pairs?)?)?;
@@ -153,7 +154,7 @@ fn normal(camera: &Camera, board: &Board) -> Option<Vector3<f64>> {
     Some(if normal.z > 0.0 { -normal } else { normal })
 }
 
-/// Largest angle between a normal and their mean, degrees.
+/// Returns the largest angle between a normal and their mean, degrees.
 fn spread_deg(normals: &[Vector3<f64>]) -> f64 {
     let mean: Vector3<f64> = normals.iter().sum();
     normals.iter().map(|normal| normal.angle(&mean).to_degrees()).fold(0.0, f64::max)

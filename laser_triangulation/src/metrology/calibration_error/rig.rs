@@ -1,4 +1,4 @@
-//! From a point of the part to the image by one rig, and back by another.
+//! Maps a point of the part to the image with one rig, and back with another.
 
 use nalgebra::{Isometry3, Point3};
 
@@ -9,7 +9,7 @@ use crate::scanner::{
     params::StripeDirection,
 };
 
-/// A rig, and where it places what it sees.
+/// A rig and the resulting positions of points.
 #[derive(Clone, Debug)]
 pub(super) struct Rig {
     geometry: CameraAndPlane,
@@ -28,13 +28,14 @@ impl Rig {
         Self { geometry: geometry.clone(), camera_from_laser, placement }
     }
 
-    /// The laser plane's frame in the part's at a position.
+    /// Returns the laser plane's frame in the part's frame at a position.
     fn part_from_laser(&self, position: f64) -> Isometry3<f64> {
         self.placement.clone().place(&mut Position::at(RawPosition(position)))
     }
 }
 
-/// A profile's points, measured with the second rig instead of the first. Without a position y is the position, and stays.
+/// Returns a profile's points as measured with the second rig instead of the first. Without a position, y is the
+/// position and stays.
 pub(super) fn row(
     [nominal, other]: &[Rig; 2],
     row: &[Point3<f64>],

@@ -55,7 +55,7 @@ fn a_plane_at_another_distance_scales_the_scene() {
 
 #[test]
 fn a_homography_with_one_uncertain_entry_moves_along_it() {
-    // x = 1e-4 u, z = 2e-4 v; the scale of z known to a percent.
+    // x = 1e-4 u, z = 2e-4 v; the scale of z is known to one percent.
     let mut covariance = vec![0.0; 81];
     covariance[4 * 9 + 4] = (2e-6_f64).powi(2);
     let map = Projective {
@@ -77,7 +77,7 @@ fn a_homography_with_one_uncertain_entry_moves_along_it() {
 }
 
 #[test]
-fn what_is_not_stated_is_not_known() {
+fn a_file_without_covariance_is_an_error() {
     let calibration = Calibration::CameraAndPlane(Box::new(geometry(None)));
     let error = perturbations(&calibration, StripeDirection::Horizontal).unwrap_err();
     assert!(error.contains("laser plane"), "{error}");

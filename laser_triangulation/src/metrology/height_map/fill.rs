@@ -2,9 +2,9 @@
 
 use super::{CellState, RegularHeightMap};
 
-/// Fills gaps of at most `max_cells` cells along a row or a column by the straight line between the measured cells at
-/// both ends, the shorter way when both are possible. Filled cells are flagged; gaps at the border stay. Returns how many
-/// were filled.
+/// Fills gaps of at most `max_cells` cells along a row or a column by linear interpolation between the measured cells
+/// at both ends, in the shorter direction if both are possible. Flags filled cells; keeps gaps at the border. Returns
+/// the number of filled cells.
 pub fn fill_gaps(map: &mut RegularHeightMap, max_cells: usize) -> usize {
     let (width, height) = (map.layout.width as usize, map.layout.height as usize);
     let mut found: Vec<(usize, usize, f32)> = Vec::new();
@@ -14,7 +14,7 @@ pub fn fill_gaps(map: &mut RegularHeightMap, max_cells: usize) -> usize {
     for column in 0..width {
         gaps(map, (column, width, height), max_cells, &mut found);
     }
-    // The shortest gap first, then the order of the grid: the same map on any machine.
+    // Shortest gap first, then grid order, so that the result is deterministic.
     found.sort_by_key(|(length, cell, _)| (*cell, *length));
     found.dedup_by_key(|(_, cell, _)| *cell);
     for &(_, cell, z_m) in &found {
@@ -24,7 +24,7 @@ pub fn fill_gaps(map: &mut RegularHeightMap, max_cells: usize) -> usize {
     found.len()
 }
 
-/// Gaps of one line of cells: `(first cell, distance of neighbours, cells)`.
+/// Returns the gaps of one line of cells: `(first cell, distance of neighbours, cells)`.
 fn gaps(
     map: &RegularHeightMap,
     (first, step, length): (usize, usize, usize),

@@ -47,7 +47,7 @@ fn waves_keep_the_stated_share_of_their_height() {
 }
 
 #[test]
-fn invalid_stays_invalid_until_filling_is_asked_for() {
+fn invalid_cells_stay_invalid_unless_filled() {
     let mut holes = surface(|x, _| 0.1 * x, 0.0, 1, 0);
     for point in &mut holes.points {
         if point.x.abs() < 2.2e-4 || (point.y - 1e-3).abs() < 6e-4 {

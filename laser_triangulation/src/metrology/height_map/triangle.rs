@@ -1,8 +1,8 @@
 //! Lattice points under a flat triangle.
 
 /// Calls `take(column, row, z)` for every lattice point with its centre in the triangle; lattice points lie at half
-/// integers, `size` of them along x and y. A point on a border belongs to the triangle whose left or upper border it is,
-/// so that two triangles never share one.
+/// integers, `size` of them along x and y. A point on a border belongs to the triangle of which it is the left or upper
+/// border, so that two triangles never share a point.
 pub(super) fn sample(
     corners: &[[f64; 3]; 3],
     size: [usize; 2],
@@ -12,7 +12,7 @@ pub(super) fn sample(
     if doubled.is_nan() || doubled.abs() <= f64::MIN_POSITIVE {
         return;
     }
-    // Counter-clockwise, so that inside is left of every border.
+    // Counter-clockwise, so that the inside is left of every border.
     let [a, b, c] = if doubled > 0.0 { *corners } else { [corners[0], corners[2], corners[1]] };
     let bounds = [0, 1].map(|axis| {
         let low = a[axis].min(b[axis]).min(c[axis]);
@@ -37,8 +37,8 @@ pub(super) fn sample(
     }
 }
 
-/// Twice the area of the triangle from a border to a point, positive to its left. Both triangles at a border get the same
-/// number but for its sign: it is computed in one sense only.
+/// Returns twice the area of the triangle from a border to a point, positive to its left. Both triangles at a border
+/// get the same number except for its sign, because it is always computed in the same direction.
 fn cross(from: [f64; 3], to: [f64; 3], at: [f64; 2]) -> f64 {
     let area = |from: [f64; 3], to: [f64; 3]| {
         (to[0] - from[0]) * (at[1] - from[1]) - (to[1] - from[1]) * (at[0] - from[0])
@@ -46,7 +46,7 @@ fn cross(from: [f64; 3], to: [f64; 3], at: [f64; 2]) -> f64 {
     if (from[0], from[1]) <= (to[0], to[1]) { area(from, to) } else { -area(to, from) }
 }
 
-/// Of two triangles at a border, which run along it in opposite senses, exactly one calls it its own.
+/// Returns true for exactly one of the two triangles at a border, which traverse it in opposite directions.
 fn is_own_border(from: [f64; 3], to: [f64; 3]) -> bool {
     let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
     dy < 0.0 || (dy <= 0.0 && dx > 0.0)

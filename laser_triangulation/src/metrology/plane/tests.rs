@@ -69,7 +69,7 @@ fn leveling_lays_the_plane_at_height_0() {
 }
 
 #[test]
-fn too_few_points_and_lines_are_told() {
+fn too_few_points_and_lines_are_errors() {
     let mut few = surface(|_, _| 0.0, SIGMA_M, 1, 1);
     few.points.truncate(12);
     assert_eq!(fit(&few).unwrap_err(), FormError::TooFew { found: 12, needed: 20 });

@@ -7,7 +7,7 @@ use crate::metrology::{
 const SIGMA_M: f64 = 3e-6;
 const RADIUS_M: f64 = 5e-3;
 
-/// A cap of a sphere whose centre lies at (0.1, -0.2, -4) mm; noise along z.
+/// Returns a cap of a sphere whose centre lies at (0.1, -0.2, -4) mm; noise along z.
 fn cap(sigma_m: f64, smooth: usize, seed: u64) -> Surface {
     let z = |x: f64, y: f64| {
         let square = RADIUS_M.powi(2) - (x - 1e-4).powi(2) - (y + 2e-4).powi(2);
@@ -56,7 +56,7 @@ fn the_distance_of_two_has_the_uncertainty_of_both() {
 }
 
 #[test]
-fn outliers_do_not_move_it_and_planes_are_none() {
+fn outliers_do_not_move_a_sphere_and_a_plane_is_rejected() {
     let mut dirty = cap(SIGMA_M, 1, 3);
     dirty.points.iter_mut().step_by(9).for_each(|point| point.z += 5e-4);
     let sphere = fit(&dirty).unwrap();

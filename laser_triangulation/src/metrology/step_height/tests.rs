@@ -40,19 +40,19 @@ fn the_stated_uncertainty_covers_the_truth() {
 }
 
 #[test]
-fn a_single_profile_states_its_own_noise() {
+fn a_single_profile_uses_its_own_noise() {
     let covered = share(300, |seed| {
         let mut surface = ridge(SIGMA_M, 1, seed);
         surface.points.truncate(60);
         let found = measure(&surface, Some([-0.8e-3, 0.8e-3])).unwrap();
         (found.height_m - STEP_M).abs() < found.u95_m
     });
-    // 38 points and three unknowns: the normal law is a little narrow.
+    // 38 points and three unknowns: the normal distribution is slightly too narrow.
     assert!((0.90..=0.98).contains(&covered), "{covered}");
 }
 
 #[test]
-fn what_is_no_step_is_told() {
+fn a_surface_without_a_step_is_an_error() {
     let flat = surface(|_, _| 0.0, SIGMA_M, 1, 1);
     assert!(matches!(measure(&flat, None), Err(StepHeightError::Edges(_))));
     let stair = surface(|x, _| ((x + 3e-3) / 2e-3).floor() * STEP_M, SIGMA_M, 1, 1);

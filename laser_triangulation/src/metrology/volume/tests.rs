@@ -45,7 +45,7 @@ fn a_cushion_has_its_volume_and_the_stated_uncertainty_covers_it() {
 }
 
 #[test]
-fn what_is_missing_is_told() {
+fn missing_area_is_reported() {
     let mut surface = surface(|_, _| 1e-4, 0.0, 1, 1);
     for point in surface.points.iter_mut().filter(|point| point.x > 0.0) {
         *point = Point3::new(f64::NAN, f64::NAN, f64::NAN);

@@ -1,4 +1,4 @@
-//! A calibrated camera and the plane of light: every pixel looks along a ray, and the ray meets the plane.
+//! A calibrated camera and a laser plane: every pixel defines a ray, which meets the plane.
 
 mod cuts;
 mod frame;
@@ -9,7 +9,8 @@ pub use part::PartPose;
 use super::{AxisQuality, CalibrationError, CameraQuality, PlaneQuality, file::Id};
 use crate::scanner::{axis::Axis, camera::Camera, laser_plane::LaserPlane};
 
-/// Where the optical axis is nearly parallel to the plane, the origin is far away and 32 bits resolve too little.
+/// Smallest slope of the optical axis against the plane; closer to parallel, the origin is far away and 32-bit floats
+/// are too coarse.
 const LEAST_SLOPE: f64 = 0.05;
 
 /// Camera, laser plane and, where it is known, the axis that moves the part.

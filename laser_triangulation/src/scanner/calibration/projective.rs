@@ -1,4 +1,4 @@
-//! The image of the laser plane as a homography: what known heights alone can tell of a camera without distortion.
+//! The image of the laser plane as a homography: all that known heights can determine of a camera without distortion.
 
 use nalgebra::{Matrix3, Point2};
 
@@ -16,14 +16,14 @@ pub struct Projective {
     pub height_px: u32,
     /// H, row-major: from pixels to metres. Points with w of 0 or less are not measured.
     pub homography: [f64; 9],
-    /// How well it is known.
+    /// Quality of the homography.
     pub quality: Option<StepsQuality>,
-    /// When it was measured, as the file says it.
+    /// Time of the calibration, as in the file.
     pub calibrated_at: Option<String>,
 }
 
 impl Projective {
-    /// The point that is seen there and its derivative across the stripe.
+    /// Returns the point seen at that position and its derivative across the stripe.
     pub(super) fn place(
         &self,
         direction: StripeDirection,

@@ -1,33 +1,36 @@
-//! What a lens bends, on the plane z = 1: OpenCV's formulas (calib3d documentation, "Detailed Description"), which ROS
-//! calls `plumb_bob` and `rational_polynomial`.
+//! Lens distortion on the plane z = 1: OpenCV's formulas (calib3d documentation, "Detailed Description"), the models
+//! `plumb_bob` and `rational_polynomial` of ROS.
 //!
 //! `x'' = x' f + 2 p1 x' y' + p2 (r² + 2 x'²)`, `y'' = y' f + p1 (r² + 2 y'²) + 2 p2 x' y'`, `r² = x'² + y'²`,
 //! `f = (1 + k1 r² + k2 r⁴ + k3 r⁶) / (1 + k4 r² + k5 r⁴ + k6 r⁶)`.
 //!
-//! Far from the centre these formulas may fold back: two rays, one pixel. Their Jacobian is symmetric, so that they are the
-//! gradient of a potential; on a disc about the centre in which the Jacobian is positive definite the potential is strictly
-//! convex, and no two points of the disc are seen in one place. Nothing outside that disc is measured.
+//! Far from the centre these formulas may fold back: two rays map to one pixel. Their Jacobian is symmetric, so they
+//! are the gradient of a potential. On a disc about the centre in which the Jacobian is positive definite, the
+//! potential is strictly convex, so no two points of the disc map to the same place. Points outside that disc are not
+//! measured.
 
 use nalgebra::{Matrix2, Point2, Vector2};
 
-/// Distance of two radii at which the Jacobian is looked at.
+use super::{DistortedPoint, UndistortedPoint};
+
+/// Distance of the radii at which the Jacobian is checked.
 const RADIUS_STEP: f64 = 1.0 / 64.0;
-/// Largest radius that is measured through a lens that bends: 83 degrees off the axis.
+/// Largest radius measured through a distorting lens: 83 degrees off the axis.
 const LARGEST_RADIUS: f64 = 8.0;
 const MAX_ITERATIONS: u32 = 50;
-/// On the plane z = 1. With a focal length of 10,000 px it is 1e-8 px.
+/// Tolerance on the plane z = 1: with a focal length of 10,000 px it is 1e-8 px.
 const TOLERANCE: f64 = 1e-12;
 
-/// How a lens departs from a pinhole.
+/// Deviation of a lens from a pinhole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Distortion {
-    /// Not at all.
+    /// No distortion.
     #[default]
     None,
     /// Radial and tangential, five coefficients.
     #[expect(missing_docs, reason = "names of the formula")]
     PlumbBob { k1: f64, k2: f64, p1: f64, p2: f64, k3: f64 },
-    /// The radial part is a fraction, eight coefficients.
+    /// Rational radial part, and tangential, eight coefficients.
     #[expect(missing_docs, reason = "names of the formula")]
     RationalPolynomial { k1: f64, k2: f64, p1: f64, p2: f64, k3: f64, k4: f64, k5: f64, k6: f64 },
 }
@@ -55,7 +58,7 @@ impl Distortion {
         }
     }
 
-    /// ROS's name of the model.
+    /// Returns ROS's name of the model.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::None | Self::PlumbBob { .. } => "plumb_bob",
@@ -63,7 +66,7 @@ impl Distortion {
         }
     }
 
-    /// The coefficients in ROS's order: k1, k2, p1, p2, k3, and for a fraction k4, k5, k6.
+    /// Returns the coefficients in ROS's order: k1, k2, p1, p2, k3, and for the rational model k4, k5, k6.
     pub fn coefficients(&self) -> Vec<f64> {
         match *self {
             Self::None => vec![0.0; 5],
@@ -74,7 +77,7 @@ impl Distortion {
         }
     }
 
-    /// A coefficient by its name in the formula; `None` where the model has none of that name.
+    /// Returns a coefficient by its name in the formula; `None` if the model has no such coefficient.
     pub(crate) fn coefficient_mut(&mut self, name: &str) -> Option<&mut f64> {
         if *self == Self::None {
             *self = Self::PlumbBob { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
@@ -92,19 +95,19 @@ impl Distortion {
         }
     }
 
-    /// Where on the plane z = 1 a point of that plane appears. `None` where the model folds back.
-    pub fn distort(&self, straight: Point2<f64>) -> Option<Point2<f64>> {
+    /// Returns the distorted image of a point on the plane z = 1. `None` where the model folds back.
+    pub fn distort(&self, straight: UndistortedPoint) -> Option<DistortedPoint> {
         if *self == Self::None {
-            return Some(straight);
+            return Some(DistortedPoint(straight.0));
         }
-        self.is_before_fold(straight.coords.norm()).then(|| self.bend(straight).0)
+        self.is_before_fold(straight.0.coords.norm()).then(|| self.bend(straight).0)
     }
 
     /// The point of the plane z = 1 that appears there: Newton's method with the exact Jacobian. `None` where there is no
     /// such point, or none before the model folds back.
-    pub fn undistort(&self, bent: Point2<f64>) -> Option<Point2<f64>> {
+    pub fn undistort(&self, DistortedPoint(bent): DistortedPoint) -> Option<UndistortedPoint> {
         if *self == Self::None {
-            return Some(bent);
+            return Some(UndistortedPoint(bent));
         }
         if !bent.coords.norm().is_finite() {
             return None;
@@ -113,13 +116,13 @@ impl Distortion {
         while !self.is_before_fold(start.coords.norm()) {
             start *= 0.5;
         }
-        self.solve(bent, start)
+        self.solve(bent, start).map(UndistortedPoint)
     }
 
-    /// Newton's method with steps that are halved until they lead on and stay before the fold.
+    /// Newton's method; halves a step until it reduces the error and stays before the fold.
     fn solve(&self, bent: Point2<f64>, start: Point2<f64>) -> Option<Point2<f64>> {
         let mut straight = start;
-        let (mut seen, mut jacobian) = self.bend(straight);
+        let (DistortedPoint(mut seen), mut jacobian) = self.bend(UndistortedPoint(straight));
         for _ in 0..MAX_ITERATIONS {
             let residual = bent - seen;
             let error = residual.norm();
@@ -130,7 +133,8 @@ impl Distortion {
             loop {
                 let next = straight + step;
                 if self.is_before_fold(next.coords.norm()) {
-                    let (next_seen, next_jacobian) = self.bend(next);
+                    let (DistortedPoint(next_seen), next_jacobian) =
+                        self.bend(UndistortedPoint(next));
                     if (bent - next_seen).norm() < error {
                         (straight, seen, jacobian) = (next, next_seen, next_jacobian);
                         break;
@@ -145,8 +149,11 @@ impl Distortion {
         None
     }
 
-    /// The formula and its derivative.
-    pub(in crate::scanner) fn bend(&self, straight: Point2<f64>) -> (Point2<f64>, Matrix2<f64>) {
+    /// Returns the distorted point and the Jacobian.
+    pub(in crate::scanner) fn bend(
+        &self,
+        UndistortedPoint(straight): UndistortedPoint,
+    ) -> (DistortedPoint, Matrix2<f64>) {
         let Terms { p1, p2, .. } = self.terms();
         let (x, y) = (straight.x, straight.y);
         let s = x * x + y * y;
@@ -162,10 +169,10 @@ impl Distortion {
             mixed,
             f + 2.0 * slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
         );
-        (bent, jacobian)
+        (DistortedPoint(bent), jacobian)
     }
 
-    /// Radial factor f and df/d(r²).
+    /// Returns the radial factor f and df/d(r²).
     fn radial(&self, s: f64) -> (f64, f64) {
         let Terms { above, below, .. } = self.terms();
         let (n, dn) = series(above, s);
@@ -176,8 +183,8 @@ impl Distortion {
         (n / d, (dn * d - n * dd) / (d * d))
     }
 
-    /// Whether the Jacobian is positive definite all around at this r². Its eigenvalues are f and f + 2 r² df/d(r²)
-    /// without the tangential terms, which take no more than 6 r |p| off them.
+    /// True if the Jacobian is positive definite at every point with this r². Without the tangential terms its
+    /// eigenvalues are f and f + 2 r² df/d(r²); the tangential terms reduce them by at most 6 r |p|.
     fn is_sound(&self, s: f64) -> bool {
         let Terms { below, p1, p2, .. } = self.terms();
         let (f, slope) = self.radial(s);
@@ -185,7 +192,7 @@ impl Distortion {
         series(below, s).0 > 0.0 && f.min(f + 2.0 * s * slope) > tangential
     }
 
-    /// Whether the Jacobian is positive definite everywhere up to this radius.
+    /// True if the Jacobian is positive definite everywhere up to this radius.
     fn is_before_fold(&self, radius: f64) -> bool {
         if radius.is_nan() || radius > LARGEST_RADIUS {
             return false;
@@ -195,7 +202,7 @@ impl Distortion {
             && (1..=steps).all(|step| self.is_sound((f64::from(step) * RADIUS_STEP).powi(2)))
     }
 
-    /// The radius on the plane z = 1 up to which the Jacobian is positive definite everywhere.
+    /// Returns the radius on the plane z = 1 up to which the Jacobian is positive definite everywhere.
     pub(in crate::scanner) fn largest_radius(&self) -> f64 {
         if *self == Self::None {
             return f64::INFINITY;
@@ -277,11 +284,11 @@ mod tests {
         ) {
             let lens = LENSES[lens];
             let radius = share * limit(&lens);
-            let straight = Point2::new(radius * angle.cos(), radius * angle.sin());
+            let straight = UndistortedPoint(Point2::new(radius * angle.cos(), radius * angle.sin()));
             let bent = lens.distort(straight).unwrap();
             let again = lens.distort(lens.undistort(bent).unwrap()).unwrap();
-            let relative = (again - bent).norm() / (1.0 + bent.coords.norm());
-            prop_assert!(relative < 1e-11, "{bent} {again}");
+            let relative = (again.0 - bent.0).norm() / (1.0 + bent.0.coords.norm());
+            prop_assert!(relative < 1e-11, "{bent:?} {again:?}");
         }
 
         #[test]
@@ -289,20 +296,21 @@ mod tests {
             lens in 0..LENSES.len(), x in -0.6..0.6_f64, y in -0.6..0.6_f64,
         ) {
             let (lens, h) = (LENSES[lens], 1e-6);
-            let jacobian = lens.bend(Point2::new(x, y)).1;
+            let bend = |step: Vector2<f64>| lens.bend(UndistortedPoint(Point2::new(x, y) + step));
+            let jacobian = bend(Vector2::zeros()).1;
             for (column, step) in [Vector2::new(h, 0.0), Vector2::new(0.0, h)].into_iter().enumerate() {
-                let at = |sign: f64| lens.bend(Point2::new(x, y) + step * sign).0;
+                let at = |sign: f64| bend(step * sign).0.0;
                 let difference = (at(1.0) - at(-1.0)) / (2.0 * h);
                 prop_assert!((jacobian.column(column) - difference).norm() < 1e-8);
             }
         }
 
-        /// Whatever the place, an answer is the ray that is seen there.
+        /// Wherever an answer exists, it is the ray seen at that position.
         #[test]
         fn no_ray_is_wrong(lens in 0..LENSES.len(), x in -20.0..20.0_f64, y in -20.0..20.0_f64) {
-            let (lens, bent) = (LENSES[lens], Point2::new(x, y));
+            let (lens, bent) = (LENSES[lens], DistortedPoint(Point2::new(x, y)));
             if let Some(straight) = lens.undistort(bent) {
-                prop_assert!((lens.distort(straight).unwrap() - bent).norm() < 1e-10);
+                prop_assert!((lens.distort(straight).unwrap().0 - bent.0).norm() < 1e-10);
             }
         }
     }
@@ -312,20 +320,21 @@ mod tests {
         let barrel = Distortion::PlumbBob { k1: -0.3, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
         // r (1 - 0.3 r²) is largest at r² = 1 / 0.9, where it is 0.7027.
         let fold = (1.0_f64 / 0.9).sqrt();
-        assert!(barrel.distort(Point2::new(fold - 1e-6, 0.0)).is_some());
-        assert!(barrel.distort(Point2::new(0.0, fold + 1e-6)).is_none());
+        assert!(barrel.distort(UndistortedPoint(Point2::new(fold - 1e-6, 0.0))).is_some());
+        assert!(barrel.distort(UndistortedPoint(Point2::new(0.0, fold + 1e-6))).is_none());
         let edge = fold * 2.0 / 3.0;
-        let straight = barrel.undistort(Point2::new(edge - 1e-6, 0.0)).unwrap();
+        let near_edge = |step: f64| barrel.undistort(DistortedPoint(Point2::new(edge + step, 0.0)));
+        let UndistortedPoint(straight) = near_edge(-1e-6).unwrap();
         assert!((fold - 0.01..fold).contains(&straight.x), "{straight}");
-        assert!(barrel.undistort(Point2::new(edge + 1e-6, 0.0)).is_none());
+        assert!(near_edge(1e-6).is_none());
     }
 
     #[test]
     fn what_is_no_place_has_no_ray() {
         for lens in LENSES {
             for bent in [f64::NAN, f64::INFINITY, 1e300] {
-                assert!(lens.undistort(Point2::new(bent, 0.0)).is_none());
-                assert!(lens.distort(Point2::new(bent, 0.0)).is_none());
+                assert!(lens.undistort(DistortedPoint(Point2::new(bent, 0.0))).is_none());
+                assert!(lens.distort(UndistortedPoint(Point2::new(bent, 0.0))).is_none());
             }
         }
     }

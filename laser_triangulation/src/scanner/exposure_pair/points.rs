@@ -20,7 +20,7 @@ impl<'a> Points<'a> {
         Self { line, along_px, across_px }
     }
 
-    /// Whether a point has one of those flags.
+    /// True if a point has any of those flags.
     pub(super) fn has(self, at: usize, flags: u8) -> bool {
         self.line.flags[at] & flags != 0
     }
@@ -33,26 +33,26 @@ impl<'a> Points<'a> {
         self.line.intensity[at]
     }
 
-    /// Points from `from` on whose lines ascend: one surface.
+    /// Returns the points from `from` on whose lines ascend: one surface.
     fn surface(self, from: usize) -> Range<usize> {
         let along = &self.along_px[from..];
         let next = along.windows(2).position(|pair| pair[1] <= pair[0]);
         from..from + next.map_or(along.len(), |last| last + 1)
     }
 
-    /// Whether a connected stripe begins there.
+    /// True if a connected stripe begins at that point.
     fn begins_stripe(self, at: usize) -> bool {
         self.line.stripe_start.binary_search(&(at as u32)).is_ok()
     }
 
-    /// Half the width of the stripe, pixels; 0 when it is not known.
+    /// Returns half the width of the stripe, pixels; 0 if unknown.
     fn half_width_px(self, at: usize) -> f32 {
         let width_px = self.line.width_px[at];
         if width_px.is_finite() { width_px / 2.0 } else { 0.0 }
     }
 }
 
-/// Tells of every line in which one of the two has a point, surface after surface: the surface, and the points of both.
+/// Visits every line in which either has a point, surface after surface, with the surface and the points of both.
 pub(super) fn join(
     a: Points<'_>,
     b: Points<'_>,
@@ -76,12 +76,12 @@ pub(super) fn join(
     }
 }
 
-/// Writes a centreline from the points of two.
+/// Builds a centreline from the points of two.
 #[derive(Debug)]
 pub(super) struct MergeWriter<'a> {
     merged: &'a mut Centerline,
     sources: [Points<'a>; 2],
-    /// What the intensities of each are multiplied by.
+    /// Factors for the intensities of each source.
     scales: [f32; 2],
     num_taken: [u32; 2],
     /// Surface, source and index of the point written last.
@@ -89,7 +89,7 @@ pub(super) struct MergeWriter<'a> {
 }
 
 impl<'a> MergeWriter<'a> {
-    /// Empties `merged`.
+    /// Creates a builder and empties `merged`.
     pub(super) fn new(
         merged: &'a mut Centerline,
         sources: [Points<'a>; 2],
@@ -99,7 +99,7 @@ impl<'a> MergeWriter<'a> {
         Self { merged, sources, scales, num_taken: [0; 2], last: None }
     }
 
-    /// Points taken of each source.
+    /// Returns the number of points taken from each source.
     pub(super) const fn num_taken(&self) -> [u32; 2] {
         self.num_taken
     }
@@ -120,8 +120,8 @@ impl<'a> MergeWriter<'a> {
         self.merged.flags.push(line.flags[at]);
     }
 
-    /// Whether a point belongs to the connected stripe of the last one: as its own frame says; of two frames, when
-    /// their stripes touch in neighbouring lines.
+    /// True if a point belongs to the connected stripe of the last one. Within one frame, its own stripes decide;
+    /// between two frames, their stripes must touch in neighbouring lines.
     fn continues(&self, surface: usize, source: usize, at: usize) -> bool {
         let Some((last_surface, last_source, last_at)) = self.last else { return false };
         if last_surface != surface {

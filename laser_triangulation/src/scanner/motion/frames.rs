@@ -1,22 +1,22 @@
-//! Poses of coordinate frames in one another, as they come on `/tf` and `/tf_static`, and where one frame was in another
-//! at a time.
+//! Poses of coordinate frames relative to one another, from `/tf` and `/tf_static`, interpolated in time.
 
 use nalgebra::Isometry3;
 use thiserror::Error;
 
 use super::track::{Found, Limits, Measured, Refused, Track};
 
-/// Frames that are known at most: a robot has some dozens.
+/// Maximum number of frames: a robot has some dozens.
 const MAX_FRAMES: usize = 256;
-/// Poses of one frame that are kept.
+/// Maximum number of poses kept per frame.
 const MAX_POSES: usize = 1024;
-/// Frames that a message names.
+/// Maximum number of frames named in a message.
 const MAX_NAMED: usize = 20;
-/// Lengths of quaternions that differ more from 1 are no rotations.
+/// Largest deviation of a rotation quaternion's length from 1.
 const MAX_LENGTH_ERROR: f64 = 0.01;
 
 impl Measured for Isometry3<f64> {
-    /// Origin on a line, rotation about one axis at one speed, the short way (Shoemake 1985, doi 10.1145/325334.325242).
+    /// Interpolates the origin linearly and the rotation about one axis at constant speed, the short way (Shoemake
+    /// 1985, doi 10.1145/325334.325242).
     fn between(&self, later: &Self, share: f64) -> Self {
         let origin = self.translation.vector.lerp(&later.translation.vector, share);
         let turned = self.rotation.rotation_to(&later.rotation).powf(share);
@@ -31,32 +31,32 @@ impl Measured for Isometry3<f64> {
 /// A pose of `child` in `parent`: `point_in_parent = parent_from_child * point_in_child`.
 #[derive(Clone, Copy, Debug)]
 pub struct Stated<'a> {
-    /// The frame that it is in.
+    /// The reference frame.
     pub parent: &'a str,
-    /// The frame that it is of.
+    /// The frame whose pose it is.
     pub child: &'a str,
-    /// When, nanoseconds since the epoch; without meaning for what stays.
+    /// Time of the pose, nanoseconds since the epoch; ignored for static poses.
     pub stamp_ns: i64,
-    /// When it was received, nanoseconds since the epoch.
+    /// Time of reception, nanoseconds since the epoch.
     pub received_ns: i64,
     /// Origin, metres.
     pub origin_m: [f64; 3],
     /// Rotation: quaternion x, y, z, w of length 1.
     pub rotation: [f64; 4],
-    /// Whether it stays so for all time, before and after.
+    /// True if the pose is valid at all times, before and after.
     pub is_static: bool,
 }
 
-/// Why a pose is not taken.
+/// Reasons to reject a pose.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PoseRefused {
-    /// A frame in itself, or without a name.
+    /// The frame is its own parent, or has no name.
     #[error("frame {0:?} cannot be placed in {1:?}")]
     Names(String, String),
-    /// Not numbers, or no rotation.
-    #[error("the pose of {0:?} is no rotation and translation of finite numbers")]
+    /// Not finite numbers, or not a rotation.
+    #[error("the pose of {0:?} is not a rotation and translation of finite numbers")]
     NoPose(String),
-    /// More frames than anybody has.
+    /// Too many frames.
     #[error("there are more than {MAX_FRAMES} frames")]
     TooMany,
     /// Out of order, or without a stamp.
@@ -64,25 +64,25 @@ pub enum PoseRefused {
     Time(String, Refused),
 }
 
-/// Why a frame cannot be found in another.
+/// Reasons why no pose of one frame in another is available.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotFound {
-    /// Nobody has spoken of the frame that poses are wanted in.
+    /// The target frame is unknown.
     NoTarget,
-    /// Nobody has spoken of the frame whose pose is wanted.
+    /// The source frame is unknown.
     NoSource,
-    /// Nothing connects the two.
+    /// The two frames are not connected.
     Apart,
-    /// A frame stands in a frame that stands in it.
+    /// The chain of parents is a loop.
     Loop,
-    /// A pose on the way is not known at that time.
+    /// A pose on the path is not known at that time.
     NoPose,
 }
 
 #[derive(Debug)]
 struct Frame {
     name: String,
-    /// Where it is placed in, and how; none for a root.
+    /// Its parent and the poses in it; `None` for a root.
     placed: Option<(usize, Pose)>,
 }
 
@@ -92,7 +92,7 @@ enum Pose {
     Moving(Box<Track<Isometry3<f64>>>),
 }
 
-/// All frames that were spoken of.
+/// All known frames.
 #[derive(Debug)]
 pub struct FrameTree {
     limits: Limits,
@@ -100,12 +100,12 @@ pub struct FrameTree {
 }
 
 impl FrameTree {
-    /// A tree without frames.
+    /// Creates a tree without frames.
     pub const fn new(limits: Limits) -> Self {
         Self { limits, frames: Vec::new() }
     }
 
-    /// Other limits, for poses to come.
+    /// Sets other limits, for later poses.
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
         for frame in &mut self.frames {
@@ -115,7 +115,7 @@ impl FrameTree {
         }
     }
 
-    /// Forgets what moves: other times begin. What stays, stays.
+    /// Removes all moving poses, for a new time line. Static poses stay.
     pub fn forget_moving(&mut self) {
         for frame in &mut self.frames {
             if matches!(frame.placed, Some((_, Pose::Moving(_)))) {
@@ -124,10 +124,10 @@ impl FrameTree {
         }
     }
 
-    /// Takes a pose. A frame that was in another one before is in this one from now on.
+    /// Adds a pose. A frame that had another parent moves to this one.
     ///
     /// # Errors
-    /// A pose that is none, or comes out of order; nothing has changed then.
+    /// The pose is invalid or out of order; the tree is then unchanged.
     pub fn take(&mut self, stated: &Stated<'_>) -> Result<(), PoseRefused> {
         let (parent, child) = (bare(stated.parent), bare(stated.child));
         if parent == child || parent.is_empty() || child.is_empty() {
@@ -151,7 +151,7 @@ impl FrameTree {
         Ok(())
     }
 
-    /// Whether nothing that comes can change where `source` was in `target` at `time_ns`.
+    /// True if later poses cannot change the pose of `source` in `target` at `time_ns`.
     pub fn has_reached(&self, (target, source): (&str, &str), time_ns: i64) -> bool {
         let reached = |frame: usize| match &self.frames[frame].placed {
             Some((_, Pose::Moving(track))) => track.has_reached(time_ns),
@@ -162,7 +162,8 @@ impl FrameTree {
         })
     }
 
-    /// Longest time without a pose that is no gap, nanoseconds: of the slowest on the way. `None`: not known yet.
+    /// Returns the longest time without a pose that is no gap, nanoseconds, for the slowest frame on the path; `None`
+    /// if not known yet.
     pub fn gap_ns(&self, (target, source): (&str, &str)) -> Option<i64> {
         let (target, source, meeting) = self.way(target, source).ok()?;
         let moving = |frame: usize| match &self.frames[frame].placed {
@@ -172,11 +173,11 @@ impl FrameTree {
         self.up(target, meeting).chain(self.up(source, meeting)).filter_map(moving).max()
     }
 
-    /// Where `source` was in `target` at `time_ns`, as far as poses tell that were received until `until_ns`:
+    /// Returns the pose of `source` in `target` at `time_ns`, from the poses received until `until_ns`:
     /// `point_in_target = found * point_in_source`.
     ///
     /// # Errors
-    /// Frames that are not there or not connected, or poses that are not known at that time.
+    /// A frame is unknown, the two are not connected, or a pose is not known at that time.
     pub fn at(
         &self,
         (target, source): (&str, &str),
@@ -193,7 +194,7 @@ impl FrameTree {
         })
     }
 
-    /// The frames that were spoken of, for a message; not more than a few.
+    /// Returns the first few known frames, for a message.
     pub fn names(&self) -> String {
         let mut names: Vec<_> =
             self.frames.iter().take(MAX_NAMED).map(|frame| frame.name.as_str()).collect();
@@ -203,7 +204,7 @@ impl FrameTree {
         if names.is_empty() { "none".to_owned() } else { names.join(", ") }
     }
 
-    /// The pose of a frame in one of those above it.
+    /// Returns the pose of a frame in one of its ancestors.
     fn climb(
         &self,
         from: usize,
@@ -227,7 +228,7 @@ impl FrameTree {
         Ok(sum)
     }
 
-    /// Both frames, and the first one that stands above both.
+    /// Returns both frames and their first common ancestor.
     fn way(&self, target: &str, source: &str) -> Result<(usize, usize, usize), NotFound> {
         let target = self.find(target).ok_or(NotFound::NoTarget)?;
         let source = self.find(source).ok_or(NotFound::NoSource)?;
@@ -246,14 +247,14 @@ impl FrameTree {
         }
     }
 
-    /// A frame, the one that it is placed in, and so on.
+    /// Iterates over a frame, its parent, and so on.
     fn above(&self, frame: usize) -> impl Iterator<Item = usize> {
         std::iter::successors(Some(frame), |frame| {
             self.frames[*frame].placed.as_ref().map(|(parent, _)| *parent)
         })
     }
 
-    /// The frames from one up to another, without that one.
+    /// Iterates over the frames from one up to another, without the latter.
     fn up(&self, from: usize, to: usize) -> impl Iterator<Item = usize> {
         self.above(from).take_while(move |frame| *frame != to)
     }
@@ -275,7 +276,7 @@ impl FrameTree {
     }
 }
 
-/// Old drivers write a slash before the name.
+/// Removes the leading slash that old drivers write.
 fn bare(name: &str) -> &str {
     name.trim_start_matches('/')
 }

@@ -1,4 +1,4 @@
-//! From the laser plane's frame to the part's: what a position means for the points of a profile.
+//! Converts a position to the pose of the laser plane's frame in the part's frame.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -7,10 +7,12 @@ use crate::scanner::axis::{Axis, AxisKind, AxisTravel, RawPosition};
 
 /// Places profiles in the part's frame.
 ///
-/// Without an axis the part moves along the laser plane's normal: the part's frame is the laser plane's at position 0, and
-/// y is the position. Of a prismatic axis it is the laser plane's at position 0, and moves with the part. Of a revolute
-/// axis it turns with the part: z along the axis, towards the camera; its origin is the point of the axis nearest to the
-/// origin of the laser plane's frame, and x points there from the axis at position 0. Where the calibration lays the part's
+/// Without an axis, the part moves along the laser plane's normal: the part's frame is the laser plane's at position 0,
+/// and y is the position. For a prismatic axis, it is the laser plane's frame at position 0 and moves with the part.
+/// For a revolute axis, it turns with the part: z along the axis, towards the camera; the origin is the point of the
+/// axis nearest to the origin of the laser plane's frame, and x points from the axis towards that origin at position 0.
+/// If the calibration defines the part's frame by a flat, that frame is used instead. Measured poses have their own
+/// frame.
 /// frame on a flat, it is moved there. Poses that were measured bring their own frame.
 #[derive(Clone, Debug)]
 pub struct Placement {
@@ -19,16 +21,16 @@ pub struct Placement {
     camera_from_laser: Isometry3<f64>,
     /// The camera's frame in the part's, at position 0.
     part_from_camera: Isometry3<f64>,
-    /// The frame that axis and laser plane give, in the part's.
+    /// The frame defined by axis and laser plane, in the part's.
     part_from_unlaid: Isometry3<f64>,
-    /// Whether poses that were measured are the laser plane's own, not the camera's.
+    /// True if measured poses are those of the laser plane, not of the camera.
     is_laser_tracked: bool,
-    /// Where the laser plane's frame was in the part's in the scan's first frame, metres.
+    /// Origin of the laser plane's frame in the part's frame at the scan's first frame, metres.
     start_m: Option<Point3<f64>>,
 }
 
 impl Placement {
-    /// For a laser plane there, a part on that axis.
+    /// Creates a placement for a laser plane at that pose and a part on that axis.
     pub fn new(camera_from_laser: Isometry3<f64>, axis: Option<Axis>) -> Self {
         let part_from_camera = match &axis {
             Some(axis) if axis.kind == AxisKind::Revolute => {
@@ -48,19 +50,19 @@ impl Placement {
         }
     }
 
-    /// The same with the part's frame there, in the frame that axis and laser plane give.
+    /// Sets the part's frame, relative to the frame defined by axis and laser plane.
     #[must_use]
     pub fn with_part(self, unlaid_from_part: &Isometry3<f64>) -> Self {
         Self { part_from_unlaid: unlaid_from_part.inverse(), ..self }
     }
 
-    /// The same, where poses that are measured are the laser plane's, not the camera's.
+    /// Treats measured poses as those of the laser plane, not of the camera.
     #[must_use]
     pub const fn with_laser_tracked(self) -> Self {
         Self { is_laser_tracked: true, ..self }
     }
 
-    /// The laser plane is found elsewhere in the camera's frame.
+    /// Sets another pose of the laser plane in the camera's frame.
     #[must_use]
     pub fn with_camera_from_laser(self, camera_from_laser: Isometry3<f64>) -> Self {
         Self {
@@ -70,13 +72,13 @@ impl Placement {
         }
     }
 
-    /// Another scan begins.
+    /// Starts another scan.
     pub const fn restart(&mut self) {
         self.start_m = None;
     }
 
-    /// The laser plane's frame in the part's, metres. Where a pose was measured, its position becomes the distance that
-    /// the laser plane's origin has come since the scan's first frame.
+    /// Returns the laser plane's frame in the part's, metres. For a measured pose, it sets the position to the distance
+    /// of the laser plane's origin from its place in the scan's first frame.
     pub fn place(&mut self, position: &mut Position) -> Isometry3<f64> {
         if let Some(part_from_sensor) = position.part_from_sensor {
             let part_from_laser = if self.is_laser_tracked {
@@ -99,8 +101,8 @@ impl Placement {
         self.part_from_unlaid * unlaid_from_laser
     }
 
-    /// Travel from position 0 to a position that [`place`](Self::place) has seen. Without an axis, and for measured poses,
-    /// positions are metres.
+    /// Returns the travel from position 0 to a position that [`place`](Self::place) has processed. Without an axis, and
+    /// for measured poses, positions are metres.
     pub fn travel(&self, position: &Position) -> AxisTravel {
         match &self.axis {
             Some(axis) if position.part_from_sensor.is_none() => axis.travel(position.value),
@@ -109,14 +111,14 @@ impl Placement {
     }
 }
 
-/// The part's frame in the camera's at position 0, for a revolute axis.
+/// Returns the part's frame in the camera's at position 0, for a revolute axis.
 fn turning_frame(axis: &Axis, camera_from_laser: &Isometry3<f64>) -> Isometry3<f64> {
     let towards_camera = (Point3::origin() - axis.point_m).dot(&axis.direction) >= 0.0;
     let z = if towards_camera { axis.direction } else { -axis.direction };
     let laser_m = camera_from_laser * Point3::origin();
     let origin_m = axis.point_m + z.into_inner() * z.dot(&(laser_m - axis.point_m));
     let across = |direction: Vector3<f64>| direction - z.into_inner() * z.dot(&direction);
-    // A laser plane's origin on the axis itself shows no direction: then the stripe's, or the plane's normal.
+    // If the laser plane's origin lies on the axis, x follows the stripe, or the plane's normal.
     let x =
         [laser_m - origin_m, camera_from_laser * Vector3::x(), camera_from_laser * Vector3::y()]
             .into_iter()
@@ -149,7 +151,7 @@ mod tests {
         })
     }
 
-    /// A point of the part is seen at different positions, and found at the same place of the part.
+    /// A point of the part, seen at different positions, is found at the same place of the part.
     fn stays(
         camera_from_laser: &Isometry3<f64>,
         axis: Axis,

@@ -1,4 +1,4 @@
-//! Samples of something that moves, in order of time, and what it was between them. Bounded.
+//! Time-ordered samples of a moving quantity, with interpolation between them. Bounded.
 
 use std::collections::VecDeque;
 
@@ -7,28 +7,28 @@ use thiserror::Error;
 use super::doubt;
 use crate::statistics::median;
 
-/// Samples that are kept: seconds of a fast encoder, and more than any frame looks back.
+/// Maximum number of samples: seconds of a fast encoder, more than any frame looks back.
 pub const MAX_SAMPLES: usize = 8192;
 
-/// Intervals whose median is the usual one.
+/// Number of intervals whose median is the usual interval.
 const NUM_INTERVALS: usize = 9;
-/// So many usual intervals without a sample are a gap, where nobody has chosen how long one is.
+/// Default gap, in usual intervals without a sample.
 const GAP_INTERVALS: i64 = 4;
-/// Samples in order among themselves, but before the last one, after which the clock counts as set back. Fewer are
-/// stragglers.
+/// Number of samples in ascending order but older than the last one, after which the clock counts as set back. Fewer
+/// are stragglers.
 const STRAGGLERS: u32 = 3;
 
-/// Something that was measured, and can be thought of between two measurements.
+/// A measured quantity that can be interpolated between two measurements.
 pub trait Measured: Copy {
-    /// What it was between `self` (share 0) and `later` (share 1); beyond 1: if the motion went on as it was.
+    /// Interpolates between `self` (share 0) and `later` (share 1); extrapolates beyond 1.
     #[must_use]
     fn between(&self, later: &Self, share: f64) -> Self;
 
-    /// How far it moved: metres or radians, never negative.
+    /// Returns the distance moved: metres or radians, never negative.
     fn distance(&self, other: &Self) -> f64;
 }
 
-/// What is no doubt in a track.
+/// Limits beyond which a value is in doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Longest time between two samples, nanoseconds; 0: four times the usual one.
@@ -37,28 +37,28 @@ pub struct Limits {
     pub max_step: f64,
 }
 
-/// Why a sample is not taken.
+/// Reasons to reject a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Refused {
-    /// Drivers without a clock stamp so: nothing can be said of such a time.
+    /// Drivers without a clock send this stamp, which carries no time.
     #[error("its stamp is 0")]
     NoStamp,
-    /// A second one of that time.
+    /// Another sample has the same stamp.
     #[error("its stamp is that of the sample before")]
     Duplicate,
-    /// Older than what is known.
+    /// The sample is older than the last one.
     #[error("its stamp lies before that of an earlier sample")]
     OutOfOrder,
 }
 
-/// What was found at a time.
+/// The value found for a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found<T> {
-    /// The value then.
+    /// The value at that time.
     pub value: T,
     /// Bits of [`doubt`].
     pub doubts: u8,
-    /// Whether a sample was taken at that very time.
+    /// True if a sample was taken at exactly that time.
     pub is_exact: bool,
 }
 
@@ -67,7 +67,7 @@ struct Sample<T> {
     stamp_ns: i64,
     received_ns: i64,
     value: T,
-    /// Longest time that is no gap, as known then; `None`: not yet.
+    /// Longest time that is no gap, as known at that sample; `None`: not known yet.
     gap_ns: Option<i64>,
 }
 
@@ -79,12 +79,12 @@ pub struct Track<T> {
     samples: VecDeque<Sample<T>>,
     intervals_ns: [i64; NUM_INTERVALS],
     num_intervals: usize,
-    /// Stamp of the last straggler, and how many ascended up to it.
+    /// Stamp of the last straggler, and the number of stragglers in ascending order up to it.
     behind: Option<(i64, u32)>,
 }
 
 impl<T: Measured> Track<T> {
-    /// A track without samples that will hold `max_samples` at most, and at least 2. It takes its memory now.
+    /// Creates an empty track for at most `max_samples` samples, at least 2. Allocates all its memory.
     pub fn new(limits: Limits, max_samples: usize) -> Self {
         let max_samples = max_samples.clamp(2, MAX_SAMPLES);
         Self {
@@ -97,16 +97,16 @@ impl<T: Measured> Track<T> {
         }
     }
 
-    /// Other limits, for samples to come.
+    /// Sets other limits, for later samples.
     pub const fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
     }
 
-    /// Takes a sample of the time `stamp_ns` that was received at `received_ns`. Of too many, the oldest goes. When the
-    /// clock was set back, all before it goes; `Ok(true)` says so.
+    /// Adds a sample of the time `stamp_ns`, received at `received_ns`. When the track is full, the oldest sample is
+    /// dropped. If the clock was set back, all earlier samples are dropped and the result is `Ok(true)`.
     ///
     /// # Errors
-    /// It does not lie behind the samples before, or has no stamp; nothing has changed then.
+    /// The stamp is 0 or not later than that of the last sample; the track is then unchanged.
     pub fn push(&mut self, stamp_ns: i64, received_ns: i64, value: T) -> Result<bool, Refused> {
         if stamp_ns == 0 {
             return Err(Refused::NoStamp);
@@ -142,24 +142,24 @@ impl<T: Measured> Track<T> {
         Ok(was_set_back)
     }
 
-    /// Forgets all samples.
+    /// Removes all samples.
     pub fn clear(&mut self) {
         self.samples.clear();
         self.num_intervals = 0;
         self.behind = None;
     }
 
-    /// Whether nothing that comes can change what it was at `time_ns`.
+    /// True if later samples cannot change the value at `time_ns`.
     pub fn has_reached(&self, time_ns: i64) -> bool {
         self.samples.back().is_some_and(|last| last.stamp_ns >= time_ns)
     }
 
-    /// The last sample, and its time, nanoseconds.
+    /// Returns the last sample and its time, nanoseconds.
     pub fn last(&self) -> Option<(i64, T)> {
         self.samples.back().map(|last| (last.stamp_ns, last.value))
     }
 
-    /// Longest time without a sample that is no gap, nanoseconds; `None` before it is known.
+    /// Returns the longest time without a sample that is no gap, nanoseconds; `None` if not known yet.
     pub fn gap_ns(&self) -> Option<i64> {
         if self.limits.max_gap_ns > 0 {
             return Some(self.limits.max_gap_ns);
@@ -169,15 +169,15 @@ impl<T: Measured> Track<T> {
         median(known).map(|usual| usual.saturating_mul(GAP_INTERVALS))
     }
 
-    /// How long before `time_ns` the last sample was taken, nanoseconds; `None`: there is none before it.
+    /// Returns the time from the last sample before `time_ns` to `time_ns`, nanoseconds; `None` if there is none.
     pub fn age_ns(&self, time_ns: i64) -> Option<i64> {
         let before = self.num_before(time_ns).checked_sub(1)?;
         Some(time_ns.saturating_sub(self.samples[before].stamp_ns))
     }
 
-    /// What it was at `time_ns`, as far as samples tell that were received until `until_ns`.
+    /// Returns the value at `time_ns`, from the samples received until `until_ns`.
     ///
-    /// `None`: no sample lies before that time, or the last one so long ago that anything may have happened.
+    /// `None` if there is no earlier sample, or the last one is too old for an extrapolation.
     pub fn at(&self, time_ns: i64, until_ns: i64) -> Option<Found<T>> {
         let after = self.num_before(time_ns);
         let later = self.samples.get(after).filter(|sample| sample.received_ns <= until_ns);
@@ -219,13 +219,13 @@ impl<T: Measured> Track<T> {
         if is_far { doubt::GAP } else { 0 }
     }
 
-    /// Samples before that time.
+    /// Returns the number of samples before that time.
     fn num_before(&self, time_ns: i64) -> usize {
         self.samples.partition_point(|sample| sample.stamp_ns < time_ns)
     }
 }
 
-/// Where `time_ns` lies between two times, `from_ns < to_ns`: 0 at the first, 1 at the second.
+/// Returns the relative position of `time_ns` between two times, `from_ns < to_ns`: 0 at the first, 1 at the second.
 fn share(from_ns: i64, to_ns: i64, time_ns: i64) -> f64 {
     let between = |from: i64, to: i64| (i128::from(to) - i128::from(from)) as f64;
     between(from_ns, time_ns) / between(from_ns, to_ns)

@@ -6,7 +6,7 @@ use crate::scanner::params::ScanDirection;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Travel {
     direction: ScanDirection,
-    /// Largest backward movement that is not a reversal, metres (radians).
+    /// Backlash, metres (radians): smaller backward movements are not a reversal.
     backlash: f64,
     reached: Option<Reached>,
 }
@@ -20,7 +20,7 @@ struct Reached {
 }
 
 impl Travel {
-    /// A scan in that direction. Backward movement up to `backlash`, metres (radians), is ignored.
+    /// Creates a scan in that direction. Backward movement up to `backlash`, metres (radians), is ignored.
     pub(super) const fn new(direction: ScanDirection, backlash: f64) -> Self {
         Self { direction, backlash, reached: None }
     }
@@ -30,12 +30,12 @@ impl Travel {
         self.reached = None;
     }
 
-    /// Distance from the first position, never negative.
+    /// Returns the distance from the first position, never negative.
     pub(super) fn distance(&self, along: f64) -> f64 {
         self.reached.map_or(0.0, |reached| (along - reached.first).abs())
     }
 
-    /// Takes the next position. True if it lies behind the furthest one by more than the backlash.
+    /// Adds the next position. Returns true if it lies behind the furthest one by more than the backlash.
     pub(super) fn is_reversed(&mut self, along: f64) -> bool {
         let sign = match self.direction {
             ScanDirection::Forward => 1.0,

@@ -1,13 +1,13 @@
 //! The camera's noise, from the frame itself: a photon transfer curve.
 //!
-//! Along the stripe the light changes slowly: what second differences a - 2b + c of three neighbouring samples show is
-//! noise, of six times a sample's variance. They are sorted by the mean of the three samples, which does not depend on
-//! the difference; in each class of levels the median of the absolute differences, 0.6745 standard deviations of normal noise,
-//! stands against edges and dirt. A straight line through variance over level gives read noise and shot gain (Janesick
-//! 2007, Photon Transfer, chapter 5; EMVA 1288, section 6).
+//! The light changes slowly along the stripe, so second differences a - 2b + c of three neighbouring samples show
+//! noise, with six times a sample's variance. They are classified by the mean of the three samples, which does not
+//! depend on the difference. In each class the median of the absolute differences, 0.6745 standard deviations for
+//! normal noise, is robust against edges and dirt. A straight line through variance over level gives read noise and
+//! shot gain (Janesick 2007, Photon Transfer, chapter 5; EMVA 1288, section 6).
 //!
-//! Texture and speckle along the stripe count as noise, as they should: they move the centre too. A stripe that runs
-//! steeply through its columns changes quickly along them, which counts as well: up to a slope of about a quarter it hardly shows.
+//! Texture and speckle along the stripe count as noise, because they move the centre too. A stripe that runs steeply
+//! through its columns also counts; up to a slope of about a quarter the effect is small.
 
 use super::{
     blur::Sample,
@@ -20,13 +20,13 @@ use crate::statistics::NORMAL_MEDIAN_MAGNITUDE;
 const CLASSES: usize = 16;
 /// Cells of a class's histogram: 16 of one level each, then 8 an octave up to 2¹⁸.
 const CELLS: usize = 16 + 8 * 14;
-/// Triples of samples looked at in a frame, about.
+/// Approximate number of triples evaluated per frame.
 const TRIPLES: u32 = 32_768;
-/// Positions of background looked at to either side of the stripe.
+/// Positions of background evaluated on either side of the stripe.
 const MARGIN: u32 = 8;
-/// Positions of one line at most.
+/// Maximum positions per line.
 const MOST_POSITIONS: usize = 96;
-/// A class with fewer triples says nothing.
+/// A class with fewer triples is ignored.
 const CLASS_LEAST: u32 = 64;
 /// Variance of a second difference, in variances of a sample.
 const DIFFERENCE_GAIN: f64 = 6.0;
@@ -57,8 +57,8 @@ impl Default for NoiseEstimator {
 }
 
 impl NoiseEstimator {
-    /// Replaces the stated noise by that of the samples about these candidates. When too few of them tell anything (less than
-    /// 64 triples in any class of levels: a short stripe, or all of it clipped), the stated noise stays.
+    /// Replaces the stated noise by an estimate from the samples about these candidates. The stated noise stays if no
+    /// class of levels has 64 triples (a short stripe, or all of it clipped).
     pub(super) fn estimate<S: Sample>(
         &mut self,
         picture: &Picture<'_, S>,
@@ -101,14 +101,14 @@ impl NoiseEstimator {
         class.cells[cell((a + c).abs_diff(2 * b)).min(CELLS - 1)] += 1;
     }
 
-    /// Variance over level: constant and slope by weighted least squares, neither below what it can be.
+    /// Fits variance over level: constant and slope by weighted least squares, neither below its physical minimum.
     fn line(&self) -> Option<(f64, f64)> {
         // Σ w, Σ wL, Σ wL², Σ wV, Σ wLV
         let mut sums = [0.0; 5];
         for class in self.classes.iter().filter(|class| class.is_sound()) {
             let level = class.level as f64 / 3.0 / f64::from(class.count);
             let variance = class.variance();
-            // A variance is as uncertain as it is large.
+            // The uncertainty of a variance is proportional to it.
             let weight = f64::from(class.count) / variance.powi(2);
             let terms = [1.0, level, level * level, variance, level * variance];
             for (sum, term) in sums.iter_mut().zip(terms) {
@@ -132,7 +132,7 @@ impl NoiseEstimator {
     }
 }
 
-/// Positions of a candidate's line that are looked at.
+/// Returns the evaluated positions of a candidate's line.
 fn reach(found: &LineCandidate, length: usize) -> std::ops::Range<usize> {
     let candidate = &found.candidate;
     let from = candidate.first.saturating_sub(MARGIN) as usize;
@@ -142,12 +142,13 @@ fn reach(found: &LineCandidate, length: usize) -> std::ops::Range<usize> {
 impl Class {
     const EMPTY: Self = Self { cells: [0; CELLS], count: 0, clipped: 0, level: 0 };
 
-    /// Many samples, and none that clipping has kept from being as far out as the others.
+    /// True if there are enough samples and clipping has not limited their spread.
     const fn is_sound(&self) -> bool {
         self.count >= CLASS_LEAST && self.clipped * 50 < self.count
     }
 
-    /// Of one sample, from the median of the absolute differences; within a cell they are taken as evenly spread.
+    /// Returns the variance of one sample, from the median of the absolute differences; values are assumed uniform
+    /// within a cell.
     fn variance(&self) -> f64 {
         let half = f64::from(self.count) / 2.0;
         let mut below = 0.0;
@@ -165,7 +166,7 @@ impl Class {
     }
 }
 
-/// Cell of an absolute difference.
+/// Returns the cell of an absolute difference.
 const fn cell(difference: u32) -> usize {
     if difference < 16 {
         return difference as usize;
@@ -175,7 +176,7 @@ const fn cell(difference: u32) -> usize {
     16 + 8 * (octave as usize - 4) + eighth as usize
 }
 
-/// Lower edge of a cell; differences are integers, each stands for half a level to either side.
+/// Returns the lower edge of a cell. Differences are integers; each represents half a level to either side.
 fn edge(cell: usize) -> f64 {
     let lowest = match cell.checked_sub(16) {
         None => cell as f64,

@@ -1,4 +1,4 @@
-//! A parabola through weighted samples, one a lane: what a Gaussian is in the logarithm.
+//! A weighted least-squares parabola, one per lane: the logarithm of a Gaussian.
 
 use super::lanes::{Lane, lane_of};
 
@@ -11,7 +11,7 @@ pub(super) struct NormalSums {
     right: [Lane; 3],
 }
 
-/// One lane's parabola by least squares. Too few samples make no number of it.
+/// One lane's least-squares parabola. With too few samples its values are NaN.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parabola {
     /// p₀.

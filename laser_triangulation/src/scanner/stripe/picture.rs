@@ -1,19 +1,19 @@
-//! The frame about a stripe, whichever way that runs.
+//! The frame about a stripe, independent of the stripe's direction.
 
 use super::blur::Sample;
 use crate::scanner::{channel::Plane, params::StripeDirection};
 
-/// An image as its stripe sees it: a line is a column for a horizontal stripe, a position a row.
+/// An image in stripe coordinates: for a horizontal stripe, a line is a column and a position is a row.
 #[derive(Debug)]
 pub(super) struct Picture<'a, S> {
     /// The frame.
     pub plane: &'a Plane<'a, S>,
-    /// Which way the stripe runs.
+    /// Direction of the stripe.
     pub direction: StripeDirection,
 }
 
 impl<S: Sample> Picture<'_, S> {
-    /// Lines, and positions in each.
+    /// Returns the number of lines, and of positions in each.
     pub(super) fn size(&self) -> (usize, usize) {
         match self.direction {
             StripeDirection::Horizontal => (self.plane.width, self.plane.height),
@@ -21,7 +21,7 @@ impl<S: Sample> Picture<'_, S> {
         }
     }
 
-    /// The sample at a place; beyond the border the nearest one.
+    /// Returns the sample at a position; beyond the border the nearest one.
     #[inline(always)]
     pub(super) fn at(&self, line: isize, position: isize) -> f32 {
         let (x, y) = match self.direction {

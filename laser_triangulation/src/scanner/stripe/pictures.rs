@@ -1,4 +1,4 @@
-//! Small pictures whose centrelines are computed by hand. The blur is off: a blurred sample is the sample.
+//! Small pictures whose centrelines are computed by hand. The blur is off: blurred and raw samples are equal.
 
 use super::{Centerline, fast::FastExtractor, flag, reference};
 use crate::scanner::{
@@ -18,7 +18,7 @@ fn plain() -> ExtractionParams {
     }
 }
 
-/// What both extractors find in rows of `width` samples, for a horizontal stripe.
+/// Runs both extractors on rows of `width` samples, for a horizontal stripe.
 fn extract(width: usize, picture: &[u8], params: ExtractionParams) -> Centerline {
     let plane = Plane { width, height: picture.len() / width, stride: width, samples: picture };
     let mut line = Centerline::default();
@@ -34,7 +34,7 @@ fn extract(width: usize, picture: &[u8], params: ExtractionParams) -> Centerline
     line
 }
 
-/// The centre in a picture of one column.
+/// Returns the centre in a picture of one column.
 fn centre_px(column: &[u8], params: ExtractionParams) -> f32 {
     let line = extract(1, column, params);
     assert_eq!(line.len(), 1);
@@ -69,7 +69,7 @@ fn gaussian_fit_finds_the_maximum_of_a_gaussian() {
     }
 }
 
-/// Logarithms 1, 3, 2, 1 lie on no parabola: which one fits best depends on the weights. Solved in rational numbers.
+/// Logarithms 1, 3, 2, 1 lie on no parabola: the best fit depends on the weights. Solved in rational numbers.
 #[test]
 fn gaussian_fit_weighs_by_the_square_of_the_level() {
     let params = ExtractionParams { method: Method::GaussianFit, ..plain() };
@@ -119,7 +119,7 @@ fn the_fractional_window_stands_still_on_the_middle_of_symmetric_levels() {
     assert_close(centre_px(&[7, 7, 20, 90, 90, 20, 7, 7, 7], params), 3.5);
 }
 
-/// A window that reaches beyond both borders is the whole column, wherever its middle is.
+/// A window that reaches beyond both borders covers the whole column, wherever its middle is.
 #[test]
 fn the_fractional_window_ends_at_the_border() {
     let params = ExtractionParams { method: Method::ImprovedGravity, ..plain() };

@@ -1,4 +1,4 @@
-//! The definition: the method on a whole image, as plainly as it can be written. What is fast must equal it.
+//! The definition: the method on a whole image, written as plainly as possible. The fast extractor must equal it.
 
 use super::{
     Centerline,
@@ -18,7 +18,7 @@ use crate::scanner::{
     params::{Background, ExtractionParams, Method, NoiseSource, StripeDirection, Threshold},
 };
 
-/// The centreline of a plane whose top-left sample lies at `offset` in the image.
+/// Returns the centreline of a plane whose top-left sample lies at `offset` in the image.
 pub(super) fn extract<S: Sample>(
     plane: &Plane<'_, S>,
     offset: Offset,
@@ -36,11 +36,11 @@ pub(super) fn extract<S: Sample>(
 pub(super) struct LitFrame<'a, S> {
     /// With laser.
     pub plane: &'a Plane<'a, S>,
-    /// Without, of the same size; none: black.
+    /// Without laser, same size; `None`: black.
     pub ambient: Option<&'a Plane<'a, S>>,
 }
 
-/// The same for one frame of many: `selector`, made with these parameters, has seen those before.
+/// The same for one frame of a sequence: `selector`, made with these parameters, has seen the earlier frames.
 pub(super) fn extract_next<S: Sample>(
     &LitFrame { plane, ambient }: &LitFrame<'_, S>,
     offset: Offset,
@@ -118,7 +118,7 @@ pub(super) fn extract_next<S: Sample>(
     centerline
 }
 
-/// The blurred image without its background.
+/// Returns the blurred image minus its background.
 fn without_background<S: Sample>(
     frame: &LitFrame<'_, S>,
     kernel: &Kernel,
@@ -141,7 +141,7 @@ fn without_background<S: Sample>(
     blurred
 }
 
-/// What is wider across the stripe than the window.
+/// Returns the local background: structures across the stripe at least as wide as the window.
 fn local_background(
     blurred: &[u32],
     width: usize,
@@ -162,7 +162,7 @@ fn local_background(
     }
 }
 
-/// Pixels of 8-connected regions with more than `min_area` pixels, by flood fill.
+/// Marks pixels of 8-connected regions with more than `min_area` pixels, by flood fill.
 fn keep_large_regions(mask: &[bool], width: usize, min_area: u32) -> Vec<bool> {
     let height = mask.len() / width;
     let mut kept = vec![false; mask.len()];
@@ -196,7 +196,8 @@ fn keep_large_regions(mask: &[bool], width: usize, min_area: u32) -> Vec<bool> {
     kept
 }
 
-/// Runs of stripe pixels in a cross-section; `sample` gives the blurred sample at a position, or none off the stripe.
+/// Returns the runs of stripe pixels in a cross-section; `sample` returns the blurred sample at a position, or `None`
+/// off the stripe.
 fn candidates(length: usize, sample: impl Fn(usize) -> Option<u32>) -> Vec<Candidate> {
     let mut found: Vec<Candidate> = Vec::new();
     for position in 0..length {
@@ -213,7 +214,7 @@ fn candidates(length: usize, sample: impl Fn(usize) -> Option<u32>) -> Vec<Candi
     found
 }
 
-/// One cross-section alone: the candidate's samples and what lies around it.
+/// A single cross-section: the candidate's samples and their surroundings.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Section<'a> {
     /// Blurred samples, blurred units, of consecutive positions.
@@ -222,12 +223,12 @@ pub(super) struct Section<'a> {
     pub raw: &'a [u32],
     /// Position of `samples[0]` and `raw[0]`.
     pub origin: u32,
-    /// The run of stripe pixels; it lies within `samples`, whose margin only the border cuts short.
+    /// The run of stripe pixels. It lies within `samples`; only the border cuts its margin short.
     pub candidate: Candidate,
 }
 
 impl Sections {
-    /// Replaces all lanes by these sections, each with its whole samples as window.
+    /// Replaces all lanes by these sections. The window of each is all of its samples.
     ///
     /// # Panics
     /// More than [`LANES`] of them.
@@ -250,7 +251,7 @@ impl Sections {
 }
 
 impl Broad {
-    /// That of a section which holds the candidate and nothing else.
+    /// Returns the levels of a section that holds the candidate and nothing else.
     pub(super) fn of(section: &Section<'_>) -> Self {
         let (mut level, mut moment) = (0_u64, 0_u64);
         for (place, &sample) in (0_u64..).zip(section.samples) {
@@ -263,7 +264,7 @@ impl Broad {
     }
 }
 
-/// The local background of every sample of a line: the definition of the opening in `background`.
+/// Returns the local background of every sample of a line: the definition of the opening in `background`.
 pub(super) fn opened(line: &[u32], window_px: u32) -> Vec<u32> {
     let reach = window_px as usize / 2;
     let windows = |line: &[u32], extreme: fn(u32, u32) -> u32| -> Vec<u32> {

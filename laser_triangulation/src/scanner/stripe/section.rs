@@ -1,4 +1,4 @@
-//! One cross-section of the stripe and the numbers that every estimator shares.
+//! One cross-section of the stripe and the quantities that all estimators share.
 //!
 //! Positions run across the stripe: rows for a horizontal stripe, columns for a vertical one, pixel centres at
 //! integers, counted from the border of the searched region.
@@ -19,22 +19,22 @@ pub(super) struct Candidate {
     pub last: u32,
     /// Largest blurred sample, blurred units.
     pub peak: u32,
-    /// Candidates of this cross-section, this one included; 0: none was found.
+    /// Number of candidates in this cross-section, this one included; 0: none was found.
     pub count: u32,
 }
 
 impl Candidate {
-    /// Samples above the segment threshold.
+    /// Returns the number of samples above the segment threshold.
     pub(super) const fn length(&self) -> u32 {
         self.last - self.first + 1
     }
 
-    /// Whether it is too long for the cross-section of a stripe: no estimator is given it.
+    /// True if it is too long for the cross-section of a stripe; estimators then skip it.
     pub(super) const fn is_broad(&self) -> bool {
         self.length() as usize > MAX_ROWS
     }
 
-    /// Its positions and up to `margin` more to either side, within a cross-section of `length` positions.
+    /// Returns its positions and up to `margin` more on either side, within a cross-section of `length` positions.
     pub(super) fn reach(&self, margin: u32, length: usize) -> Range<usize> {
         let from = self.first.saturating_sub(margin) as usize;
         from..((self.last + margin) as usize + 1).min(length)
@@ -57,20 +57,20 @@ pub(super) struct Levels<'a> {
     pub method: Method,
     /// Window of the improved gravity.
     pub window: GravityWindow,
-    /// A pixel is stripe above this, blurred units.
+    /// Pixels above this level are stripe, blurred units.
     pub segment_threshold: u32,
-    /// A sample counts towards the width above this, sample units.
+    /// Samples above this level count towards the width, sample units.
     pub width_threshold: f32,
     /// Full scale, sample units.
     pub full_scale: u32,
-    /// Amplitudes of fewer standard deviations of a raw pixel's noise are low.
+    /// Amplitudes below this many standard deviations of a raw pixel's noise are low.
     pub min_snr: f64,
     /// Noise of a raw pixel.
     pub noise: Noise<'a>,
 }
 
 impl<'a> Levels<'a> {
-    /// Scales parameters given in grey levels of an 8-bit scale to samples of that full scale.
+    /// Scales parameters from grey levels of an 8-bit scale to samples with the given full scale.
     pub(super) fn new(params: &ExtractionParams, kernel: &'a Kernel, full_scale: u32) -> Self {
         let scale = f64::from(full_scale) / 255.0;
         let units = |grey: f64| (grey * scale * f64::from(UNITS)).round() as u32;
@@ -93,7 +93,7 @@ impl<'a> Levels<'a> {
 }
 
 impl Levels<'_> {
-    /// The same with another segment threshold, blurred units; the width threshold keeps its proportion to it.
+    /// Returns the same levels with another segment threshold, blurred units; the width threshold scales with it.
     #[must_use]
     pub(super) fn with_segment_threshold(self, threshold: u32) -> Self {
         let width_threshold = match self.segment_threshold {
@@ -105,26 +105,26 @@ impl Levels<'_> {
         Self { segment_threshold: threshold, width_threshold, ..self }
     }
 
-    /// Whether a candidate's largest blurred sample is low against the noise of a raw pixel of level `intensity`.
+    /// True if a candidate's largest blurred sample is low against the noise of a raw pixel of level `intensity`.
     pub(super) fn is_low(&self, peak: u32, intensity: f32) -> bool {
         let variance = self.noise.constant + self.noise.per_level * f64::from(intensity);
         grey(peak) < self.min_snr * variance.sqrt()
     }
 
-    /// Positions to either side of a candidate that its section should hold: the window 2D/3 reaches at most so far, and
-    /// half the peak of a faint stripe lies outside the candidate.
+    /// Returns the number of positions that the section should hold on either side of a candidate. This covers the
+    /// longest window, 2D/3, and the half maximum of a faint stripe, which lies outside the candidate.
     pub(super) const fn margin(&self, candidate: &Candidate) -> u32 {
         let faint = candidate.peak / 2 <= self.segment_threshold;
         (if faint { candidate.length() } else { 2 * candidate.length() / 3 }) + 3
     }
 }
 
-/// Grey level of a blurred sample.
+/// Returns the grey level of a blurred sample.
 pub(super) fn grey(sample: u32) -> f64 {
     f64::from(sample) / f64::from(UNITS)
 }
 
-/// Noise of the raw samples, in sample units: variance `constant + per_level * level`; and the blur that it went through.
+/// Noise of the raw samples, in sample units: variance `constant + per_level * level`; and the blur applied to them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Noise<'a> {
     /// Variance of read noise and rounding.
@@ -136,14 +136,14 @@ pub(super) struct Noise<'a> {
 }
 
 impl Noise<'_> {
-    /// Standard deviation of Σ (i - c) G over windows of `length` pixels about c that hold `level` = Σ G each.
+    /// Returns the standard deviation of Σ (i - c) G over windows of `length` pixels about c, each with Σ G = `level`.
     #[inline(always)]
     pub(super) fn ramp_sigmas(&self, length: &Lane, level: &Lane) -> Lane {
         let energy = self.kernel.ramp_energies(length);
         let (constant, per_level) = (self.constant as f32, self.per_level as f32);
         let gain = self.kernel.noise_gain() as f32;
         each(|lane| {
-            // Shot noise as if the mean level were everywhere: the window's ends, which count most, are darker.
+            // Assumes shot noise of the mean level everywhere. The window's ends, which matter most, are darker.
             let variance = constant + per_level * level[lane] / length[lane].max(1.0);
             (variance * gain * energy[lane]).sqrt()
         })

@@ -1,8 +1,8 @@
-//! Step 4 of Yao et al. 2023: connected regions of the blurred image above the threshold, and which of them are large
+//! Step 4 of Yao et al. 2023: finds connected regions of the blurred image above the threshold and keeps those large
 //! enough to be stripe.
 //!
-//! Time and memory grow with the runs, not with the pixels. The densest picture has one run every two pixels of a row
-//! and a region every four pixels: 11 bytes a pixel, which a blur leaves far from reach.
+//! Time and memory grow with the runs, not with the pixels. In the worst case there is a run every two pixels of a row
+//! and a region every four pixels: 11 bytes a pixel, far more than occurs after a blur.
 
 /// Consecutive samples of one row above the threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,15 +23,15 @@ pub(super) struct Regions {
     runs: Vec<Run>,
     /// Union-find forest over labels; a label's parent is never larger than itself.
     parent: Vec<u32>,
-    /// Pixels of a region, at its root.
+    /// Pixels of a region, stored at its root.
     area: Vec<u64>,
-    /// Where the runs of the previous and of the current row begin.
+    /// Index of the first run of the previous and of the current row.
     previous: usize,
     current: usize,
 }
 
 impl Regions {
-    /// Forgets all runs, keeps the memory.
+    /// Removes all runs, keeps the memory.
     pub(super) fn clear(&mut self) {
         self.runs.clear();
         self.parent.clear();
@@ -40,7 +40,7 @@ impl Regions {
         self.current = 0;
     }
 
-    /// Starts the next row. Rows come in order; rows without runs may not be left out.
+    /// Starts the next row. Call it for every row in order, including rows without runs.
     pub(super) fn start_row(&mut self) {
         self.previous = self.current;
         self.current = self.runs.len();
@@ -48,7 +48,7 @@ impl Regions {
 
     /// Adds a run of the current row, to the right of the row's earlier ones.
     pub(super) fn push(&mut self, row: u32, start: u32, end: u32) {
-        // Runs above that end left of this one cannot touch this or any later run of the row.
+        // Runs above that end to the left of this one cannot touch this or any later run of the row.
         while self.previous < self.current && self.runs[self.previous].end < start {
             self.previous += 1;
         }
@@ -70,7 +70,7 @@ impl Regions {
         self.runs.push(Run { row, start, end, label });
     }
 
-    /// The runs of regions whose area is larger than `min_area` pixels, row by row, left to right.
+    /// Returns the runs of regions with more than `min_area` pixels, row by row, left to right.
     pub(super) fn larger_than(&mut self, min_area: u32) -> impl Iterator<Item = Run> + '_ {
         for label in 0..self.parent.len() as u32 {
             let root = self.root(label);

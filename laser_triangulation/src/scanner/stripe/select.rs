@@ -1,7 +1,7 @@
-//! Which of several candidates in one cross-section is the stripe.
+//! Selects the stripe among several candidates in one cross-section.
 //!
-//! What is too faint, too narrow or too wide goes first; then what lies too far from the last frame's stripes; of the
-//! rest one candidate a line is chosen, as often as there may be stripes.
+//! First drops candidates that are too faint, too narrow or too wide, then those too far from the last frame's stripes.
+//! From the rest it selects one candidate per line, once for each allowed stripe.
 
 use super::{
     blur::UNITS,
@@ -12,18 +12,19 @@ use super::{
 };
 use crate::scanner::params::{ExtractionParams, PeakSelection};
 
-/// Candidates of a line that [`PeakSelection::Continuity`] compares, the brightest ones: bounds the time in noise.
+/// Maximum candidates per line that [`PeakSelection::Continuity`] compares, the brightest ones; bounds the time on
+/// noisy images.
 const MAX_IN_LINE: usize = 8;
 
-/// Chooses candidates frame after frame. Remembers the last frame's stripes when it tracks them.
+/// Selects candidates frame after frame. Stores the last frame's stripes if tracking is enabled.
 #[derive(Clone, Debug)]
 pub(super) struct Selector {
     params: ExtractionParams,
-    /// What may be stripe, and what of that is not chosen yet.
+    /// Candidates within the limits, and those of them not selected yet.
     possible: Vec<Possible>,
     left: Vec<Possible>,
     taken: Vec<Possible>,
-    /// Where each stripe begins in `taken`.
+    /// Index in `taken` at which each stripe begins.
     starts: Vec<usize>,
     finder: LineFinder,
     nodes: Vec<Node>,
@@ -40,7 +41,7 @@ struct Possible {
 }
 
 impl Selector {
-    /// A selector with these settings.
+    /// Creates a selector with these settings.
     pub(super) fn new(params: ExtractionParams) -> Self {
         Self {
             params,
@@ -55,14 +56,14 @@ impl Selector {
         }
     }
 
-    /// Forgets the last frame: the next one is searched everywhere.
+    /// Discards the last frame's stripes: the next frame is searched everywhere.
     pub(super) const fn reset(&mut self) {
         self.tracker.clear();
     }
 
-    /// Replaces `chosen` by the candidates that are stripe, stripe after stripe, each in order of its lines. `found` are
-    /// all candidates, in order of their lines, those of a line in order of their position; `sample` gives a candidate's
-    /// samples in a line and at a position.
+    /// Replaces `chosen` by the candidates that are stripe, stripe after stripe, each in order of its lines. `found`
+    /// holds all candidates, sorted by line and position; `sample` returns a candidate's sample in a line and at a
+    /// position.
     pub(super) fn select(
         &mut self,
         found: &[LineCandidate],
@@ -72,7 +73,7 @@ impl Selector {
     ) {
         chosen.clear();
         if self.is_plain() {
-            // Most frames have one candidate a line, and nothing to choose.
+            // Most frames have one candidate per line, and nothing to select.
             if found.windows(2).all(|pair| pair[0].line != pair[1].line) {
                 chosen.extend_from_slice(found);
                 return;
@@ -96,7 +97,7 @@ impl Selector {
             self.left.extend(self.possible.iter().filter(is_near));
             self.choose(levels.segment_threshold);
         }
-        // Lost, or never had.
+        // No track, or the track was lost.
         if margin == 0 || last_frame == 0 || 2 * self.taken.len() < last_frame {
             self.left.clone_from(&self.possible);
             self.choose(levels.segment_threshold);
@@ -110,7 +111,7 @@ impl Selector {
         }));
     }
 
-    /// Whether the brightest, first, last or widest of all that was found is wanted, and nothing else.
+    /// True if only the brightest, first, last or widest candidate is wanted, without further limits.
     fn is_plain(&self) -> bool {
         let params = &self.params;
         params.peak_selection != PeakSelection::Continuity
@@ -121,7 +122,7 @@ impl Selector {
             && params.tracking_margin_px.is_none()
     }
 
-    /// Makes `possible` of what was found.
+    /// Fills `possible` with the candidates within the limits.
     fn limit(
         &mut self,
         found: &[LineCandidate],
@@ -164,7 +165,7 @@ impl Selector {
         }
     }
 
-    /// Takes stripe after stripe from what is `left`.
+    /// Selects one stripe after another from `left`.
     fn choose(&mut self, threshold: u32) {
         self.taken.clear();
         self.starts.clear();
@@ -183,7 +184,7 @@ impl Selector {
         }
     }
 
-    /// Makes `picked` of the next stripe, and says whether it could be one beside a stronger one.
+    /// Fills `picked` with the next stripe; returns true if it could be a stripe beside a stronger one.
     fn pick(&mut self, threshold: u32) -> bool {
         let Self { params, left, nodes, finder, picked, .. } = self;
         if params.peak_selection == PeakSelection::Continuity {
@@ -205,7 +206,7 @@ impl Selector {
         true
     }
 
-    /// Keeps the stripes taken for the next frame.
+    /// Stores the selected stripes for the next frame.
     fn remember(&mut self) {
         self.tracker.clear();
         for (at, Possible { line, maximum }) in self.taken.iter().enumerate() {
@@ -217,7 +218,7 @@ impl Selector {
     }
 }
 
-/// Index of the best candidate of a line; of equal ones the first.
+/// Returns the index of the best candidate of a line; of equal ones the first.
 fn best_of<T>(selection: PeakSelection, line: &[T], of: fn(&T) -> &Candidate) -> Option<usize> {
     let is_better = |candidate: &Candidate, best: &Candidate| match selection {
         PeakSelection::Brightest | PeakSelection::Continuity => candidate.peak > best.peak,

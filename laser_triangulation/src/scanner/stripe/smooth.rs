@@ -1,35 +1,36 @@
-//! Smoothing along the stripe: less noise for less lateral resolution, steps kept.
+//! Smoothing along the stripe: trades lateral resolution for less noise and preserves steps.
 //!
-//! Each point becomes the value, at its own place, of a straight line through its neighbours in the same connected
-//! stripe, weighted by 1/σ²: least squares, unbiased on any slope. The line through both sides is taken when its
-//! residuals fit the points' uncertainties (χ² below its 99.9 % quantile); else the better of the lines through one side,
-//! when that one fits; else the point stays as it was measured. So a step of many σ stays where it is, and what is
-//! narrower than one side, such as a groove, is left alone.
+//! Each point moves to the value, at its own position, of a straight line through its neighbours in the same connected
+//! stripe. The fit is least squares weighted by 1/σ², unbiased on any slope. The line through both sides is used if its
+//! residuals fit the points' uncertainties (χ² below its 99.9 % quantile). Otherwise the better of the lines through
+//! one side is used if it fits, else the point stays as measured. So steps of many σ, and features narrower than one
+//! side, such as a groove, are preserved.
 //!
-//! A line through n points lowers white noise to 1/√n; at the ends of a stripe and beside steps, where it has one side
-//! only, to about 2/√((n + 1)/2). On a curved surface of y'' px⁻¹ the line through both sides is off by
-//! y''·h·(h + 1)/6, h = (n − 1)/2, at most: what exceeds the noise fails the test and is not smoothed.
+//! A line through n points reduces white noise to 1/√n; at the ends of a stripe and beside steps, where only one side
+//! is available, to about 2/√((n + 1)/2). On a surface with curvature y'' px⁻¹ the line through both sides has an error
+//! of at most y''·h·(h + 1)/6, h = (n − 1)/2. Where that error exceeds the noise, the test fails and the point is not
+//! smoothed.
 
 use super::{Centerline, correlation::Correlation};
 use crate::scanner::params::{ExtractionParams, StripeDirection};
 use crate::statistics::{NORMAL_MEDIAN_MAGNITUDE, median};
 use std::ops::Range;
 
-/// Fewer differences say nothing about the scatter.
+/// Minimum number of differences for an estimate of the scatter.
 const MIN_DIFFERENCES: usize = 16;
 
-/// Smooths centreline after centreline without allocating once the longest has been seen.
+/// Smooths one centreline after another. Allocates nothing after the longest one.
 #[derive(Debug)]
 pub(super) struct Smoother {
     direction: StripeDirection,
-    /// Points to either side.
+    /// Points on either side.
     half: i32,
     correlation: Correlation,
-    /// Largest χ² of a line through so many points.
+    /// Largest χ² of a line, indexed by its number of points.
     limits: Vec<f64>,
     points: Vec<Point>,
     differences: Vec<f64>,
-    /// Share of each place of a window in the value, times that point's σ.
+    /// Weight of each point of a window in the value, times that point's σ.
     shares: Vec<f64>,
 }
 
@@ -39,7 +40,7 @@ struct Point {
     line: i32,
     across_px: f64,
     sigma_px: f64,
-    /// 1/σ²; 0 for points whose uncertainty nobody knows: they have no part in the smoothing.
+    /// 1/σ²; 0 for points of unknown uncertainty, which the fit ignores.
     weight: f64,
 }
 
@@ -58,7 +59,7 @@ impl Point {
     }
 }
 
-/// Value of a fitted line at the point that is smoothed.
+/// Value of a fitted line at the point being smoothed.
 #[derive(Clone, Copy, Debug)]
 struct Fit {
     /// Distance from the measured point, pixels.
@@ -67,7 +68,7 @@ struct Fit {
     misfit: f64,
 }
 
-/// Sums of a weighted fit about the point that is smoothed.
+/// Sums of a weighted fit about the point being smoothed.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     weight: f64,
@@ -79,14 +80,14 @@ struct Sums {
 }
 
 impl Sums {
-    /// 0 when the points do not make a line.
+    /// Returns the determinant; 0 if the points do not define a line.
     fn determinant(&self) -> f64 {
         self.weight * self.xx - self.x * self.x
     }
 }
 
 impl Smoother {
-    /// A smoother over `smoothing_columns` points; 1 changes nothing.
+    /// Creates a smoother over `smoothing_columns` points; 1 changes nothing.
     pub(super) fn new(params: &ExtractionParams, direction: StripeDirection) -> Self {
         let half = params.smoothing_columns.saturating_sub(1) / 2;
         let correlation = Correlation::along_the_stripe(params);
@@ -102,10 +103,10 @@ impl Smoother {
         }
     }
 
-    /// Smooths positions and lowers their σ accordingly; everything else stays.
+    /// Smooths positions and reduces their σ accordingly; everything else is unchanged.
     ///
-    /// Where the points scatter more than their σ says (speckle, a rough surface, noise that was stated too low), all
-    /// σ are raised to the scatter first.
+    /// Where the points scatter more than their σ (speckle, a rough surface, noise stated too low), all σ are first
+    /// increased to match the scatter.
     pub(super) fn smooth(&mut self, centerline: &mut Centerline) {
         if self.half == 0 || centerline.is_empty() {
             return;
@@ -135,9 +136,8 @@ impl Smoother {
         }));
     }
 
-    /// How many times more the points of all stripes scatter than their σ says, at least 1: by the median of third
-    /// differences, which an even curvature does not change, over distances at which errors do not depend on one
-    /// another.
+    /// Returns the ratio of the scatter of all stripes' points to their σ, at least 1. Uses the median of third
+    /// differences, which constant curvature does not affect, over distances at which errors are independent.
     fn scatter(&mut self, stripe_start: &[u32]) -> f64 {
         let Self { points, differences, correlation, .. } = self;
         let apart = correlation.independent_distance();
@@ -163,7 +163,7 @@ impl Smoother {
             return 1.0;
         }
         let scatter = median(differences).unwrap_or(f64::NAN) / NORMAL_MEDIAN_MAGNITUDE;
-        // What chance alone makes of so few differences is no scatter.
+        // Ignore an excess that chance alone produces with so few differences.
         if scatter > 1.0 + 4.0 / (num as f64).sqrt() { scatter } else { 1.0 }
     }
 
@@ -190,7 +190,8 @@ impl Smoother {
         }
     }
 
-    /// Offset of the smoothed point from the measured one, and its σ, pixels; `window` is what lies on both sides.
+    /// Returns the offset of the smoothed point from the measured one, and its σ, pixels; `window` holds the points on
+    /// both sides.
     fn smoothed(&mut self, at: usize, window: Range<usize>) -> (f64, f64) {
         let sides = [window.start..at + 1, at..window.end];
         let both = self.fit(at, window.clone()).filter(|fit| fit.misfit <= 1.0);
@@ -205,7 +206,7 @@ impl Smoother {
         }
     }
 
-    /// The line through the points of `window`; `None` when there are too few to contradict it.
+    /// Fits a line through the points of `window`; `None` if there are too few to test the fit.
     fn fit(&self, at: usize, window: Range<usize>) -> Option<Fit> {
         let sums = self.sums(at, window.clone());
         let determinant = sums.determinant();
@@ -240,7 +241,7 @@ impl Smoother {
         })
     }
 
-    /// σ of the fitted value: its shares of every point's error, which a blur has made correlated.
+    /// Returns σ of the fitted value from the weighted errors of all points, which a blur correlates.
     fn sigma_px(&mut self, at: usize, window: Range<usize>) -> f64 {
         let sums = self.sums(at, window.clone());
         let determinant = sums.determinant();
@@ -256,7 +257,7 @@ impl Smoother {
     }
 }
 
-/// Points of a stripe.
+/// Returns the range of points of a stripe.
 fn range_of(stripe_start: &[u32], stripe: usize, num_points: usize) -> Range<usize> {
     let end = stripe_start.get(stripe + 1).map_or(num_points, |&next| next as usize);
     stripe_start[stripe] as usize..end

@@ -1,15 +1,16 @@
-//! One run of bright samples, several maxima: a stripe that touches its halo, a reflection or another surface.
+//! Splits one run of bright samples into several maxima: a stripe that touches its halo, a reflection or another
+//! surface.
 
 use super::section::Candidate;
 
-/// Two maxima are two candidates when the samples between them fall to the smaller one's half or less: two Gaussians
-/// 2.5 standard deviations apart are one, 3.4 apart are two.
+/// Two maxima are separate candidates if the samples between them fall to half the smaller one or less. Two Gaussians
+/// 2.5 standard deviations apart are one candidate, 3.4 apart are two.
 const VALLEY: u32 = 2;
-/// Samples below a quarter of the maximum are not the stripe's but a halo's that it stands on. A Gaussian is cut at 1.7
-/// standard deviations.
+/// Samples below a quarter of the maximum belong to a halo under the stripe, not to the stripe. This cuts a Gaussian at
+/// 1.7 standard deviations.
 const SKIRT: u32 = 4;
 
-/// A candidate and twice the position of the middle of its largest samples, which is a whole number.
+/// A candidate, and the middle of its largest samples in half pixels, which is an integer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Maximum {
     /// The samples about the maximum.
@@ -18,10 +19,10 @@ pub(super) struct Maximum {
     pub middle: u32,
 }
 
-/// Calls `put` with every maximum of a run, in order; `sample` gives the samples at the run's positions.
+/// Calls `put` with every maximum of a run, in order; `sample` returns the sample at a position of the run.
 pub(super) fn split(run: &Candidate, sample: impl Fn(u32) -> u32, mut put: impl FnMut(Maximum)) {
     let mut first = run.first;
-    // The largest sample since `first`, and the smallest since that one; with their positions.
+    // The largest sample since `first`, and the smallest since that one, with their positions.
     let mut peak = (0, first);
     let mut valley = (u32::MAX, first);
     for at in run.first..=run.last {
@@ -41,7 +42,7 @@ pub(super) fn split(run: &Candidate, sample: impl Fn(u32) -> u32, mut put: impl 
     put(about(peak, (first, run.last), &sample));
 }
 
-/// The maximum whose largest sample and its first position are given, within `from..=to`.
+/// Returns the maximum with the given largest sample and its first position, within `from..=to`.
 fn about((peak, at): (u32, u32), (from, to): (u32, u32), sample: &impl Fn(u32) -> u32) -> Maximum {
     let is_above = |&at: &u32| sample(at) >= peak.div_ceil(SKIRT);
     let first = (from..at).rev().take_while(is_above).last().unwrap_or(at);
@@ -54,7 +55,7 @@ fn about((peak, at): (u32, u32), (from, to): (u32, u32), sample: &impl Fn(u32) -
 mod tests {
     use super::*;
 
-    /// First and last position, peak and middle of every maximum.
+    /// Returns first and last position, peak and middle of every maximum.
     fn maxima(levels: &[u32]) -> Vec<(u32, u32, u32, f64)> {
         let run = Candidate { first: 5, last: 4 + levels.len() as u32, ..Candidate::default() };
         let mut found = Vec::new();

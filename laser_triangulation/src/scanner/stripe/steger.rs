@@ -1,15 +1,16 @@
 //! Ridge of the image (Steger 1998, "An Unbiased Detector of Curvilinear Structures", doi 10.1109/34.659930).
 //!
-//! The image is smoothed by a Gaussian and differentiated twice. Across the stripe the second derivative is most
-//! negative: that direction n is the eigenvector of the Hessian with the eigenvalue of largest magnitude (his section 3.2).
-//! Along it the derivative vanishes `t = -(r_x n_x + r_y n_y) / (r_xx n_x² + 2 r_xy n_x n_y + r_yy n_y²)` away
-//! (his eq. 19). The ridge runs at right angles to n, so it crosses the column `t / n_y` from the pixel's centre; that
-//! is reported, not the point `t n`, which lies in another column.
+//! The image is smoothed by a Gaussian and differentiated twice. The second derivative is most negative across the
+//! stripe: that direction n is the eigenvector of the Hessian with the eigenvalue of largest magnitude (his section
+//! 3.2). Along n the first derivative vanishes at the distance
+//! `t = -(r_x n_x + r_y n_y) / (r_xx n_x² + 2 r_xy n_x n_y + r_yy n_y²)` (his eq. 19). The ridge is perpendicular to n, so it crosses the column `t / n_y` from the pixel's
+//! centre. That position is reported, not the point `t n`, which lies in another column.
 //!
-//! The masks are the Gaussian and its derivatives integrated over pixels, as his eq. 10 to 12 have them. A stripe of
-//! even flanks is found without bias, whatever its width; his section 4 corrects lines whose two sides differ in brightness, by
-//! a model of sharp edges that a laser stripe does not have, and is left out here. Where the stripe bends within the
-//! Gaussian, or ends, the ridge is pulled: this is the one method that averages neighbouring columns, about 3.5 σ of them.
+//! The masks are the Gaussian and its derivatives integrated over pixels, as in his eq. 10 to 12. A stripe with
+//! symmetric flanks is found without bias, whatever its width. His section 4 corrects lines whose two sides differ in
+//! brightness with a model of sharp edges; a laser stripe has none, so the correction is omitted. Where the stripe
+//! bends or ends within the Gaussian, the ridge is biased: this is the only method that averages neighbouring columns,
+//! about 3.5 σ of them.
 
 use super::{
     blur::Sample,
@@ -18,16 +19,16 @@ use super::{
     section::{LineCandidate, Noise},
 };
 
-/// Masks end at so many standard deviations.
+/// Half length of the masks, in standard deviations.
 const REACH_SIGMAS: f64 = 3.5;
-/// Pixels tried beside the first one, to either side.
+/// Pixels tried on either side of the first one.
 const STEPS: usize = 3;
-/// A zero that lies a little beyond its pixel is taken: between two pixels both may find it beyond.
+/// Tolerance for a zero slightly outside its pixel: at a pixel boundary, both pixels may find it outside.
 const PIXEL_PX: f32 = 0.6;
 /// Samples this close to full scale are clipped and carry no noise.
 const CLIPPED_SHARE: f32 = 0.995;
 
-/// The masks of one standard deviation, index 0 at the centre, the other half follows from symmetry.
+/// The masks of one standard deviation. Index 0 is the centre; the other half follows from symmetry.
 #[derive(Clone, Debug)]
 pub(super) struct Masks {
     /// The Gaussian, its first and its second derivative.
@@ -37,7 +38,7 @@ pub(super) struct Masks {
 }
 
 impl Masks {
-    /// Masks of that standard deviation.
+    /// Creates masks of that standard deviation.
     pub(super) fn new(sigma_px: f64) -> Self {
         let reach = (REACH_SIGMAS * sigma_px).ceil() as usize;
         let density = |x: f64| {
@@ -48,7 +49,7 @@ impl Masks {
         let half: Vec<[f32; 3]> = (0..=reach)
             .map(|k| {
                 let (from, to) = (k as f64 - 0.5, k as f64 + 0.5);
-                // Correlation, not convolution: the odd mask changes its sign.
+                // Correlation, not convolution: the odd mask changes sign.
                 let masks =
                     [below(to) - below(from), density(from) - density(to), slope(to) - slope(from)];
                 masks.map(|mask| mask as f32)
@@ -66,11 +67,11 @@ impl Masks {
     }
 }
 
-/// Finds ridges; keeps its buffer from frame to frame.
+/// Finds ridges; keeps its buffer between frames.
 #[derive(Debug)]
 pub(super) struct Ridge {
     masks: Masks,
-    /// What the three masks along the stripe make of every position about the start.
+    /// Results of the three masks along the stripe for every position about the start.
     along: Vec<[f32; 3]>,
 }
 
@@ -85,7 +86,7 @@ struct Derivatives {
 
 /// A ridge about a pixel.
 struct Crossing {
-    /// Where it crosses the column, from the pixel's centre.
+    /// Position at which it crosses the column, from the pixel's centre.
     offset_px: f32,
     /// Direction across it.
     normal: (f32, f32),
@@ -94,12 +95,12 @@ struct Crossing {
 }
 
 impl Ridge {
-    /// For a Gaussian of that standard deviation.
+    /// Creates a finder for a Gaussian of that standard deviation.
     pub(super) fn new(sigma_px: f64) -> Self {
         Self { masks: Masks::new(sigma_px), along: Vec::new() }
     }
 
-    /// Moves every centre to the ridge near it. Where there is none, the centre stays what it was.
+    /// Moves every centre to the ridge near it. Without a ridge the centre is unchanged.
     pub(super) fn refine<S: Sample>(
         &mut self,
         picture: &Picture<'_, S>,
@@ -142,7 +143,7 @@ impl Ridge {
         }
     }
 
-    /// From the middle to the neighbour in whose direction the zero lies, until it lies in the pixel.
+    /// Steps from the middle towards the zero until it lies in the pixel.
     fn search(&self) -> Option<(usize, Crossing)> {
         let radius = self.masks.radius();
         let mut at = radius + STEPS;
@@ -180,7 +181,8 @@ impl Ridge {
         d
     }
 
-    /// The noise of the derivative across the stripe, divided by how fast that falls. Noise of the curvature moves a zero near
+    /// Returns the noise of the derivative across the stripe divided by the slope of that derivative. Noise of the
+    /// curvature hardly moves a zero near the pixel's centre.
     /// the pixel's centre little.
     fn sigma_px(&self, at: usize, crossing: &Crossing, noise: &Noise<'_>, full_scale: f32) -> f32 {
         let (nx, ny) = crossing.normal;
@@ -196,13 +198,13 @@ impl Ridge {
         };
         let sides = (1..=self.masks.radius()).map(|k| of(k, at - k) + of(k, at + k));
         let variance = of(0, at) + sides.sum::<f32>();
-        // A stripe that is clipped wherever the mask reaches: anywhere in the pixel.
+        // A stripe that is clipped throughout the mask: anywhere in the pixel.
         variance.sqrt().max(1e-4) / (crossing.curvature * ny).abs()
     }
 }
 
 impl Derivatives {
-    /// The ridge, if the image is darker to both sides; by Jacobi's rotation.
+    /// Returns the ridge, if the image is darker on both sides; by Jacobi's rotation.
     fn crossing(&self) -> Option<Crossing> {
         let Self { x, y, xx, xy, yy } = *self;
         let (normal, curvature) = if xy == 0.0 {
@@ -222,7 +224,7 @@ impl Derivatives {
         };
         let (nx, ny) = normal;
         let offset_px = -(x * nx + y * ny) / curvature / ny;
-        // Steeper than 80 degrees against the column, no zero is its.
+        // Steeper than 80 degrees against the column: the zero does not belong to this column.
         (curvature < 0.0 && ny.abs() > 0.17 && offset_px.is_finite()).then_some(Crossing {
             offset_px,
             normal,

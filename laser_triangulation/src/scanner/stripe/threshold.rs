@@ -1,24 +1,25 @@
-//! The adaptive segment threshold: so many standard deviations of the searched image's noise above its median.
+//! The adaptive segment threshold: a number of standard deviations of the searched image's noise above its median.
 //!
-//! The standard deviation is 1.4826 times the median absolute deviation from the median (Rousseeuw and Croux 1993,
-//! doi 10.1080/01621459.1993.10476408), which a stripe or a few bright objects do not move. Both medians are those of a
-//! grid of samples, so that the cost is bounded.
+//! The standard deviation is 1.4826 times the median absolute deviation (Rousseeuw and Croux 1993, doi
+//! 10.1080/01621459.1993.10476408), which is robust against a stripe or a few bright objects. Both medians are taken
+//! over a grid of samples, which bounds the cost.
 
 use super::blur::UNITS;
 use crate::statistics::{MAD_TO_SIGMA, median};
 
-/// Samples of the grid in a row and in a column, at most.
+/// Maximum samples of the grid per row and per column.
 const GRID: usize = 128;
 
-/// Finds thresholds frame after frame. The buffer is kept.
+/// Finds thresholds frame after frame. Keeps its buffer.
 #[derive(Debug, Default)]
 pub(super) struct NoiseThreshold {
     samples: Vec<u32>,
 }
 
 impl NoiseThreshold {
-    /// The threshold of an image of `width` x `height` samples, blurred units; `sample` gives the one in a column and row.
-    /// It lies `sigmas` standard deviations above the median, which are at least `floor`, blurred units.
+    /// Returns the threshold of an image of `width` x `height` samples, blurred units; `sample` returns the one in a
+    /// column and row. It lies `sigmas` standard deviations above the median; the standard deviation is at least
+    /// `floor`, blurred units.
     pub(super) fn find(
         &mut self,
         (width, height): (usize, usize),
@@ -39,7 +40,7 @@ impl NoiseThreshold {
     }
 }
 
-/// Standard deviation of rounding to whole grey levels, blurred units.
+/// Returns the standard deviation of rounding to whole grey levels, blurred units.
 pub(super) fn rounding_noise() -> f64 {
     f64::from(UNITS) / 12.0_f64.sqrt()
 }

@@ -1,4 +1,4 @@
-//! The blur of one tile, in vectors: columns first, then along the rows. Equal to [`blurred_at`](super::blur::blurred_at)
+//! The vectorized blur of one tile: columns first, then along the rows. Equals [`blurred_at`](super::blur::blurred_at)
 //! bit for bit.
 
 use super::blur::{Kernel, Number, Sample};
@@ -11,14 +11,14 @@ pub(super) const COLUMNS: usize = 64;
 pub(super) const ROWS: usize = 8;
 /// Largest radius of a blur.
 pub(super) const MAX_RADIUS: usize = 15;
-/// Columns to either side of a tile that are held with it: whole strips make a row.
+/// Columns held on either side of a tile, so that a row consists of whole strips.
 pub(super) const MARGIN: usize = 16;
 /// A row of a tile and its margins.
 pub(super) const PADDED: usize = COLUMNS + 2 * MARGIN;
-/// Samples that are worked on side by side.
+/// Samples processed side by side.
 const STRIP: usize = 32;
 
-/// A tile and what the kernel reaches around it; scratch space that is kept between tiles.
+/// A tile and its surroundings under the kernel; scratch space kept between tiles.
 #[derive(Debug)]
 pub(super) struct TileBlur<S: Sample> {
     copied: Box<[[S; PADDED]; ROWS + 2 * MAX_RADIUS]>,
@@ -72,7 +72,7 @@ impl<S: Sample> TileBlur<S> {
         let (width, height) = (COLUMNS.min(plane.width - x), ROWS.min(plane.height - y));
         let Self { copied, high, low } = self;
         let rows = Rows::of(plane, (x, y), r, copied);
-        // All rows before the second pass: what was just stored cannot be read again at other places at once.
+        // Finish all rows before the second pass: reading recently stored data at other offsets stalls.
         for k in 0..ROWS {
             let near = &rows.0[k..=k + 2 * r];
             for strip in (0..PADDED).step_by(STRIP) {
@@ -98,7 +98,7 @@ impl<S: Sample> TileBlur<S> {
 struct Rows<'a, S>([&'a [S; PADDED]; ROWS + 2 * MAX_RADIUS]);
 
 impl<'a, S: Sample> Rows<'a, S> {
-    /// Those of the plane itself; for a tile at the border copies, in which the nearest sample is repeated beyond it.
+    /// Borrows the plane's rows. For a tile at the border it copies them and repeats the nearest sample beyond it.
     #[inline(always)]
     fn of(
         plane: &Plane<'a, S>,
@@ -136,8 +136,8 @@ fn strip_of<T>(row: &[T; PADDED], from: usize) -> &[T; STRIP] {
     row[from..].first_chunk().expect("a strip lies within the padded row")
 }
 
-/// The first pass for a strip of columns: Σ weight · sample over rows. Two at the same distance from the centre share a
-/// weight.
+/// First pass for a strip of columns: Σ weight · sample over rows. Two rows at the same distance from the centre share
+/// a weight.
 #[inline(always)]
 fn down<const R: usize, S: Sample>(
     weights: &[u16],

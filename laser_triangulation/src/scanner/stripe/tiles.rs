@@ -1,8 +1,8 @@
-//! The blurred image, computed only where it can matter.
+//! The blurred image, computed only where it can exceed the threshold.
 //!
-//! A blurred sample exceeds a threshold only if some sample under the kernel does: the weights sum to one. So the
-//! maximum of a tile of raw samples decides *exactly* whether blurring near it can be left out. Finding those maxima is
-//! one read of the image; everything after it grows with the stripe, not with the frame.
+//! A blurred sample exceeds a threshold only if some sample under the kernel does, because the weights sum to one. The
+//! maximum of a tile of raw samples therefore decides *exactly* whether blurring near it can be skipped. Finding those
+//! maxima reads the image once; everything after it grows with the stripe, not with the frame.
 
 use super::{
     blur::{Kernel, Sample, UNITS},
@@ -13,18 +13,18 @@ use crate::scanner::channel::Plane;
 use fearless_simd::Simd;
 use std::ops::Range;
 
-/// Blurred samples of the tiles near bright pixels. Buffers are kept from frame to frame.
+/// Blurred samples of the tiles near bright pixels. Keeps its buffers between frames.
 #[derive(Debug)]
 pub(super) struct BlurredTiles<S: Sample> {
     width: usize,
     height: usize,
-    /// Tiles in a row of tiles.
+    /// Tiles per row of tiles.
     across: usize,
-    /// Whether a tile holds a raw sample above the threshold.
+    /// True for each tile that holds a raw sample above the threshold.
     hot: Vec<bool>,
-    /// Whether a tile has been blurred.
+    /// True for each tile that has been blurred.
     blurred: Vec<bool>,
-    /// Blurred samples, row by row; only those in blurred tiles are of this frame.
+    /// Blurred samples, row by row; only those in blurred tiles belong to this frame.
     samples: Vec<S::Sum>,
     tile: TileBlur<S>,
     /// Largest samples of one row of tiles, column by column.
@@ -47,8 +47,8 @@ impl<S: Sample> Default for BlurredTiles<S> {
 }
 
 impl<S: Sample> BlurredTiles<S> {
-    /// Blurs every tile of `plane` in which a blurred sample above `threshold` (blurred units) can lie; every tile without
-    /// a threshold.
+    /// Blurs every tile of `plane` that can contain a blurred sample above `threshold` (blurred units); without a
+    /// threshold, every tile.
     #[inline(always)]
     pub(super) fn compute<V: Simd>(
         &mut self,
@@ -77,7 +77,7 @@ impl<S: Sample> BlurredTiles<S> {
         }
     }
 
-    /// Puts the runs of blurred samples above `threshold` into `regions`.
+    /// Adds the runs of blurred samples above `threshold` to `regions`.
     #[inline(always)]
     pub(super) fn segment<V: Simd>(&self, vectors: V, threshold: u32, regions: &mut Regions) {
         regions.clear();
@@ -102,7 +102,7 @@ impl<S: Sample> BlurredTiles<S> {
         regions: &mut Regions,
     ) {
         let row = self.row(y);
-        // Where a run began that has not ended.
+        // Start of the open run.
         let mut start = None;
         for (tile, _) in tiles.iter().enumerate().filter(|&(_, &is_blurred)| is_blurred) {
             let x = tile * COLUMNS;
@@ -113,7 +113,7 @@ impl<S: Sample> BlurredTiles<S> {
                 sums[..row.len() - x].copy_from_slice(&row[x..]);
                 S::above(vectors, &sums, threshold)
             };
-            // Bits that differ from the one before them: where runs begin and end.
+            // Bits that differ from their predecessor: where runs begin and end.
             let mut changes = mask ^ (mask << 1 | u64::from(start.is_some()));
             while changes != 0 {
                 let at = (x + changes.trailing_zeros() as usize) as u32;
@@ -126,7 +126,7 @@ impl<S: Sample> BlurredTiles<S> {
                 };
                 changes &= changes - 1;
             }
-            // Beyond a blurred tile that is followed by none, and beyond the row, nothing is above the threshold.
+            // After a blurred tile without a blurred successor, and at the end of the row, a run ends.
             if let Some(begun) = start
                 && tiles.get(tile + 1) != Some(&true)
             {
@@ -136,12 +136,12 @@ impl<S: Sample> BlurredTiles<S> {
         }
     }
 
-    /// The blurred sample at a pixel of a tile that was blurred.
+    /// Returns the blurred sample at a pixel of a blurred tile.
     pub(super) fn known(&self, x: usize, y: usize) -> u32 {
         self.samples[y * self.width + x].into()
     }
 
-    /// Blurs the tiles that hold these pixels, if they have not been blurred.
+    /// Blurs the tiles that hold these pixels, unless they are already blurred.
     #[inline(always)]
     pub(super) fn ensure<V: Simd>(
         &mut self,
@@ -170,23 +170,23 @@ impl<S: Sample> BlurredTiles<S> {
         self.tile.blur(vectors, (plane, kernel), origin, &mut self.samples);
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     pub(super) const fn width(&self) -> usize {
         self.width
     }
 
-    /// All samples, row by row, to be changed; only those in blurred tiles are of this frame.
+    /// Returns all samples for modification, row by row; only those in blurred tiles belong to this frame.
     pub(super) fn samples_mut(&mut self) -> &mut [S::Sum] {
         &mut self.samples
     }
 
-    /// Blurred samples of row `y`; only those in blurred tiles are of this frame.
+    /// Returns the blurred samples of row `y`; only those in blurred tiles belong to this frame.
     #[inline(always)]
     pub(super) fn row(&self, y: usize) -> &[S::Sum] {
         &self.samples[y * self.width..][..self.width]
     }
 
-    /// All rows from `y` on.
+    /// Returns all rows from `y` on.
     #[inline(always)]
     pub(super) fn rows_from(&self, y: usize) -> &[S::Sum] {
         &self.samples[y * self.width..]
@@ -205,21 +205,21 @@ impl<S: Sample> BlurredTiles<S> {
         self.samples.resize(width * height, S::Sum::default());
     }
 
-    /// The one read of the whole image.
+    /// Reads the whole image, once.
     #[inline(always)]
     fn find_hot<V: Simd>(&mut self, vectors: V, plane: &Plane<'_, S>, threshold: u32) {
         let limit = threshold / UNITS;
         let Self { hot, maxima, across, .. } = self;
         for (tile_row, hot) in hot.chunks_exact_mut(*across).enumerate() {
             let rows = tile_row * ROWS..((tile_row + 1) * ROWS).min(plane.height);
-            // Most rows are dark: nothing looks at them faster than a plain maximum.
+            // Most rows are dark; a plain maximum is the fastest test.
             let is_dark = |y| Into::<u32>::into(maximum(plane.row(y))) <= limit;
             if rows.clone().all(is_dark) {
                 hot.fill(false);
                 continue;
             }
             maxima.fill([S::default(); COLUMNS]);
-            // Row by row: memory is read fastest in its own order.
+            // Row by row, because sequential memory access is fastest.
             for y in rows {
                 let row = plane.row(y);
                 let (tiles, rest) = row.as_chunks();
@@ -259,14 +259,14 @@ impl<S: Sample> BlurredTiles<S> {
     }
 }
 
-/// Largest sample of a row.
+/// Returns the largest sample of a row.
 #[inline(always)]
 fn maximum<S: Sample>(row: &[S]) -> S {
     row.iter().fold(S::default(), |maximum, &sample| maximum.max(sample))
 }
 
-/// The last tile of a row that is no whole one: with it goes what lies before it in the row, which its neighbour counts
-/// too. A tile that is hot without need costs time and changes nothing.
+/// Returns the maximum of a row's last, incomplete tile. It includes samples before it, which its neighbour counts too.
+/// An unnecessarily hot tile costs time but changes nothing.
 #[inline(always)]
 fn raise_last<S: Sample, V: Simd>(vectors: V, maxima: &mut [S; COLUMNS], row: &[S]) {
     if let Some(tile) = row.last_chunk() {

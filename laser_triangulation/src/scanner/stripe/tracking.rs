@@ -1,4 +1,4 @@
-//! Where the last frame's stripes were, and what lies near enough to them to be one again.
+//! Tracking: stores the last frame's stripes and accepts candidates near them.
 
 /// Positions of one stripe along its lines, half pixels.
 #[derive(Clone, Debug, Default)]
@@ -10,20 +10,20 @@ struct Track {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tracker {
     tracks: Vec<Track>,
-    /// Tracks in use; the others are kept for their memory.
+    /// Number of tracks in use; the others are kept for their memory.
     count: usize,
     /// Points in all tracks.
     num_points: usize,
 }
 
 impl Tracker {
-    /// Forgets the last frame.
+    /// Discards the last frame's stripes.
     pub(super) const fn clear(&mut self) {
         self.count = 0;
         self.num_points = 0;
     }
 
-    /// Points of the last frame's stripes.
+    /// Returns the number of points of the last frame's stripes.
     pub(super) const fn num_points(&self) -> usize {
         self.num_points
     }
@@ -37,7 +37,7 @@ impl Tracker {
         self.count += 1;
     }
 
-    /// Adds a point to the stripe started last: a line behind that of the one before, and a position in half pixels.
+    /// Adds a point to the stripe started last: a line after the previous point's, and a position in half pixels.
     pub(super) fn push(&mut self, line: u32, middle: u32) {
         if let Some(track) = self.tracks[..self.count].last_mut() {
             track.points.push((line, middle));
@@ -45,8 +45,8 @@ impl Tracker {
         }
     }
 
-    /// Whether a place is no further than `margin` half pixels from any of the stripes. In a gap a stripe is straight,
-    /// beyond its ends level.
+    /// True if a position is within `margin` half pixels of any of the stripes. A stripe is interpolated linearly in a
+    /// gap and held constant beyond its ends.
     pub(super) fn is_near(&self, line: u32, middle: u32, margin: u32) -> bool {
         self.tracks[..self.count].iter().any(|track| {
             track

@@ -1,12 +1,12 @@
-//! Which vector instructions the machine has. Every level gives the same bits: Rust neither contracts nor reorders.
+//! Selects the machine's vector instructions. Every level gives the same bits: Rust neither contracts nor reorders.
 
 use fearless_simd::{Level, Simd, dispatch};
 
 /// Work that is compiled once for every level.
 pub(super) trait Work {
-    /// What it gives.
+    /// Result of the work.
     type Output;
-    /// Does it. `#[inline(always)]`, like everything below it that should use the wider instructions.
+    /// Does the work. Mark it `#[inline(always)]`, like everything below it that should use the wider instructions.
     fn run<V: Simd>(self, vectors: V) -> Self::Output;
 }
 
@@ -15,12 +15,12 @@ pub(super) trait Work {
 pub(super) struct Vectors(Level);
 
 impl Vectors {
-    /// The widest.
+    /// Returns the widest level.
     pub(super) fn widest() -> Self {
         Self(Level::new())
     }
 
-    /// Every one, narrowest first.
+    /// Returns all levels, narrowest first.
     #[cfg(test)]
     pub(super) fn all() -> Vec<Self> {
         let widest = Level::new();

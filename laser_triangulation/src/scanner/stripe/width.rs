@@ -1,8 +1,9 @@
-//! What a point tells beside its centre: width, brightness, saturation.
+//! Further measurements of a point: width, brightness, saturation.
 
 use super::lanes::{LANES, Lane, Sections, each};
 
-/// Place of the (first) brightest blurred sample of every lane's candidate, pixels from the candidate's first.
+/// Returns the position of the (first) brightest blurred sample of every lane's candidate, pixels from the candidate's
+/// first.
 #[inline(always)]
 pub(super) fn brightest(sections: &Sections) -> Lane {
     let mut brightest = [0.0; LANES];
@@ -19,21 +20,21 @@ pub(super) fn brightest(sections: &Sections) -> Lane {
     brightest
 }
 
-/// Full width at half maximum, pixels: where the blurred samples fall below half their peak, interpolated linearly,
-/// and the blur's own width taken off in quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN
-/// where the border or a bright background hides an edge.
+/// Returns the full width at half maximum, pixels: between the points where the linearly interpolated blurred samples
+/// fall below half their peak, with the blur's own width removed in quadrature. Stripes thinner than 2 pixels come out
+/// up to a tenth too wide. NaN where the border or a bright background hides an edge.
 #[inline(always)]
 pub(super) fn full_width_half_maximum(
     sections: &Sections,
     brightest: &Lane,
     blur_variance_px2: f64,
 ) -> Lane {
-    // Place of the inner sample of each edge, its level and that of its outer neighbour.
+    // Position of each edge's inner sample, its level and that of its outer neighbour.
     let mut rise = [[f32::NAN; LANES]; 3];
     let mut fall = [[f32::NAN; LANES]; 3];
     let half = each(|lane| sections.peak[lane] / 2.0);
     let top = each(|lane| sections.first[lane] + brightest[lane]);
-    // From the peak outwards, until every lane has its edge.
+    // From the peak outwards, until every lane has both edges.
     let rows = sections.reach(&sections.start, &top);
     for i in (rows.start + 1..rows.end).rev() {
         let (place, before, level) =
@@ -72,17 +73,18 @@ pub(super) fn full_width_half_maximum(
     let blur = (8.0 * std::f64::consts::LN_2 * blur_variance_px2) as f32;
     let ([rise, inside, outside], [fall, fall_inside, fall_outside]) = (rise, fall);
     each(|lane| {
-        // Places of the crossings between a sample above half and its outer neighbour below, as shares of the way out.
+        // Positions of the crossings between a sample above half and its outer neighbour below, as shares of the
+        // distance.
         let before = (inside[lane] - half[lane]) / (inside[lane] - outside[lane]);
         let behind = (fall_inside[lane] - half[lane]) / (fall_inside[lane] - fall_outside[lane]);
         let width = (fall[lane] - rise[lane]) + before + behind;
         let squared = width * width - blur;
-        // Not `max`, which would take NaN for 0.
+        // Not `max`, which would turn NaN into 0.
         (if squared < 0.0 { 0.0 } else { squared }).sqrt()
     })
 }
 
-/// Largest unblurred sample of every lane's candidate and of one neighbour to either side.
+/// Returns the largest unblurred sample of every lane's candidate and of one neighbour on either side.
 #[inline(always)]
 pub(super) fn brightest_raw(sections: &Sections) -> Lane {
     let mut brightest = [0.0; LANES];
@@ -98,7 +100,7 @@ pub(super) fn brightest_raw(sections: &Sections) -> Lane {
     brightest
 }
 
-/// Unblurred level of every lane at a place between samples, linear.
+/// Returns the unblurred level of every lane at a position between samples, linearly interpolated.
 #[inline(always)]
 pub(super) fn raw_at(sections: &Sections, position_px: &Lane) -> Lane {
     each(|lane| {

@@ -1,4 +1,4 @@
-//! The steps that are compiled once for every level of vector instructions.
+//! The steps compiled once for every level of vector instructions.
 
 use super::{
     blur::{Kernel, Sample},
@@ -14,15 +14,15 @@ use super::{
 use crate::scanner::channel::Plane;
 use fearless_simd::Simd;
 
-/// Step 3: where a blurred sample above the threshold can lie; everywhere without one.
+/// Step 3: blurs where a blurred sample above the threshold can lie; without a threshold, everywhere.
 pub(super) struct Blur<'a, 'p, S: Sample> {
-    /// Where the blurred samples go.
+    /// Receives the blurred samples.
     pub tiles: &'a mut BlurredTiles<S>,
     /// The blur.
     pub kernel: &'a Kernel,
     /// The frame.
     pub plane: &'a Plane<'p, S>,
-    /// Blurred units.
+    /// Segment threshold, blurred units.
     pub threshold: Option<u32>,
 }
 
@@ -34,11 +34,11 @@ impl<S: Sample> Work for Blur<'_, '_, S> {
     }
 }
 
-/// Step 4: the candidates; those of a horizontal stripe that have not ended stay with the columns.
+/// Step 4: finds the candidates. Open candidates of a horizontal stripe stay with the columns.
 pub(super) struct Find<'a, S: Sample> {
-    /// Its tiles are blurred.
+    /// The extractor, with blurred tiles.
     pub extractor: &'a mut FastExtractor<S>,
-    /// Blurred units.
+    /// Segment threshold, blurred units.
     pub threshold: u32,
 }
 
@@ -50,13 +50,13 @@ impl<S: Sample> Work for Find<'_, S> {
     }
 }
 
-/// Adds up candidates too long for cross-sections.
+/// Sums up candidates too long for cross-sections.
 pub(super) struct AddUp<'a, 'p, S: Sample> {
     /// The frame, by cross-sections.
     pub loader: &'a Loader<'p, S>,
     /// The candidates.
     pub batch: &'a [LineCandidate],
-    /// Where the sums go.
+    /// Receives the sums.
     pub runs: &'a mut BroadRuns,
 }
 
@@ -68,7 +68,7 @@ impl<S: Sample> Work for AddUp<'_, '_, S> {
     }
 }
 
-/// Takes a batch of cross-sections.
+/// Loads a batch of cross-sections.
 pub(super) struct Load<'a, 'p, S: Sample> {
     /// The frame, by cross-sections.
     pub loader: &'a mut Loader<'p, S>,
@@ -76,7 +76,7 @@ pub(super) struct Load<'a, 'p, S: Sample> {
     pub batch: &'a [LineCandidate],
     /// Parameters in the units of the samples.
     pub levels: &'a Levels<'a>,
-    /// The cross-sections, one a lane.
+    /// Receives the cross-sections, one per lane.
     pub sections: &'a mut Sections,
 }
 
@@ -90,15 +90,15 @@ impl<S: Sample> Work for Load<'_, '_, S> {
 
 /// Steps 5 to 8 on a batch of cross-sections.
 pub(super) struct Measure<'a, 'c, F: FnOnce(&mut Centres)> {
-    /// Where the points go.
+    /// Receives the points.
     pub assembler: &'a mut Assembler<'c>,
     /// The candidates.
     pub batch: &'a [LineCandidate],
     /// Parameters in the units of the samples.
     pub levels: &'a Levels<'a>,
-    /// The cross-sections, one a lane.
+    /// The cross-sections, one per lane.
     pub sections: &'a Sections,
-    /// May move the centres.
+    /// Correction of the centres.
     pub refine: F,
 }
 

@@ -44,13 +44,13 @@ pub(in crate::cli::calibrate) struct StepsArgs {
     /// Replaces an existing file.
     #[arg(long)]
     pub(super) force: bool,
-    /// Length that a pixel sees along the stripe at height 0, in the middle of the picture.
+    /// Length of a pixel along the stripe at height 0, in the middle of the picture.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m)]
     pub(super) lateral: Option<f64>,
     /// Width of every plateau between two others of one picture.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m, conflicts_with = "lateral")]
     pub(super) pitch: Option<f64>,
-    /// Distance of pixels on the sensor. Together with one of the distances it selects formula 6.
+    /// Pixel pitch of the sensor. Together with one of the distances it selects formula 6.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m, conflicts_with_all = ["lateral", "pitch"])]
     pub(super) pixel_pitch: Option<f64>,
     /// a: from the lens to the sensor, near the focal length.

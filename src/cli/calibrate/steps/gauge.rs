@@ -17,7 +17,7 @@ pub(super) struct Gauge {
     pub(super) sources: Vec<PathBuf>,
     /// The plateaus.
     pub(super) plateaus: Vec<GaugePlateau>,
-    /// Size and direction that all pictures share.
+    /// Size and direction of all pictures.
     pub(super) picture: GaugePicture,
 }
 
@@ -25,7 +25,8 @@ impl Gauge {
     /// Finds the plateaus of every picture.
     ///
     /// # Errors
-    /// [`Usage`] for pictures of different sizes or another number of plateaus than heights; pictures that cannot be read.
+    /// [`Usage`] for pictures of different sizes or a number of plateaus other than the number of heights; pictures
+    /// that cannot be read.
     pub(super) fn find(args: &StepsArgs, settings: &Settings) -> anyhow::Result<Self> {
         let mut gauge = Self {
             sources: Vec::new(),

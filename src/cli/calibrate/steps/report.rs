@@ -69,7 +69,8 @@ fn model_name(result: &StepsCalibration, geometry: Option<&VerticalGeometry>) ->
     }
 }
 
-/// Root mean square of what the maps of all others say of each plateau; none when those are too few.
+/// Returns the root mean square error of each plateau's height according to the map of all others; `None` when those
+/// are too few.
 fn rms_left_out(checks: &[PlateauCheck]) -> Option<f64> {
     let errors = checks.iter().map(|check| Some(check.left_out_m? - check.plateau.height_m));
     let errors: Vec<f64> = errors.flatten().collect();

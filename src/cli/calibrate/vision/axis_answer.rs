@@ -10,7 +10,7 @@ use crate::{calibrate::AxisFit, scanner::axis::AxisKind};
 /// Prints the result as text or as JSON.
 ///
 /// # Errors
-/// It cannot be written.
+/// The output cannot be written.
 pub(super) fn print(
     args: &AxisArgs,
     pictures: &AxisPictures,

@@ -14,13 +14,13 @@ use crate::{
     cli::settings::Settings,
 };
 
-/// The pictures that take part, and those that do not.
+/// The pictures that are used, and those that are rejected.
 pub(super) struct AxisPictures {
     /// Names of the pictures.
     pub(super) names: Vec<String>,
     /// The pictures, in the order of their names.
     pub(super) views: Vec<AxisView>,
-    /// Pictures that do not take part.
+    /// Rejected pictures.
     pub(super) rejected: Vec<Rejected>,
     /// True if pictures could not be read.
     pub(super) is_lossy: bool,
@@ -29,7 +29,7 @@ pub(super) struct AxisPictures {
 /// Finds the target, the stripe and the stated position of every picture.
 ///
 /// # Errors
-/// [`Usage`](crate::cli::Usage): no topic of positions, or several. A topic without any usable message.
+/// [`Usage`](crate::cli::Usage) for no topic of positions, or several; a topic without any usable message.
 pub(super) fn find(
     args: &AxisArgs,
     pictures: &Pictures,
@@ -58,7 +58,7 @@ pub(super) fn find(
         };
         let stripes = finder.find(image).map_err(|error| error.to_string())?;
         let size_px = [image.width(), image.height()];
-        // The position is known when all messages are read.
+        // Positions are complete only after all messages have been read.
         Ok(Ok(AxisView { size_px, stated: f64::NAN, target, stripes }))
     });
     joint.settle();

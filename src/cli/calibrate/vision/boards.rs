@@ -1,4 +1,4 @@
-//! Boards in all pictures.
+//! Finds boards in all pictures.
 
 use anyhow::bail;
 
@@ -16,7 +16,7 @@ use crate::{
 pub(super) struct Seen<T> {
     /// Columns and rows of the picture.
     pub(super) size_px: [u32; 2],
-    /// The board, and the result of the caller's own work on the picture.
+    /// The board, and the caller's own result for the picture.
     pub(super) found: Result<(Board, T), BoardRejected>,
 }
 
@@ -28,9 +28,9 @@ pub(super) struct Boards<T> {
     pub(super) names: Vec<String>,
     /// The boards.
     pub(super) found: Vec<Board>,
-    /// Result of the caller's own work on each picture.
+    /// The caller's own result for each picture.
     pub(super) beside: Vec<T>,
-    /// Pictures without, or whose board was not used.
+    /// Pictures without a board, or whose board was not used.
     pub(super) rejected: Vec<Rejected>,
     /// True if pictures could not be read.
     is_lossy: bool,
@@ -39,12 +39,12 @@ pub(super) struct Boards<T> {
 /// Reads a target.
 ///
 /// # Errors
-/// [`Usage`](crate::cli::Usage): it is none.
+/// [`Usage`](crate::cli::Usage) for an invalid target.
 pub(super) fn target(text: &str) -> anyhow::Result<Checkerboard> {
     text.parse().map_err(settings::usage)
 }
 
-/// Finds the board in every picture; `beside` does the caller's own work on each picture with a board.
+/// Finds the board in every picture; `beside` computes the caller's own result for each picture with a board.
 ///
 /// # Errors
 /// No picture shows the board, or the pictures show a different board.
@@ -67,7 +67,7 @@ pub(super) fn find<T: Send>(
 
 fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Boards<T>> {
     let sizes = || views.iter().filter_map(|view| Some(view.result.as_ref().ok()?.size_px));
-    // That of most pictures; of the first of these, where several are as many.
+    // The size of most pictures; the first such size if several are equally frequent.
     let count = |size: [u32; 2]| sizes().filter(|other| *other == size).count();
     let size_px = sizes().rev().max_by_key(|&size| count(size));
     let Some(size_px) = size_px else {
@@ -116,7 +116,7 @@ fn unread<T>(view: View<T>) -> Option<Rejected> {
 }
 
 impl<T> Boards<T> {
-    /// A board of another size would be taken for a part of this one, or this one for a part of it.
+    /// Rejects a board of another size, which would be mistaken for a part of this one, or this one for a part of it.
     fn refuse_another(&self, target: Checkerboard, num_larger: usize) -> anyhow::Result<()> {
         if num_larger > self.found.len() {
             bail!("--target is {target}, but the pictures show a larger board\n{}", self.summary());
@@ -136,7 +136,7 @@ impl<T> Boards<T> {
         Ok(())
     }
 
-    /// A board that is not used after all.
+    /// Rejects a board after it was found.
     pub(super) fn reject(&mut self, index: usize, reason: impl Into<String>) {
         self.rejected.push(Rejected::new(self.names[index].clone(), reason));
     }

@@ -18,7 +18,7 @@ use crate::{
     ros::arguments::RosArguments,
 };
 
-/// Corners of a board partly outside the picture that still say something about the lens.
+/// Fewest corners of a board partly outside the picture that still contribute to the lens model.
 const MIN_CORNERS: usize = 20;
 
 /// Calibrates the camera, writes the file and prints the result to `out`.

@@ -1,4 +1,4 @@
-//! Charts in a PNG file.
+//! Draws charts into a PNG file.
 
 use std::{ops::Range, path::Path};
 
@@ -21,7 +21,7 @@ pub(super) struct Chart {
     pub(super) title: String,
     /// The axes, with their units.
     pub(super) labels: [&'static str; 2],
-    /// From left to right and from bottom to top; a range that falls is drawn so.
+    /// Ranges from left to right and from bottom to top; a falling range reverses the axis.
     pub(super) ranges: [Range<f64>; 2],
     /// Data.
     pub(super) marks: Marks,
@@ -29,20 +29,20 @@ pub(super) struct Chart {
 
 /// The data of a chart.
 pub(super) enum Marks {
-    /// A dot each.
+    /// One dot per point.
     Dots(Vec<(f64, f64)>),
-    /// From where to where.
+    /// Start and end of each line.
     Arrows(Vec<[(f64, f64); 2]>),
-    /// A bar from 0 for each number, in their order.
+    /// One bar from 0 for each number, in order.
     Bars(Vec<f64>),
-    /// For each number, a bar of this half length about it.
+    /// One bar of this half length about each number.
     Spans(Vec<(f64, f64)>),
 }
 
-/// Draws charts, two a row, into a PNG.
+/// Draws charts, two per row, into a PNG file.
 ///
 /// # Errors
-/// It cannot be written.
+/// The file cannot be written.
 pub(super) fn save(path: &Path, charts: &[Chart]) -> anyhow::Result<()> {
     register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT)
         .map_err(|_invalid| anyhow!("the built-in font is not a font"))?;
@@ -114,7 +114,7 @@ fn draw(area: &Area<'_>, chart: &Chart) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The range of some values and a tenth of it on both sides; never empty.
+/// Returns the range of some values plus a tenth of it on both sides; never empty.
 pub(super) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite())
@@ -126,7 +126,7 @@ pub(super) fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     low - margin..high + margin
 }
 
-/// A place for each of so many bars.
+/// Returns the position of each of the given number of bars.
 pub(super) fn places(count: usize) -> Range<f64> {
     -0.6..count as f64 - 0.4
 }

@@ -1,4 +1,4 @@
-//! Calibration files, read and written.
+//! Reads and writes calibration files.
 
 use std::{fs, path::Path};
 
@@ -8,13 +8,13 @@ use jiff::Timestamp;
 use super::args::OutputArgs;
 use crate::cli::output;
 
-/// Longest calibration file, bytes.
+/// Longest accepted calibration file, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Refuses to overwrite existing files unless `--force` is given.
 ///
 /// # Errors
-/// The file is there.
+/// The file exists.
 pub(super) fn refuse_existing(args: &OutputArgs) -> anyhow::Result<()> {
     for path in [Some(&args.output), args.report.as_ref()].into_iter().flatten() {
         if !args.force {
@@ -24,10 +24,10 @@ pub(super) fn refuse_existing(args: &OutputArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A calibration file's text.
+/// Reads a calibration file's text.
 ///
 /// # Errors
-/// It cannot be read, or is too long to be one.
+/// The file cannot be read, or is too long.
 pub(super) fn read(path: &Path) -> anyhow::Result<String> {
     let context = || format!("cannot read {}", path.display());
     let length = fs::metadata(path).with_context(context)?.len();
@@ -40,12 +40,12 @@ pub(super) fn read(path: &Path) -> anyhow::Result<String> {
 /// Writes a calibration.
 ///
 /// # Errors
-/// It cannot be written.
+/// The file cannot be written.
 pub(super) fn write(args: &OutputArgs, text: &str) -> anyhow::Result<()> {
     output::write_file(&args.output, text)
 }
 
-/// Now, UTC, whole seconds.
+/// Returns the current time in UTC, in whole seconds.
 pub(super) fn now() -> String {
     Timestamp::now().strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
 }

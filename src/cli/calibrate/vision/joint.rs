@@ -1,4 +1,4 @@
-//! Positions of a joint or an encoder, as a recording states them.
+//! Positions of a joint or an encoder in a recording.
 
 use anyhow::{anyhow, bail, ensure};
 
@@ -10,7 +10,7 @@ use crate::{
     scanner::{motion::counter::Counter, params::MotionParams},
 };
 
-/// Where the positions of pictures come from.
+/// Source of the pictures' positions.
 pub(super) enum Source {
     /// Constant motion from picture to picture, radians or metres.
     Step(f64),
@@ -18,12 +18,12 @@ pub(super) enum Source {
     Topic(String),
 }
 
-/// Positions by time.
+/// Positions as a function of time.
 pub(super) struct Joint {
     name: Option<String>,
-    /// Of an encoder.
+    /// Counter of an encoder.
     counter: Counter,
-    /// Metres or radians a count; 0: as the messages say.
+    /// Metres or radians per count; 0: as stated in the messages.
     count_scale: Option<f64>,
     stated: Vec<(i64, f64)>,
 }
@@ -60,13 +60,14 @@ fn listed(topics: &[String]) -> String {
 }
 
 impl Joint {
-    /// No positions yet, of the named joint or of the only one; or of an encoder, whose counts are understood as by the node.
+    /// Creates an empty list of positions, for the named joint, the only joint, or an encoder whose counts are
+    /// interpreted as in the node.
     pub(super) fn new(name: Option<String>, motion: &MotionParams) -> Self {
         let counter = Counter::new(motion.encoder_bits.unwrap_or(0));
         Self { name, counter, count_scale: motion.scale, stated: Vec::new() }
     }
 
-    /// Takes a message.
+    /// Adds a message.
     ///
     /// # Errors
     /// The message is neither a joint state nor an encoder sample, or it has no position of the axis.
@@ -105,12 +106,12 @@ impl Joint {
         Ok(())
     }
 
-    /// Puts what was taken into the order of time.
+    /// Sorts the messages by time.
     pub(super) fn settle(&mut self) {
         self.stated.sort_by_key(|(stamp_ns, _)| *stamp_ns);
     }
 
-    /// The position at a time, linear between two messages; `None` outside of them.
+    /// Returns the position at a time, linear between two messages; `None` outside of them.
     pub(super) fn at(&self, stamp_ns: i64) -> Option<f64> {
         let after = self.stated.partition_point(|(stamp, _)| *stamp < stamp_ns);
         let &(end_ns, end) = self.stated.get(after)?;

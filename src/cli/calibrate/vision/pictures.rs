@@ -1,4 +1,4 @@
-//! Pictures of recordings and of plain files, each looked at on any core, in their order.
+//! Pictures of recordings and plain files, processed in parallel and returned in order.
 
 use std::{
     fs,
@@ -40,17 +40,17 @@ enum Source {
     Picture(PathBuf),
 }
 
-/// A picture and what was made of it.
+/// A picture and its result.
 pub(super) struct View<T> {
-    /// File, or recording and number of the frame in it.
+    /// File name, or recording and frame number.
     pub(super) name: String,
-    /// Time of the frame; of a plain picture, its number.
+    /// Time of the frame; the number of a plain picture.
     pub(super) stamp_ns: i64,
-    /// The result, or why there is none.
+    /// The result, or the reason why there is none.
     pub(super) result: Result<T, String>,
 }
 
-/// A picture on its way to a worker thread.
+/// A picture in the queue of a worker thread.
 struct Task {
     index: usize,
     name: String,
@@ -62,7 +62,7 @@ impl Pictures {
     /// Opens recordings, pictures and directories of pictures.
     ///
     /// # Errors
-    /// An input that cannot be opened or holds no pictures; [`Usage`](crate::cli::Usage) where a topic must be chosen.
+    /// An input that cannot be opened or contains no pictures; [`Usage`](crate::cli::Usage) if a topic must be chosen.
     pub(super) fn open(inputs: &[PathBuf], settings: &Settings) -> anyhow::Result<Self> {
         let mut sources = Vec::new();
         let mut params = None;
@@ -88,7 +88,7 @@ impl Pictures {
         Ok(Self { sources, params })
     }
 
-    /// Topics of that type in the recordings.
+    /// Returns the topics of the given type in the recordings.
     pub(super) fn topics_of(&self, type_name: &str) -> Vec<String> {
         let bags = self.sources.iter().filter_map(|source| match source {
             Source::Bag(_, recording) => Some(&recording.bag),
@@ -113,7 +113,7 @@ impl Pictures {
         counts.sum()
     }
 
-    /// Processes every picture. The order of the results is that of the pictures, on any number of cores.
+    /// Processes every picture. The results are in the order of the pictures, on any number of cores.
     pub(super) fn map<T: Send>(
         &self,
         work: impl Fn(&Image<'_>) -> Result<T, String> + Sync,
@@ -121,7 +121,7 @@ impl Pictures {
         self.map_beside(None, |_| Ok(()), work)
     }
 
-    /// Does the same, and passes the messages of another topic of the recordings to `on_other`.
+    /// Processes every picture, and passes the messages of another topic of the recordings to `on_other`.
     pub(super) fn map_beside<T: Send>(
         &self,
         other: Option<&str>,
@@ -157,7 +157,7 @@ impl Pictures {
         views.into_iter().map(|(_, view)| view).collect()
     }
 
-    /// Sends every picture that can be read; returns those that cannot.
+    /// Queues every picture that can be read; returns those that cannot.
     fn read<T>(
         &self,
         other: Option<&str>,
@@ -172,7 +172,7 @@ impl Pictures {
                     let (name, stamp_ns) = (path.display().to_string(), index as i64);
                     match self.picture(path) {
                         Ok(image) => {
-                            // Cores take until this end is dropped.
+                            // Workers run until this end is dropped.
                             let _sent = sender.send(Task { index, name, stamp_ns, image });
                         }
                         Err(error) => {
@@ -223,7 +223,7 @@ impl Pictures {
     }
 }
 
-/// Converts a picture to 8-bit grey, as the detectors of boards and markers take it.
+/// Converts a picture to 8-bit grey, the input of the detectors of boards and markers.
 pub(super) fn gray(image: &Image<'_>, params: &Params) -> GrayPicture {
     let full_scale = params.full_scale_of(image.format());
     GrayPicture::from_image(image, full_scale.unwrap_or(image.format().max_level()))

@@ -15,7 +15,7 @@ use crate::{
     scanner::calibration::{Calibration, CameraCalibration},
 };
 
-/// Corners that give a board's pose under a known camera.
+/// Fewest corners that determine a board's pose under a known camera.
 const MIN_CORNERS: usize = 12;
 
 /// Calibrates the laser plane, writes the file and prints the result to `out`.

@@ -12,7 +12,7 @@ type PlaneBoards = Boards<Vec<LitCenterline>>;
 /// Prints the result as text or as JSON.
 ///
 /// # Errors
-/// It cannot be written.
+/// The output cannot be written.
 pub(super) fn print(
     args: &PlaneArgs,
     boards: &PlaneBoards,

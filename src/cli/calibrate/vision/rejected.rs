@@ -23,12 +23,12 @@ impl Rejected {
     }
 }
 
-/// As a list of objects, `view` and `reason`.
+/// Returns a list of objects with `view` and `reason`.
 pub(super) fn json(rejected: &[Rejected]) -> Json {
     rejected.iter().map(|view| json!({"view": view.view, "reason": view.reason})).collect()
 }
 
-/// One line a view; where there are many, one line a reason.
+/// Returns one line per view, or one line per reason if there are many views.
 pub(super) fn text(rejected: &[Rejected]) -> String {
     if rejected.len() <= MAX_NAMED {
         let line = |view: &Rejected| format!("  {}: {}\n", view.view, view.reason);

@@ -1,11 +1,11 @@
-//! The extraction of the stripe from pictures of boards and markers, as the user's parameters choose it.
+//! Extraction of the stripe from pictures of boards and markers, with the user's parameters.
 
 use crate::{
     calibrate::LaserFinder, cli::settings::Settings, ros::camera_params::CameraParams,
     scanner::params::Params,
 };
 
-/// Returns the node's extraction. Parameters that the user did not set suit a line on a printed board in room light.
+/// Returns the node's extraction. Defaults of unset parameters are suited to a line on a printed board in room light.
 pub(super) fn finder(settings: &Settings, camera: &CameraParams) -> LaserFinder {
     let is_set = |name: &str| settings.values.is_set(&camera.full_name(name));
     let given = camera.scanner.extraction;

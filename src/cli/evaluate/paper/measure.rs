@@ -26,24 +26,24 @@ use crate::{
     },
 };
 
-/// What is taken of a recording.
+/// The part of a recording to use.
 pub(super) struct Run {
     pub(super) frames: u32,
     pub(super) columns: Option<RangeInclusive<u32>>,
     pub(super) seed: u64,
 }
 
-/// What the protocol gave.
+/// Results of the protocol.
 pub(super) struct Measured {
     pub(super) read: Read,
-    /// First and last column taken.
+    /// First and last column used.
     pub(super) columns: [u32; 2],
-    /// Without added noise, and with each of the noises.
+    /// Results without added noise, and at each noise level.
     pub(super) steps: Vec<NoiseStep>,
 }
 
 impl Run {
-    /// Takes the first frames of a recording.
+    /// Measures the first frames of a recording.
     ///
     /// # Errors
     /// Columns that the images do not have, or no frame that could be measured.
@@ -85,7 +85,7 @@ impl Run {
         Ok(Measured { read, columns, steps })
     }
 
-    /// The columns taken of a frame; `None` where it does not have those that were asked for.
+    /// Returns the columns to use; `None` if the frame does not have the requested ones.
     fn columns_of(
         &self,
         frame: &Frame<'_>,
@@ -138,7 +138,7 @@ impl Run {
     }
 }
 
-/// One frame as the extractors take it.
+/// One frame, prepared for the extractors.
 struct Input<'a> {
     plane: &'a AnyPlane<'a>,
     offset: Offset,
@@ -148,17 +148,17 @@ struct Input<'a> {
     direction: StripeDirection,
 }
 
-/// One noise and its sums.
+/// One noise level and its sums.
 struct Step {
     gamma: f64,
     extractors: [Extractor; 3],
     noisy: NoisyPlane,
     line: Centerline,
     protocol: Protocol,
-    /// Columns looked at.
+    /// Number of columns examined.
     columns: u64,
     found: [u64; 3],
-    /// Sum of squares and count of the distances from the result without noise.
+    /// Sum of squares and number of the distances from the result without noise.
     from_own: [(f64, u64); 3],
 }
 

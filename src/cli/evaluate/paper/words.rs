@@ -1,4 +1,4 @@
-//! What the protocol gave, in words and tables.
+//! Results of the protocol as text and tables.
 
 use super::{
     super::document::{Section, Table, number, percent, px},
@@ -10,7 +10,7 @@ use crate::evaluate::{
     table3,
 };
 
-/// The protocol on the paper's own numbers.
+/// Returns the section about the paper's own numbers.
 pub(in super::super) fn table_3_section() -> Section {
     let protocol = Protocol::of(&table3::ROWS_PX);
     let figures = figures(&protocol);
@@ -52,13 +52,13 @@ pub(in super::super) fn table_3_section() -> Section {
     }
 }
 
-/// The protocol on a recording.
+/// Returns the section about a recording.
 pub(super) fn recording_sections(name: &str, topic: &str, measured: &Measured) -> Vec<Section> {
     let Measured { read, columns: [first, last], steps } = measured;
     let plain = &steps[0];
     let rejected = match read.rejected {
         0 => String::new(),
-        count => format!(" {count} frames or damaged places were passed over."),
+        count => format!(" {count} frames or damaged places were skipped."),
     };
     let protocol = Section {
         title: format!("The paper's protocol on {name}"),

@@ -1,24 +1,25 @@
-//! Where the rays of one frame's stripe cut the laser plane.
+//! Intersects the rays of one frame's stripe with the laser plane.
 
 use nalgebra::{Matrix2, Matrix3, Point2, Vector2, Vector3};
 
 use super::CameraAndPlane;
 use crate::scanner::{
     calibration::PlacedPoint,
-    camera::{Camera, Distortion},
+    camera::{Camera, DistortedPoint, Distortion, UndistortedPoint},
     params::StripeDirection,
 };
 
-/// Newton's method squares the error: from here one more step leads to below 1e-6 px.
+/// Newton's method squares the error: from here one more step leaves less than 1e-6 px.
 const LAST_STEP_PX: f64 = 5e-3;
-/// Steps from a neighbour's ray before the search begins anew, without it.
+/// Maximum steps from a neighbour's ray before the search restarts without it.
 const MAX_STEPS: u32 = 5;
 
-/// Cuts ray after ray. Each starts from its neighbour's, so that one evaluation of the distortion is nearly always enough.
+/// Intersects one ray after another. Each starts from its neighbour's, so one evaluation of the distortion nearly
+/// always suffices.
 pub(in crate::scanner::calibration) struct Cuts<'a> {
     camera: &'a Camera,
     direction: StripeDirection,
-    /// Of a column and a row, on the plane z = 1.
+    /// Size of a pixel along columns and rows on the plane z = 1.
     per_px: [f64; 2],
     /// From the inclined sensor to the plane z = 1.
     untilt: Option<Matrix3<f64>>,
@@ -26,22 +27,23 @@ pub(in crate::scanner::calibration) struct Cuts<'a> {
     limit: f64,
     last_step: f64,
     neighbour: Option<Ray>,
-    /// Times a ray: depth of the plane along it, inverted; and x and z of the cut over that depth.
+    /// Row vectors that multiply a ray: the inverse depth of the plane along it; and x and z of the intersection over
+    /// that depth.
     inverse_depth: Vector3<f64>,
     x: Vector3<f64>,
     z: Vector3<f64>,
 }
 
-/// A ray, its image before the lens has bent it, and how it moves with that.
+/// A ray, its undistorted image, and the derivative of the image.
 #[derive(Clone, Copy)]
 struct Ray {
-    bent: Point2<f64>,
-    straight: Point2<f64>,
+    bent: DistortedPoint,
+    straight: UndistortedPoint,
     straight_per_bent: Matrix2<f64>,
 }
 
 impl CameraAndPlane {
-    /// Begins a frame.
+    /// Starts a frame.
     pub(in crate::scanner::calibration) fn cuts(&self, direction: StripeDirection) -> Cuts<'_> {
         let camera = &self.camera;
         let camera_from_laser = self.camera_from_laser(direction);
@@ -68,8 +70,8 @@ impl CameraAndPlane {
 }
 
 impl Cuts<'_> {
-    /// The point of the laser plane that is seen there and its derivative across the stripe. `None` where the ray is not
-    /// known or does not meet the plane.
+    /// Returns the point of the laser plane seen at that position and its derivative across the stripe. `None` if the
+    /// ray is unknown or does not meet the plane.
     pub(in crate::scanner::calibration) fn place(
         &mut self,
         along_px: f64,
@@ -86,7 +88,7 @@ impl Cuts<'_> {
         let ray = self.ray(bent)?;
         let straight_per_px = ray.straight_per_bent * bent_per_px;
 
-        let direction = Vector3::new(ray.straight.x, ray.straight.y, 1.0);
+        let direction = ray.straight.0.coords.push(1.0);
         let inverse_depth = self.inverse_depth.dot(&direction);
         if inverse_depth.is_nan() || inverse_depth <= 0.0 {
             return None;
@@ -101,23 +103,26 @@ impl Cuts<'_> {
         Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px })
     }
 
-    /// A place on the sensor and a step there, seen on the plane z = 1.
+    /// Maps a position on the sensor and a step there to the plane z = 1.
     fn untilted(
         &self,
         on_sensor: Point2<f64>,
         step: Vector2<f64>,
-    ) -> Option<(Point2<f64>, Vector2<f64>)> {
-        let Some(untilt) = &self.untilt else { return Some((on_sensor, step)) };
+    ) -> Option<(DistortedPoint, Vector2<f64>)> {
+        let Some(untilt) = &self.untilt else {
+            return Some((DistortedPoint(on_sensor), step));
+        };
         let seen = untilt * on_sensor.to_homogeneous();
         let bent = Point2::from_homogeneous(seen).filter(|_| seen.z > 0.0)?;
         let moved = untilt * step.push(0.0);
-        Some((bent, (moved.xy() - bent.coords * moved.z) / seen.z))
+        Some((DistortedPoint(bent), (moved.xy() - bent.coords * moved.z) / seen.z))
     }
 
-    fn ray(&mut self, bent: Point2<f64>) -> Option<Ray> {
+    fn ray(&mut self, bent: DistortedPoint) -> Option<Ray> {
         let lens = &self.camera.distortion;
         if *lens == Distortion::None {
-            return Some(Ray { bent, straight: bent, straight_per_bent: Matrix2::identity() });
+            let straight = UndistortedPoint(bent.0);
+            return Some(Ray { bent, straight, straight_per_bent: Matrix2::identity() });
         }
         let ray = self.beside_neighbour(bent).or_else(|| {
             let straight = lens.undistort(bent)?;
@@ -128,18 +133,18 @@ impl Cuts<'_> {
         ray
     }
 
-    /// Newton's method from where the neighbour's ray and its derivative lead. `None` when that does not arrive.
-    fn beside_neighbour(&self, bent: Point2<f64>) -> Option<Ray> {
+    /// Newton's method, extrapolating from the neighbour's ray. `None` if it does not converge.
+    fn beside_neighbour(&self, bent: DistortedPoint) -> Option<Ray> {
         let neighbour = self.neighbour.as_ref()?;
-        let mut straight =
-            neighbour.straight + neighbour.straight_per_bent * (bent - neighbour.bent);
+        let step = neighbour.straight_per_bent * (bent.0 - neighbour.bent.0);
+        let mut straight = UndistortedPoint(neighbour.straight.0 + step);
         for _ in 0..MAX_STEPS {
             let (seen, jacobian) = self.camera.distortion.bend(straight);
             let straight_per_bent = jacobian.try_inverse()?;
-            let missing = bent - seen;
-            straight += straight_per_bent * missing;
+            let missing = bent.0 - seen.0;
+            straight.0 += straight_per_bent * missing;
             if missing.norm_squared() < self.last_step * self.last_step {
-                let is_known = straight.coords.norm_squared() <= self.limit;
+                let is_known = straight.0.coords.norm_squared() <= self.limit;
                 return is_known.then_some(Ray { bent, straight, straight_per_bent });
             }
         }

@@ -1,20 +1,20 @@
-//! The part's frame, laid on a flat.
+//! The part's frame, defined by a flat.
 
 use nalgebra::{Isometry3, Vector3};
 
-/// Another frame of the part: `without = pose · with`, in which `without` is the frame that axis and laser plane give
-/// ([`Placement`](crate::scanner::motion::placement::Placement)). Scans come out in the other one. Poses that were
-/// measured (`motion.source: tf`) have a frame of their own, which stays.
+/// Another frame of the part: `without = pose · with`, in which `without` is the frame that axis and laser plane define
+/// ([`Placement`](crate::scanner::motion::placement::Placement)) and `with` is the frame of the scans. Measured poses
+/// (`motion.source: tf`) keep their own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartPose {
     /// Its origin, metres.
     pub origin_m: [f64; 3],
-    /// Its turn: along the axis of the turn, as long as the angle, radians.
+    /// Its rotation vector: direction of the axis of rotation, length equal to the angle, radians.
     pub rotation_rad: [f64; 3],
 }
 
 impl PartPose {
-    /// Of a pose.
+    /// Creates the part's frame from a pose.
     #[must_use]
     pub fn new(pose: &Isometry3<f64>) -> Self {
         Self {
@@ -23,7 +23,7 @@ impl PartPose {
         }
     }
 
-    /// The pose, metres.
+    /// Returns the pose, metres.
     #[must_use]
     pub fn pose(&self) -> Isometry3<f64> {
         Isometry3::new(Vector3::from(self.origin_m), Vector3::from(self.rotation_rad))

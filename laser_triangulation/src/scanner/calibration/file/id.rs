@@ -1,4 +1,4 @@
-//! What makes two calibrations equal.
+//! The identity of a calibration: equal for equal calibrations.
 
 use sha2::{Digest, Sha256};
 
@@ -7,7 +7,7 @@ use crate::scanner::{
     camera::Camera,
 };
 
-/// The SHA-256 of a calibration's values, while it is made.
+/// The SHA-256 of a calibration's values, under construction.
 pub(in crate::scanner::calibration) struct Id(Sha256);
 
 impl Id {
@@ -47,7 +47,7 @@ impl Id {
         placed.numbers(axis.direction.iter().copied()).numbers([axis.scale])
     }
 
-    /// Sixteen hexadecimal digits.
+    /// Returns sixteen hexadecimal digits.
     pub(in crate::scanner::calibration) fn finish(self) -> String {
         self.0.finalize()[..8].iter().fold(String::new(), |id, byte| id + &format!("{byte:02x}"))
     }

@@ -52,7 +52,7 @@ fn a_frame_is_found_up_and_down_and_across() {
 #[test]
 fn a_turn_is_cut_in_equal_angles() {
     let quarter = [0.0, 0.0, FRAC_1_SQRT_2, FRAC_1_SQRT_2];
-    // The same turn, the long way round in numbers.
+    // The same turn, stated by both quaternions of opposite sign.
     for rotation in [quarter, quarter.map(|value| -value)] {
         let end = Stated { rotation, ..stated("a", "b", 200, 0.0) };
         let tree = tree(&[stated("a", "b", 100, 0.0), end]);
@@ -85,9 +85,9 @@ fn what_is_no_pose_is_refused_by_name() {
     for (bad, named) in [
         (Stated { child: "a", ..good }, "\"a\" cannot be placed in \"a\""),
         (Stated { parent: "", ..good }, "cannot be placed"),
-        (Stated { rotation: [0.0; 4], ..good }, "\"b\" is no rotation"),
-        (Stated { origin_m: [f64::NAN, 0.0, 0.0], ..good }, "\"b\" is no rotation"),
-        (Stated { rotation: [0.0, 0.0, f64::NAN, 1.0], ..good }, "\"b\" is no rotation"),
+        (Stated { rotation: [0.0; 4], ..good }, "\"b\" is not a rotation"),
+        (Stated { origin_m: [f64::NAN, 0.0, 0.0], ..good }, "\"b\" is not a rotation"),
+        (Stated { rotation: [0.0, 0.0, f64::NAN, 1.0], ..good }, "\"b\" is not a rotation"),
         (Stated { stamp_ns: 0, ..good }, "its stamp is 0"),
     ] {
         let error = tree.take(&bad).unwrap_err().to_string();
@@ -110,7 +110,7 @@ fn a_frame_goes_over_to_another() {
 }
 
 proptest! {
-    /// Whatever stands in whatever: nothing panics or runs for ever.
+    /// For any parents and children: nothing panics or loops forever.
     #[test]
     fn any_tangle_of_frames(edges in prop::collection::vec((0..6_u8, 0..6_u8, any::<bool>()), 0..30)) {
         let mut tree = FrameTree::new(LIMITS);

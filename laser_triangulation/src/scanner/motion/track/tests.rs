@@ -41,7 +41,7 @@ fn between_two_samples_lies_a_line_and_behind_them_its_end() {
 }
 
 #[test]
-fn one_sample_says_nothing_of_any_other_time() {
+fn one_sample_gives_no_value_at_any_other_time() {
     let track = track(Limits { max_gap_ns: 1000, ..NONE }, &[(100, 1.0)]);
     assert_eq!(found(&track, 100), Some((1.0, 0)));
     assert_eq!(found(&track, 101), None);
@@ -100,8 +100,8 @@ fn memory_is_bounded() {
 }
 
 proptest! {
-    /// Whatever comes, in whatever order: nothing panics, what is kept ascends, and no value lies outside what two
-    /// neighbours span unless it says so.
+    /// For any samples in any order: nothing panics, the samples kept ascend, and a value outside the range of its two
+    /// neighbours is flagged.
     #[test]
     fn any_samples_in_any_order(
         stamps in prop::collection::vec(prop_oneof![any::<i64>(), -50..50_i64, Just(i64::MIN), Just(i64::MAX)], 0..60),
@@ -128,7 +128,7 @@ proptest! {
         }
     }
 
-    /// What is found does not depend on what comes later.
+    /// Later samples do not change the value found.
     #[test]
     fn once_reached_a_time_is_settled(
         stamps in prop::collection::btree_set(1..10_000_i64, 3..60), time_ns in 1..10_000_i64,

@@ -12,7 +12,7 @@ fn smoother(smoothing_columns: u32, direction: StripeDirection) -> Smoother {
     Smoother::new(&params, direction)
 }
 
-/// One connected stripe about `truth`, with white noise of so many [`SIGMA_PX`] in every column.
+/// One connected stripe about `truth`, with white noise of `noise` times [`SIGMA_PX`] in every column.
 fn noisy(num: u32, noise: f64, truth: impl Fn(f64) -> f64) -> Centerline {
     let mut rng = frame_rng(7, 0);
     let deviations = (0..num).map(|_| Distribution::<f64>::sample(&StandardNormal, &mut rng));
@@ -45,7 +45,7 @@ fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
-/// Shares of the errors within one and two σ.
+/// Returns the shares of errors within one and two σ.
 fn coverage(line: &Centerline, errors: &[f64]) -> [f64; 2] {
     [1.0, 2.0].map(|sigmas| {
         let pairs = errors.iter().zip(&line.sigma_px);
@@ -61,7 +61,7 @@ fn one_column_changes_no_bit() {
 }
 
 #[test]
-fn white_noise_falls_with_the_root_of_the_points_and_sigma_says_so() {
+fn white_noise_and_sigma_fall_with_the_root_of_the_points() {
     let slope = |x: f64| 20.0 + 0.31 * x;
     let line = noisy(4000, 1.0, slope);
     for num in [3, 5, 9, 21] {
@@ -129,7 +129,7 @@ fn stripes_are_not_mixed_and_gaps_stay() {
     }
     first.stripe_start = vec![0];
     assert_eq!(smoothed(9, &first).v_px, both.v_px[..30]);
-    // A line that lacks a column is smoothed over the columns that are there.
+    // A line with a missing column is smoothed over the remaining columns.
     line.u_px.iter_mut().skip(10).for_each(|u| *u += 1.0);
     let gap = smoothed(9, &line);
     assert_eq!(gap.u_px, line.u_px);
