@@ -1,4 +1,4 @@
-//! Parts of pictures: fonts, colours, a colour bar, the PNG file.
+//! Shared parts of PNG charts: fonts, colours, a colour bar, writing the file.
 
 use std::path::Path;
 
@@ -17,12 +17,12 @@ pub(super) const AXIS: (&str, i32) = (FONT, 19);
 pub(super) const TICK: (&str, i32) = (FONT, 17);
 pub(super) const NOT_MEASURED: RGBColor = RGBColor(208, 208, 208);
 
-/// The colour of a height on a scale (from, to); beyond, that of its end.
+/// Returns the colour of a height on a scale (from, to), metres; heights off the scale get the colour of its nearer end.
 pub(super) fn viridis(height_m: f32, [low, high]: [f32; 2]) -> RGBColor {
     ViridisRGB.get_color_normalized(height_m.clamp(low, high), low, high)
 }
 
-/// A bar of the colours of heights on a scale (from, to), metres, labelled in millimetres.
+/// Draws the bar that explains the colours of a scale (from, to), metres; labels are in millimetres.
 pub(super) fn draw_color_bar(area: &Area<'_>, scale_m: [f32; 2]) -> anyhow::Result<()> {
     let [low, high] = scale_m.map(|metres| 1e3 * metres);
     let mut chart = ChartBuilder::on(area)
@@ -46,7 +46,10 @@ pub(super) fn draw_color_bar(area: &Area<'_>, scale_m: [f32; 2]) -> anyhow::Resu
     Ok(())
 }
 
-/// Draws on white and writes a PNG.
+/// Draws on a white background of `width` x `height` pixels and writes a PNG.
+///
+/// # Errors
+/// Those of `draw`; a file that cannot be written.
 pub(super) fn save(
     path: &Path,
     (width, height): (u32, u32),

@@ -1,4 +1,4 @@
-//! `laser_profiler demo`: the bundled recording, replayed through the node, drawn and explained.
+//! `laser_profiler demo`: replays the bundled recording through the node, draws the results and prints the defects.
 
 use std::{
     cmp::Ordering,
@@ -8,37 +8,36 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
+use nalgebra::Point3;
 
 use super::{Outcome, output, replaying::replay};
 use crate::{
-    bag::{BagReader, Filter, ReadOptions},
-    msg::{cdr, sensor_msgs::PointCloud2},
+    metrology::{
+        deviation::{Deviation, deviations},
+        part::inside_part,
+        surface::{Region, Surface, is_measured},
+    },
     node::{replay::ReplayRequest, statistics::Summary, stop::Stop},
+    results::{ANY_HEIGHT_M, Results, ScanSelection},
     ros::arguments::RosArguments,
     simulate::scenario::Scenario,
 };
-use deviation::{Deviation, deviations};
-use surface::{Surface, position_m};
 use truth::{known_defects, nearest};
 
-pub mod surface;
-pub mod deviation;
 pub mod truth;
 pub mod picture;
 
-/// What stands out by more counts as a defect, metres.
+/// Smallest height or depth of a defect, metres.
 const THRESHOLD_M: f64 = 60e-6;
-/// Smaller places are noise, square metres.
+/// Smallest area of a defect, square metres: smaller ones are noise.
 const MIN_AREA_M2: f64 = 0.3e-6;
-/// A defect's middle is found at least so near to its place, metres.
+/// Largest distance of a defect found from its true place, metres.
 const REACH_M: f64 = 2e-3;
-/// Columns that the blur of the default parameters mixes with their neighbours.
+/// Number of columns on either side that the blur of the default parameters mixes into a column.
 const BLUR_REACH: usize = 3;
-/// The cloud that is drawn.
-const POINTS_TOPIC: &str = "/laser_profiler/points";
 
-/// The bundled recording, file by file.
+/// Files of the bundled recording: path and content.
 const FILES: [(&str, &[u8]); 4] = [
     (
         "film_defects/film_defects_0.mcap",
@@ -54,16 +53,16 @@ const HELP: &str = "\
 Example:
   laser_profiler demo -o film      writes film/height_map.png, film/profile.png and the recordings";
 
-/// Replays the bundled recording, draws what was measured and tells how to look at it.
+/// Replays the bundled recording, draws the measured heights and prints the defects found.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct DemoArgs {
-    /// Directory of the recording, the results and the pictures; those of an earlier demo are replaced.
+    /// Directory for the recording, the results and the pictures; replaces those of an earlier demo.
     #[arg(short, long, value_name = "DIR", default_value = "demo")]
     pub output: PathBuf,
 }
 
-/// What was found.
+/// A measured scan, its defects and the ground truth.
 #[derive(Debug)]
 struct Findings {
     surface: Surface,
@@ -71,10 +70,12 @@ struct Findings {
     deviations: Vec<Deviation>,
 }
 
-/// Replays, draws and prints on `out` what was found.
+/// Replays the bundled recording, draws its results and prints a report to `out`.
+///
+/// Returns [`Outcome::DataLost`] if more frames are missing than the recording lacks.
 ///
 /// # Errors
-/// A directory that cannot be written.
+/// A directory that cannot be written, results that cannot be read, no defect found.
 pub fn run(args: &DemoArgs, out: &mut dyn Write) -> Result<Outcome> {
     let directory = &args.output;
     let request = unpack(directory)?;
@@ -84,13 +85,13 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> Result<Outcome> {
     findings.draw(directory)?;
     let report = findings.report(&summary, directory)?;
     output::print(out, &report)?;
-    // The recording lacks frames on purpose; nothing else may be missing.
+    // The recording lacks frames on purpose; no other frame may be missing.
     let is_as_recorded = summary.counts.lost() == findings.scenario.dropped_frames.len() as u64
         && summary.counts.received == summary.counts.processed;
     Ok(if is_as_recorded { Outcome::Done } else { Outcome::DataLost })
 }
 
-/// Lays the bundled recording and its parameters into a directory, ready for a replay.
+/// Writes the bundled recording and its parameters into a directory and returns the request that replays it.
 fn unpack(directory: &Path) -> Result<ReplayRequest> {
     let recording = directory.join("film_defects");
     fs::create_dir_all(&recording)
@@ -110,25 +111,26 @@ fn unpack(directory: &Path) -> Result<ReplayRequest> {
 }
 
 impl Findings {
-    /// Takes the slices of a results' recording together and looks for what stands out.
+    /// Reads the scan from the results and searches it for defects.
     fn read(results: &Path) -> Result<Self> {
-        let mut surface = Surface::default();
-        let reader = BagReader::open(results, &ReadOptions::default())?;
-        for message in reader.messages(&Filter::topics([POINTS_TOPIC])) {
-            surface.append(&cdr::decode::<PointCloud2<'_>>(&message?.data)?)?;
-        }
+        let selection = ScanSelection { bag: results.to_owned(), ..ScanSelection::default() };
+        let scanned = Results::open(&selection)?.surface(&Region::ALL, ANY_HEIGHT_M)?;
+        let rejected = scanned.counts.rejected;
+        ensure!(rejected == 0, "{rejected} point clouds of the results cannot be read");
+        let surface = scanned.surface;
         let deviations = deviations(&surface, THRESHOLD_M, MIN_AREA_M2);
         Ok(Self { surface, scenario: Scenario::from_yaml(SCENARIO)?, deviations })
     }
 
     fn draw(&self, directory: &Path) -> Result<()> {
-        let part = self.surface.inside_part(BLUR_REACH);
-        let scale_m = part.extent_m(2).context("nothing was measured")?;
+        let part = inside_part(&self.surface, BLUR_REACH);
+        let heights_m = part.measured().map(|(_, point)| point.z as f32);
+        let scale_m = picture::range_of(heights_m).context("nothing was measured")?;
         let title = "Film of a simulated cell: height above the table";
         picture::save_height_map(&directory.join("height_map.png"), title, &self.surface, scale_m)?;
         let top = self.deviations.first().context("no defect was found")?;
-        let (position_m, profile) = (part.profiles())
-            .filter_map(|profile| Some((f64::from(position_m(profile)?), profile)))
+        let (position_m, profile) = (part.rows())
+            .filter_map(|row| Some((row.iter().find(|point| is_measured(point))?.y, row)))
             .min_by(|(a, _), (b, _)| nearer(top.center_m[1], *a, *b))
             .context("nothing was measured")?;
         let truth_m: Vec<f64> = profile.iter().map(|point| self.true_height_m(point)).collect();
@@ -136,10 +138,9 @@ impl Findings {
         picture::save_profile(&directory.join("profile.png"), &title, profile, &truth_m)
     }
 
-    /// What the scenario says about the place of a point; the first frame lies at y = 0.
-    fn true_height_m(&self, point: &[f32; 4]) -> f64 {
-        let [x_m, y_m] = [point[0], point[1]].map(f64::from);
-        self.scenario.part.surface(x_m, y_m + self.scenario.motion.start_m).height_m
+    /// Returns the height of the scenario's part under a measured point, metres; the first frame lies at y = 0.
+    fn true_height_m(&self, point: &Point3<f64>) -> f64 {
+        self.scenario.part.surface(point.x, point.y + self.scenario.motion.start_m).height_m
     }
 
     fn report(&self, summary: &Summary, directory: &Path) -> Result<String> {

@@ -170,7 +170,7 @@ impl Positions {
         })
     }
 
-    /// Applies other parameters. Forgets samples of a joint or encoder, whose meaning may have changed.
+    /// Applies new parameters. Discards samples of a joint or encoder, whose meaning may have changed.
     pub fn reconfigure(&mut self, params: &MotionParams) {
         if self.params == *params {
             return;
@@ -186,7 +186,7 @@ impl Positions {
         }
     }
 
-    /// Forgets all samples: another recording begins, with times of its own.
+    /// Discards all samples before another recording, whose times are unrelated.
     pub fn restart(&mut self) {
         match &mut self.known {
             Known::Axis(track) => track.clear(),
@@ -227,7 +227,7 @@ impl Positions {
         }
     }
 
-    /// Counts messages that were lost before they got here.
+    /// Counts messages that were lost before they were processed.
     pub fn count_lost(&mut self, num_lost: u64, why: &str) {
         if num_lost > 0 {
             if self.num_refused == 0 {
@@ -239,7 +239,7 @@ impl Positions {
 
     fn refuse(&mut self, topic: &str, refusal: &str) {
         self.num_refused += 1;
-        // One is enough to act on; diagnostics count the rest.
+        // Only the first is logged as a warning; diagnostics count the rest.
         if self.num_refused == 1 {
             tracing::warn!("{topic}: position refused: {refusal}; further ones are only counted");
         } else {
@@ -362,7 +362,7 @@ impl Positions {
                     }
                 }
             }
-            (Known::Axis(track), _) if track.last().is_none() => self.why_nothing_came(),
+            (Known::Axis(track), _) if track.last().is_none() => self.why_no_sample(),
             _ => "its stamp lies before the first sample, or long after the last".to_owned(),
         };
         tracing::warn!(
@@ -370,7 +370,7 @@ impl Positions {
         );
     }
 
-    fn why_nothing_came(&self) -> String {
+    fn why_no_sample(&self) -> String {
         match (self.params.source, self.joints.is_empty()) {
             (MotionSource::JointState, false) => format!(
                 "motion.joint is {:?}, but the joints received are {}",

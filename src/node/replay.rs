@@ -1,4 +1,4 @@
-//! A replay from its request to its results: opens, checks and connects everything before the first frame is read.
+//! Prepares and runs a replay. Opens and checks all inputs before the first frame is read.
 
 mod camera_replay;
 mod stages;
@@ -38,21 +38,21 @@ pub use stages::Stage;
 /// Name of the node before remapping.
 pub const NODE_NAME: &str = "laser_profiler";
 
-/// What shares a record with the largest frame: its header and the chunk's other messages.
+/// Allowance for data in the same record as the largest frame: its header and the chunk's other messages, bytes.
 const RECORD_MARGIN_BYTES: usize = 16 << 20;
 
-/// What to replay, and how.
+/// The request for a replay.
 #[derive(Clone, Debug, Default)]
 pub struct ReplayRequest {
     /// Recordings, played one after another.
     pub bags: Vec<PathBuf>,
-    /// The results' bag; of several cameras the directory of their bags, each called by its camera's name.
+    /// The results bag; with several cameras, the directory of their bags, each named after its camera.
     pub output: PathBuf,
-    /// Times the speed of the recording; `None`: as fast as possible.
+    /// Rate relative to the recorded speed; `None`: as fast as possible.
     pub rate: Option<f64>,
-    /// Whether an existing results bag is replaced.
+    /// True if an existing results bag is replaced.
     pub force: bool,
-    /// Whether the input images go into the results' bag too.
+    /// True if the input images are also stored in the results bag.
     pub with_images: bool,
     /// The only camera whose images are replayed, where the parameters name several.
     pub camera: Option<String>,
@@ -60,7 +60,7 @@ pub struct ReplayRequest {
     pub ros: RosArguments,
 }
 
-/// Why a replay cannot start, or could not end.
+/// The reason that a replay cannot start or complete.
 #[derive(Debug, Error)]
 pub enum ReplayError {
     /// A name or remap rule.
@@ -69,18 +69,18 @@ pub enum ReplayError {
     /// A parameter or parameter file.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// Which camera of the parameters to take.
+    /// The choice of the camera.
     #[error(transparent)]
     Camera(#[from] CameraError),
     /// The rate.
     #[error(transparent)]
     Rate(#[from] RateError),
-    /// Which topic to take.
+    /// The choice of the image topic.
     #[error("{}: {source}", bag.display())]
     Input {
         /// The recording.
         bag: PathBuf,
-        /// Why none can be taken.
+        /// The reason that no topic can be chosen.
         source: InputError,
     },
     /// Recordings with different image topics.
@@ -90,7 +90,7 @@ pub enum ReplayError {
         bag: PathBuf,
         /// Its image topic.
         found: String,
-        /// That of the recordings before.
+        /// Image topic of the preceding recordings.
         expected: String,
     },
     /// Cameras that take the same images.
@@ -114,12 +114,12 @@ pub enum ReplayError {
     /// The axis of the motion.
     #[error(transparent)]
     Axis(#[from] AxisError),
-    /// Which topic tells where frames were taken.
+    /// The choice of the position topic.
     #[error("{}: {source}", bag.display())]
     Positions {
         /// The recording.
         bag: PathBuf,
-        /// Why none can be taken.
+        /// The reason that no topic can be chosen.
         source: PositionTopicError,
     },
     /// The frame without laser.
@@ -131,13 +131,13 @@ pub enum ReplayError {
     /// The results cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// It began, but did not reach its end.
+    /// The run started but failed.
     #[error(transparent)]
     Run(#[from] RunError),
 }
 
 impl ReplayError {
-    /// Whether what was asked for is to blame, rather than a file or the machine.
+    /// True if the request is wrong, rather than a file or the machine.
     pub const fn is_usage(&self) -> bool {
         match self {
             Self::Input { source, .. } => source.is_usage(),
@@ -151,7 +151,7 @@ impl ReplayError {
     }
 }
 
-/// A replay that can begin: all that was asked for is there and fits.
+/// A replay that is ready to run: all inputs exist and are consistent.
 pub struct Replay {
     request: ReplayRequest,
     names: NodeNames,
@@ -164,7 +164,7 @@ impl Replay {
     /// Reads the parameters and the calibrations, opens the recordings and chooses the cameras and their image topics.
     ///
     /// # Errors
-    /// The first thing that is not as it should be; nothing has been written then.
+    /// The first invalid input; nothing has been written.
     pub fn prepare(request: ReplayRequest) -> Result<Self, ReplayError> {
         let (mut replay, values) = Self::open(request)?;
         replay.measure_by(&values)?;
@@ -174,7 +174,7 @@ impl Replay {
     /// Reads the parameters and opens the recordings; no camera is chosen yet.
     ///
     /// # Errors
-    /// A name, a parameter or a recording.
+    /// A name, a parameter or a recording is invalid.
     pub fn open(request: ReplayRequest) -> Result<(Self, Parameters), ReplayError> {
         request.rate.map(Pacer::new).transpose()?;
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
@@ -192,11 +192,11 @@ impl Replay {
         Ok((Self { request, names, options, bags, cameras: Vec::new() }, values))
     }
 
-    /// Chooses the cameras and their image topics by these parameters, and reads their calibrations. Where that fails,
-    /// all stays as it was.
+    /// Chooses the cameras and their image topics by these parameters, and reads their calibrations. Changes nothing on
+    /// failure.
     ///
     /// # Errors
-    /// The first thing that is not as it should be.
+    /// The first invalid input.
     pub fn measure_by(&mut self, values: &Parameters) -> Result<(), ReplayError> {
         let cameras = NodeParams::new(values)?.cameras;
         let camera = self.request.camera.as_deref();
@@ -214,17 +214,17 @@ impl Replay {
         Ok(())
     }
 
-    /// The topics that are taken, one a camera.
+    /// Returns the chosen image topics, one per camera.
     pub fn image_topics(&self) -> impl Iterator<Item = &ImageTopic> {
         self.cameras.iter().map(|camera| &camera.image_topic)
     }
 
-    /// The topics that tell where frames were taken, of all cameras.
+    /// Returns the position topics of all cameras.
     pub fn position_topics(&self) -> impl Iterator<Item = &str> {
         self.cameras.iter().flat_map(|camera| &camera.position_topics).map(String::as_str)
     }
 
-    /// How many messages will come, as far as the recordings know.
+    /// Returns the number of messages according to the recordings; `None` if unknown.
     pub fn num_messages(&self) -> Option<u64> {
         let of_bag = |bag: &BagReader| {
             let counts = bag.message_counts()?;
@@ -236,17 +236,17 @@ impl Replay {
         self.bags.iter().map(of_bag).try_fold(0, |sum: u64, count| Some(sum.saturating_add(count?)))
     }
 
-    /// Replays to the end, or until `stop` is raised. `on_message` hears how many messages were read.
+    /// Replays to the end or until `stop` is raised. Calls `on_message` with the number of messages read.
     ///
     /// # Errors
-    /// The results cannot be written; what was written before stays readable.
+    /// The results cannot be written; earlier results stay readable.
     pub fn run(self, stop: &Stop, on_message: &mut dyn FnMut(u64)) -> Result<Summary, ReplayError> {
         let images = self.image_topics().map(|topic| topic.name.as_str());
         let side: Vec<_> = self.cameras.iter().flat_map(CameraReplay::side_topics).collect();
         let filter = Filter::topics(images.chain(side.iter().map(String::as_str)));
         let messages: Vec<_> = self.bags.iter().map(|bag| bag.messages(&filter)).collect();
         let mut player = BagPlayer::new(messages, self.request.rate, stop.clone())?;
-        // One that cannot be written must not cost the others' results.
+        // A failed sink must not affect the results of other cameras.
         self.cameras.iter().try_for_each(|camera| camera.refuse_existing(&self))?;
         let chains = self.cameras.iter().map(|camera| camera.chain(&self));
         let chains = chains.collect::<Result<_, _>>()?;
@@ -254,7 +254,7 @@ impl Replay {
     }
 }
 
-/// Opens the recordings for frames as large as any of the cameras may have.
+/// Opens the recordings with the frame size limit of the largest camera.
 fn open(request: &ReplayRequest, cameras: &[CameraParams]) -> Result<Vec<BagReader>, ReplayError> {
     let max_frame_bytes = cameras.iter().map(|camera| camera.max_frame_bytes).max();
     let options = ReadOptions {

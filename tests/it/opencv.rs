@@ -1,7 +1,7 @@
 //! The camera model against points that OpenCV projected: `tests/data/opencv`.
 
 use laser_profiler::{
-    scanner::camera::{Camera, Distortion},
+    scanner::camera::{Camera, DistortedPixel, Distortion},
     simulate::rig::Lens,
 };
 use nalgebra::{Point2, Point3};
@@ -38,7 +38,7 @@ fn points_are_seen_where_opencv_sees_them() {
     let projections = projections();
     assert_eq!(projections.len(), 240);
     for (camera, point, expected) in projections {
-        let seen = camera.project(point).unwrap();
+        let DistortedPixel(seen) = camera.project(point).unwrap();
         assert!((seen - expected).norm() < 1e-8, "{camera:?}: {seen}, OpenCV says {expected}");
     }
 }
@@ -46,7 +46,7 @@ fn points_are_seen_where_opencv_sees_them() {
 #[test]
 fn a_pixel_looks_at_the_point_that_opencv_projected_there() {
     for (camera, point, pixel) in projections() {
-        let ray = camera.ray(pixel).unwrap();
+        let ray = camera.ray(DistortedPixel(pixel)).unwrap();
         let error = (ray - point.coords / point.z).xy().norm() * camera.fx_px;
         assert!(error < 1e-6, "{camera:?}: {ray} for {point}: {error} px");
     }

@@ -13,6 +13,8 @@ pub mod sphere;
 pub mod step_height;
 pub mod height_map;
 pub mod volume;
+pub mod part;
+pub mod deviation;
 pub mod calibration_error;
 #[cfg(test)]
 mod noise;

@@ -12,7 +12,7 @@ pub enum AxisKind {
 }
 
 impl AxisKind {
-    /// Name in files.
+    /// Returns the name in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Prismatic => "prismatic",
@@ -20,7 +20,7 @@ impl AxisKind {
         }
     }
 
-    /// The kind of that name.
+    /// Returns the kind with that name.
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::Prismatic, Self::Revolute].into_iter().find(|kind| kind.name() == name)
     }
@@ -34,9 +34,9 @@ pub struct RawPosition(pub f64);
 /// Signed travel along an axis, after its scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AxisTravel {
-    /// Of a prismatic axis, metres.
+    /// Travel of a prismatic axis, metres.
     Metres(f64),
-    /// Of a revolute axis, radians.
+    /// Travel of a revolute axis, radians.
     Radians(f64),
 }
 
@@ -48,7 +48,7 @@ impl AxisTravel {
         }
     }
 
-    /// Another travel in the same unit.
+    /// Returns another travel in the same unit.
     #[must_use]
     pub const fn with_value(self, value: f64) -> Self {
         match self {
@@ -77,7 +77,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Travel from position 0. The only place that applies [`scale`](Self::scale).
+    /// Returns the travel from position 0. The only place that applies [`scale`](Self::scale).
     pub fn travel(&self, position: RawPosition) -> AxisTravel {
         let travel = position.0 * self.scale;
         match self.kind {
@@ -86,7 +86,8 @@ impl Axis {
         }
     }
 
-    /// Motion of the part since position 0, in the camera's frame: `point_now = pose(position) * point_at_0`.
+    /// Returns the motion of the part since position 0, in the camera's frame: `point_now = pose(position) *
+    /// point_at_0`.
     pub fn pose(&self, position: RawPosition) -> Isometry3<f64> {
         match self.travel(position) {
             AxisTravel::Metres(length_m) => {

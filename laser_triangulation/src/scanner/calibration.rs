@@ -55,7 +55,7 @@ pub enum CalibrationError {
     /// The values were edited after the file was written.
     #[error(
         "id is {stated}, but these values have id {actual}: the file was edited; calibrate again, or remove the line \
-         to say that you mean it"
+         to accept the edit"
     )]
     Edited {
         /// `id` in the file.

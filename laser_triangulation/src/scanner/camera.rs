@@ -5,12 +5,14 @@
 //! distortion, tilted sensor, K.
 
 mod distortion;
+mod point;
 mod tilt;
 mod view;
 
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 pub use distortion::Distortion;
+pub use point::{DistortedPixel, DistortedPoint, UndistortedPoint};
 pub use view::View;
 
 /// Intrinsic parameters of a camera.
@@ -37,27 +39,29 @@ pub struct Camera {
 impl Camera {
     /// Projects a point to a pixel, which may lie outside the image. `None` for a point behind the lens or where the
     /// distortion model folds back.
-    pub fn project(&self, point: Point3<f64>) -> Option<Point2<f64>> {
+    pub fn project(&self, point: Point3<f64>) -> Option<DistortedPixel> {
         if point.z.is_nan() || point.z <= 0.0 {
             return None;
         }
-        let bent = self.distortion.distort(Point2::new(point.x / point.z, point.y / point.z))?;
+        let straight = UndistortedPoint(Point2::new(point.x / point.z, point.y / point.z));
+        let bent = self.distortion.distort(straight)?;
         let on_sensor = tilt::tilt(self.tilt_rad, bent)?;
         let seen = Point2::new(
             self.fx_px * on_sensor.x + self.cx_px,
             self.fy_px * on_sensor.y + self.cy_px,
         );
-        (seen.x.is_finite() && seen.y.is_finite()).then_some(seen)
+        (seen.x.is_finite() && seen.y.is_finite()).then_some(DistortedPixel(seen))
     }
 
-    /// The ray along which a pixel looks, scaled to z = 1; undoes [`project`](Self::project) to below 1e-6 px. `None`
-    /// where no point in front of the lens is seen: where the distortion model cannot be inverted.
-    pub fn ray(&self, pixel: Point2<f64>) -> Option<Vector3<f64>> {
-        let straight = self.distortion.undistort(self.bent(pixel)?)?;
+    /// Returns the ray of a pixel, scaled to z = 1; inverts [`project`](Self::project) to below 1e-6 px. `None` where
+    /// the distortion model cannot be inverted.
+    pub fn ray(&self, pixel: DistortedPixel) -> Option<Vector3<f64>> {
+        let UndistortedPoint(straight) = self.distortion.undistort(self.bent(pixel)?)?;
         Some(Vector3::new(straight.x, straight.y, 1.0))
     }
 
-    /// A calibrated value by its name in a covariance: fx, fy, cx, cy, `tau_x`, `tau_y` or a distortion coefficient.
+    /// Returns a calibrated value by its name in a covariance: fx, fy, cx, cy, `tau_x`, `tau_y` or a distortion
+    /// coefficient.
     pub(crate) fn value_mut(&mut self, name: &str) -> Option<&mut f64> {
         match name {
             "fx" => Some(&mut self.fx_px),
@@ -70,14 +74,14 @@ impl Camera {
         }
     }
 
-    /// From the inclined sensor to the plane z = 1; `None` where it is not inclined.
+    /// Returns the map from the tilted sensor to the plane z = 1; `None` if the sensor is not tilted.
     pub(super) fn untilt(&self) -> Option<Matrix3<f64>> {
         let is_inclined = self.tilt_rad.iter().any(|angle| *angle != 0.0);
         is_inclined.then(|| tilt::matrix(self.tilt_rad).try_inverse())?
     }
 
-    /// Distorted position on the plane z = 1 that a pixel sees.
-    fn bent(&self, pixel: Point2<f64>) -> Option<Point2<f64>> {
+    /// Returns the distorted position on the plane z = 1 that a pixel sees.
+    fn bent(&self, DistortedPixel(pixel): DistortedPixel) -> Option<DistortedPoint> {
         let on_sensor =
             Point2::new((pixel.x - self.cx_px) / self.fx_px, (pixel.y - self.cy_px) / self.fy_px);
         tilt::untilt(self.tilt_rad, on_sensor)
@@ -128,8 +132,8 @@ mod tests {
         ) {
             let camera = camera(distortion, [tau_x, tau_y]);
             let pixel = Point2::new(column, row);
-            let ray = camera.ray(pixel).unwrap();
-            let seen = camera.project(Point3::from(ray * depth_m)).unwrap();
+            let ray = camera.ray(DistortedPixel(pixel)).unwrap();
+            let DistortedPixel(seen) = camera.project(Point3::from(ray * depth_m)).unwrap();
             prop_assert!((seen - pixel).norm() < 1e-6, "{seen} for {pixel}");
         }
     }
@@ -140,6 +144,7 @@ mod tests {
         for z in [0.0, -1.0, f64::NAN] {
             assert!(camera.project(Point3::new(0.1, 0.1, z)).is_none());
         }
-        assert_eq!(camera.project(Point3::new(0.0, 0.0, 2.0)), Some(Point2::new(1300.5, 1010.25)));
+        let middle = DistortedPixel(Point2::new(1300.5, 1010.25));
+        assert_eq!(camera.project(Point3::new(0.0, 0.0, 2.0)), Some(middle));
     }
 }

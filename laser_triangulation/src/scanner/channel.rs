@@ -1,4 +1,4 @@
-//! Steps 1 and 2 of Yao et al. 2023: the region of interest, and one grey level a pixel.
+//! Steps 1 and 2 of Yao et al. 2023: the region of interest, and one grey level per pixel.
 
 use super::{
     image::{BayerPattern, ByteOrder, Image, MAX_SIDE_PX, PixelFormat},
@@ -180,7 +180,7 @@ pub struct Offset {
     pub row: usize,
 }
 
-/// Step 2: one grey level a pixel. Grey 8-bit images are borrowed; everything else is written into buffers that are kept.
+/// Step 2: one grey level per pixel. Borrows grey 8-bit images; converts everything else into buffers that are kept.
 #[derive(Debug, Default)]
 pub struct Decoder {
     eight: Vec<u8>,
@@ -188,7 +188,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// The chosen channel of the searched part.
+    /// Returns the chosen channel of the searched part.
     ///
     /// Bayer images are demosaiced bilinearly: a missing colour is the mean of the nearest pixels that have it.
     pub fn decode<'a>(
@@ -312,7 +312,7 @@ fn select(channel: Channel, rgb: [u32; 3]) -> u32 {
     }
 }
 
-/// Index of the colour (0 red, 1 green, 2 blue) that the filter array lets through at a pixel.
+/// Returns the index of the colour (0 red, 1 green, 2 blue) that the filter array passes at a pixel.
 const fn colour_at(pattern: BayerPattern, x: usize, y: usize) -> usize {
     let cell = match pattern {
         BayerPattern::Rggb => [0, 1, 1, 2],
@@ -419,7 +419,7 @@ mod tests {
         }
     }
 
-    /// A scene of one colour must come back as that colour from every pattern, borders included.
+    /// A scene of one colour comes back as that colour for every pattern, borders included.
     #[test]
     fn a_uniform_bayer_scene_stays_uniform() {
         for pattern in

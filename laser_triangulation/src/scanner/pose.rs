@@ -1,4 +1,4 @@
-//! Where the laser plane is in the camera's optical frame; here, the pose behind formula 6.
+//! The pose of the laser plane's frame in the camera's optical frame, here for formula 6.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -7,8 +7,8 @@ use super::{
     params::StripeDirection,
 };
 
-/// Two unit vectors perpendicular to a unit vector and to each other: `first × second = normal`. The first lies as near
-/// to x as possible, or to y where the normal nearly is x.
+/// Returns two unit vectors perpendicular to a unit vector and to each other: `first × second = normal`. The first lies
+/// as near to x as possible, or to y if the normal is almost x.
 pub fn perpendicular_basis(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let first = (near - normal * normal.dot(&near)).normalize();
@@ -32,7 +32,7 @@ impl Calibration {
 }
 
 impl VerticalIncidence {
-    /// The lens stands on that side of the plane from which the image is no mirror image: both frames are right-handed.
+    /// The lens stands on the side of the plane that gives no mirror image: both frames are right-handed.
     pub(super) fn camera_from_laser(&self, direction: StripeDirection) -> Isometry3<f64> {
         let (sin, cos) = self.beta_rad.sin_cos();
         let height_sign = f64::from(self.height_sign);
@@ -78,7 +78,7 @@ mod tests {
         }
     }
 
-    /// (column, row) of a point by the pinhole camera of a ROS `CameraInfo`.
+    /// Returns (column, row) of a point for the pinhole camera of a ROS `CameraInfo`.
     fn pinhole(
         rig: &VerticalIncidence,
         direction: StripeDirection,
@@ -131,8 +131,8 @@ mod tests {
         }
     }
 
-    /// The usual rig: stripe from left to right, a rising surface moves up. Whoever looks through the camera has x on
-    /// the right and the far side, y, in front.
+    /// The usual rig: the stripe runs from left to right, and a rising surface moves up. Seen through the camera, x
+    /// points right and y, the far side, points ahead.
     #[test]
     fn the_usual_camera_stands_on_the_negative_side() {
         let usual = rig(-1, 0.5).camera_from_laser(StripeDirection::Horizontal);

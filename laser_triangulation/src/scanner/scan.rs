@@ -1,4 +1,4 @@
-//! Step 10 of Yao et al. 2023: profiles pushed along the motion into slices of a scan.
+//! Step 10 of Yao et al. 2023: stacks profiles along the motion into slices of a scan.
 
 mod slice;
 
@@ -32,7 +32,7 @@ pub struct ScanEntry<'a> {
     pub index: FrameIndex,
 }
 
-/// Frames before the next profile that are not in the scan.
+/// Frames before the next profile that the scan does not contain.
 #[derive(Clone, Copy, Debug, Default)]
 struct LeftOut {
     missing: u32,
@@ -43,8 +43,8 @@ struct LeftOut {
 /// Stacks profiles. A scan is a sequence of profiles of one length from images of one size; it ends with its last slice
 /// and its height map. Positions continue from a scan that reached its limit to the next one.
 ///
-/// A full slice is returned when the next profile arrives or the scan ends: only then is it known to be the last one or
-/// not. Two slices and two height maps take turns: after two scans of a length nothing is allocated.
+/// Returns a full slice when the next profile arrives or the scan ends, because only then is it known whether it is the
+/// last one. Two slices and two height maps alternate: after two scans of a length nothing is allocated.
 #[derive(Debug)]
 pub struct Scan {
     limits: ScanLimits,

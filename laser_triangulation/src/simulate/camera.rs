@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, de::Error};
 
 use super::{
     part::Part,
-    scenario::{ScenarioError, check_range, range_error},
+    scenario_error::{ScenarioError, check_range, range_error},
     sensor::{BitDepth, Sensor},
 };
 use crate::scanner::params::StripeDirection;

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::scenario::{ScenarioError, check_entries, check_range};
+use super::scenario_error::{ScenarioError, check_entries, check_range};
 
 /// Everything in the image except the stripe.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]

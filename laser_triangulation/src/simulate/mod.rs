@@ -5,6 +5,7 @@
 //! tests and benchmarks.
 
 pub mod scenario;
+pub mod scenario_error;
 pub mod scene;
 pub mod rig;
 pub mod part;
@@ -21,7 +22,8 @@ pub mod world;
 use serde::{Deserialize, de::IgnoredAny};
 
 use rig::RigScenario;
-use scenario::{Scenario, ScenarioError, parsed};
+use scenario::Scenario;
+use scenario_error::{ScenarioError, parsed};
 use scene::Scene;
 
 /// Reads a scenario of either kind: with a `rig`, gauges or boards in front of any camera; without, a part under the

@@ -4,7 +4,7 @@
 
 use serde::Deserialize;
 
-use super::scenario::{ScenarioError, check_entries, check_range};
+use super::scenario_error::{ScenarioError, check_entries, check_range};
 
 /// A cell on a table.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

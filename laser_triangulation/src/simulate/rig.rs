@@ -13,7 +13,8 @@ use serde::Deserialize;
 
 use super::{
     noise::{frame_rng, speckle},
-    scenario::{Laser, Motion, ScenarioError, check_range, check_times, parsed, range_error},
+    scenario::{Laser, Motion},
+    scenario_error::{ScenarioError, check_range, check_times, parsed, range_error},
     scene::{Picture, Scene},
     sensor::{BitDepth, Sensor},
     world::RenderedFrame,

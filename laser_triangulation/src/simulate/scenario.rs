@@ -1,37 +1,19 @@
 //! A scenario file: the complete description of a simulated scan, imperfections included.
 
-use std::fmt::Display;
+use serde::Deserialize;
 
-use serde::{Deserialize, de::DeserializeOwned};
-use thiserror::Error;
-
-use super::{camera::Camera, clutter::Clutter, part::Part};
+use super::{
+    camera::Camera,
+    clutter::Clutter,
+    part::Part,
+    scenario_error::{ScenarioError, check_entries, check_range, check_times, parsed},
+};
 
 /// An example: a film with a bubble, a pit and a fold on a cell, 40 frames of 160 x 96 pixels.
 pub const EXAMPLE: &str = include_str!("example.scenario.yaml");
 
 /// Largest number of frames in a scenario.
 const MAX_FRAMES: u32 = 1_000_000;
-/// Largest number of entries in any list of a scenario.
-pub(super) const MAX_ENTRIES: usize = 1000;
-
-/// The reason why a text is not a scenario.
-#[derive(Debug, Error)]
-pub enum ScenarioError {
-    /// Not YAML, an unknown key, a missing key or a value of the wrong type.
-    #[error("{0}")]
-    Yaml(Box<serde_saphyr::Error>),
-    /// A value out of range.
-    #[error("{key} is {value}: allowed is {allowed}")]
-    Range {
-        /// Path of the value, as in `camera.width_px`.
-        key: String,
-        /// The value.
-        value: String,
-        /// The allowed range.
-        allowed: String,
-    },
-}
 
 /// A simulated scan.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -138,18 +120,6 @@ impl Scenario {
     }
 }
 
-/// Reads a scenario of any kind without checking its values.
-pub(super) fn parsed<T: DeserializeOwned>(text: &str) -> Result<T, ScenarioError> {
-    serde_saphyr::from_str(text).map_err(|error| ScenarioError::Yaml(Box::new(error)))
-}
-
-/// Rejects frames at times that ROS cannot represent.
-pub(super) fn check_times(frame_rate_hz: f64, start_time_ns: i64) -> Result<(), ScenarioError> {
-    check_range("frame_rate_hz", frame_rate_hz, 0.01, 1e5)?;
-    // ROS counts seconds in 31 bits, until 2038; the longest scenario takes 10⁸ of them.
-    check_range("start_time_ns", start_time_ns as f64, 0.0, 2e18)
-}
-
 impl Motion {
     pub(super) fn check(&self) -> Result<(), ScenarioError> {
         check_range("motion.start_m", self.start_m, -100.0, 100.0)?;
@@ -166,32 +136,10 @@ impl Laser {
     }
 }
 
-/// Rejects a value outside `min ..= max`, NaN included.
-pub(super) fn check_range(key: &str, value: f64, min: f64, max: f64) -> Result<(), ScenarioError> {
-    if (min..=max).contains(&value) {
-        return Ok(());
-    }
-    Err(range_error(key, value, format!("{min} to {max}")))
-}
-
-/// Rejects a list that is too long.
-pub(super) fn check_entries<T>(key: &str, list: &[T]) -> Result<(), ScenarioError> {
-    if list.len() <= MAX_ENTRIES {
-        return Ok(());
-    }
-    Err(range_error(key, format!("{} entries", list.len()), format!("at most {MAX_ENTRIES}")))
-}
-
-/// Returns the error for an invalid value.
-pub(super) fn range_error(key: &str, value: impl Display, allowed: String) -> ScenarioError {
-    ScenarioError::Range { key: key.to_owned(), value: value.to_string(), allowed }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
 
-    /// Returns a small scene: a cell with a film and one of each defect.
     fn refusal(from: &str, to: &str) -> String {
         assert!(EXAMPLE.contains(from), "{from}");
         Scenario::from_yaml(&EXAMPLE.replacen(from, to, 1)).unwrap_err().to_string()

@@ -1,24 +1,27 @@
-//! Pictures of a scan: its heights in colour, and one cross-section beside its truth.
+//! Pictures of a scan: a height map, and one cross-section with its ground truth.
 
 use std::{ops::Range, path::Path};
 
 use anyhow::{anyhow, ensure};
+use nalgebra::Point3;
 use plotters::prelude::*;
 
-use super::surface::{Surface, is_measured};
-use crate::cli::chart::{AXIS, Area, NOT_MEASURED, TICK, TITLE, draw_color_bar, save, viridis};
-use crate::scanner::scan::Point;
+use crate::{
+    cli::chart::{AXIS, Area, NOT_MEASURED, TICK, TITLE, draw_color_bar, save, viridis},
+    metrology::surface::{Surface, is_measured},
+};
 
-/// Reach of the axis of errors, micrometres.
+/// Largest error on the error axis, micrometres.
 const ERROR_UM: f64 = 60.0;
 const OFF_SCALE: RGBColor = RGBColor(80, 80, 80);
-// Blue and vermilion of Okabe and Ito: told apart with any colour vision.
+// Blue and vermilion of Okabe and Ito: distinct for every kind of colour vision.
 const MEASURED: RGBColor = RGBColor(0, 114, 178);
 const TRUTH: RGBColor = RGBColor(213, 94, 0);
 
 /// Draws the heights of a scan seen from above into a PNG.
 ///
-/// Colours span `scale_m` (from, to); heights beyond are dark grey, what was not measured is light grey.
+/// Colours span `scale_m` (from, to), metres. Heights off this scale are dark grey; places without a measurement are
+/// light grey.
 ///
 /// # Errors
 /// A scan without points, or a file that cannot be written.
@@ -28,10 +31,13 @@ pub fn save_height_map(
     surface: &Surface,
     scale_m: [f32; 2],
 ) -> anyhow::Result<()> {
-    let [x_mm, y_mm] = [0, 1].map(|axis| surface.extent_m(axis).unwrap_or_default());
-    let [x_mm, y_mm] = [x_mm, y_mm].map(|[low, high]| 1e3 * low..1e3 * high);
+    let [x_mm, y_mm] = [0, 1].map(|axis| {
+        let values = surface.measured().map(|(_, point)| point[axis] as f32);
+        let [low, high] = range_of(values).unwrap_or_default();
+        1e3 * low..1e3 * high
+    });
     ensure!(!x_mm.is_empty() && !y_mm.is_empty(), "a scan without points has no picture");
-    // A millimetre is as long across as it is up: 900 px are the motion's length.
+    // Both axes have the same scale; the length along the motion spans 900 px.
     let map_px = 900.0 * (x_mm.end - x_mm.start) / (y_mm.end - y_mm.start);
     save(path, (1130, map_px.clamp(250.0, 1500.0) as u32 + 126), |root| {
         let root = root.titled(title, TITLE)?;
@@ -56,12 +62,12 @@ fn draw_map(
         .y_label_area_size(66)
         .build_cartesian_2d(y_mm, x_mm)?;
     chart.plotting_area().fill(&NOT_MEASURED)?;
-    // A little more than half the pitch: rounding to pixels must leave no seams.
-    let [half_x, half_y] = surface.pitch_m().map(|metres| 0.55e3 * metres);
-    chart.draw_series(surface.measured().map(|point| {
-        let [x, y] = [1e3 * point[0], 1e3 * point[1]];
+    // Slightly more than half the pitch, so that rounding to pixels leaves no gaps.
+    let [half_x, half_y] = surface.pitch_m().map(|metres| 0.55e3 * metres as f32);
+    chart.draw_series(surface.measured().map(|(_, point)| {
+        let [x, y] = [1e3 * point.x as f32, 1e3 * point.y as f32];
         let corners = [(y - half_y, x - half_x), (y + half_y, x + half_x)];
-        Rectangle::new(corners, color_of(point[2], scale_m).filled())
+        Rectangle::new(corners, color_of(point.z as f32, scale_m).filled())
     }))?;
     chart
         .configure_mesh()
@@ -90,24 +96,25 @@ fn draw_key(area: &Area<'_>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Draws a profile beside its truth, and below it what lies between them, into a PNG. `truth_m` is the true height at
-/// each point of the profile, metres.
+/// Draws a profile with its ground truth, and their difference below, into a PNG.
+///
+/// `truth_m` is the true height at each point of the profile, metres.
 ///
 /// # Errors
 /// A profile without points, or a file that cannot be written.
 pub fn save_profile(
     path: &Path,
     title: &str,
-    profile: &[Point],
+    profile: &[Point3<f64>],
     truth_m: &[f64],
 ) -> anyhow::Result<()> {
-    let curve = |z_m: &dyn Fn(&Point, f64) -> f64, unit: f64| -> Vec<(f64, f64)> {
+    let curve = |z_m: &dyn Fn(f64, f64) -> f64, unit: f64| -> Vec<(f64, f64)> {
         let points = profile.iter().zip(truth_m).filter(|(point, _)| is_measured(point));
-        points.map(|(p, &truth)| (1e3 * f64::from(p[0]), unit * z_m(p, truth))).collect()
+        points.map(|(p, &truth)| (1e3 * p.x, unit * z_m(p.z, truth))).collect()
     };
-    let measured = curve(&|point, _| f64::from(point[2]), 1e3);
+    let measured = curve(&|z, _| z, 1e3);
     let truth = curve(&|_, truth| truth, 1e3);
-    let error = curve(&|point, truth| f64::from(point[2]) - truth, 1e6);
+    let error = curve(&|z, truth| z - truth, 1e6);
     let (Some(first), Some(last)) = (measured.first(), measured.last()) else {
         return Err(anyhow!("a profile without points has no picture"));
     };
@@ -147,7 +154,15 @@ pub fn save_profile(
     })
 }
 
-/// The range of the values and a tenth of it on both sides.
+/// Returns the smallest and the largest value; `None` without values.
+pub fn range_of(values: impl Iterator<Item = f32>) -> Option<[f32; 2]> {
+    values.fold(None, |range, value| {
+        let [low, high] = range.unwrap_or([value, value]);
+        Some([low.min(value), high.max(value)])
+    })
+}
+
+/// Returns the range of the values, extended by a tenth on both sides.
 fn padded(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
     let margin = (0.1 * (high - low)).max(1e-3);
@@ -186,13 +201,23 @@ fn axes<'a, 'b>(
 
 #[cfg(test)]
 mod tests {
-    use super::{super::surface::tests::surface, *};
+    use super::*;
+
+    /// Returns 101 x 81 points 0.1 x 0.2 mm apart from a height in metres over x in millimetres.
+    fn surface(height_m: impl Fn(f64) -> f64) -> Surface {
+        let places = (0..81_u8).flat_map(|row| (0..101_u8).map(move |column| (row, column)));
+        let points = places.map(|(row, column)| {
+            let [x, y] = [f64::from(column) * 0.1 - 5.0, f64::from(row) * 0.2];
+            Point3::new(x * 1e-3, y * 1e-3, height_m(x))
+        });
+        Surface { width: 101, points: points.collect() }
+    }
 
     #[test]
     fn a_height_map_shows_heights_in_colour_and_holes_in_grey() {
-        let scan = surface(|x, _| {
+        let scan = surface(|x| {
             if x > 3.0 {
-                f32::NAN
+                f64::NAN
             } else if x > 0.0 {
                 2e-3
             } else {
@@ -208,22 +233,23 @@ mod tests {
             picture.pixels().filter(|&&pixel| pixel == wanted).count()
         };
         let [low, high] = [1e-3, 2e-3].map(|height| count(color_of(height, [1e-3, 2e-3])));
-        // 5 mm of the low, 3 mm of the high step; nothing beyond was measured, so the map ends there.
+        // 5 mm of the low, 3 mm of the high step; no point beyond was measured, so the map ends there.
         assert!(low > 100_000 && high * 8 > low * 4 && high < low, "{low} {high}");
         assert!(count(NOT_MEASURED) < 1000);
     }
 
     #[test]
-    fn nothing_measured_is_an_error_and_no_picture() {
-        let nothing = surface(|_, _| f32::NAN);
+    fn a_scan_without_points_is_an_error() {
+        let nothing = surface(|_| f64::NAN);
         let path = Path::new("/nonexistent/map.png");
         for error in [
             save_height_map(path, "", &nothing, [0.0, 1.0]).unwrap_err(),
-            save_profile(path, "", &[[f32::NAN; 4]], &[0.0]).unwrap_err(),
+            save_profile(path, "", &[Point3::new(f64::NAN, f64::NAN, f64::NAN)], &[0.0])
+                .unwrap_err(),
         ] {
             assert!(error.to_string().contains("without points"), "{error}");
         }
-        let scan = surface(|x, _| 1e-3 * x);
+        let scan = surface(|x| 1e-3 * x);
         let error = save_height_map(path, "", &scan, [0.0, 1.0]).unwrap_err();
         assert!(error.to_string().contains("/nonexistent/map.png"), "{error}");
     }

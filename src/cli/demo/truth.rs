@@ -1,19 +1,19 @@
-//! What the scenario of the bundled recording says about the defects that were found.
+//! Ground truth: the defects in the scenario of the bundled recording.
 
 use crate::simulate::scenario::Scenario;
 
 /// A defect of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KnownDefect {
-    /// Bubble, pit or fold.
+    /// Kind: bubble, pit or fold.
     pub name: &'static str,
-    /// Its middle (x, y), y from the first frame on, metres.
+    /// Center (x, y), metres; y counts from the first frame.
     pub center_m: [f64; 2],
     /// Height above the film, metres; negative for a pit.
     pub height_m: f64,
 }
 
-/// All defects of a scenario.
+/// Returns all defects of a scenario.
 pub fn known_defects(scenario: &Scenario) -> Vec<KnownDefect> {
     let film = &scenario.part.film;
     let known = |name, x_m: f64, y_m: f64, height_m| KnownDefect {
@@ -30,7 +30,7 @@ pub fn known_defects(scenario: &Scenario) -> Vec<KnownDefect> {
     bubbles.chain(pits).chain(folds).collect()
 }
 
-/// The defect whose middle is nearest to a place and not further than `reach_m`.
+/// Returns the defect whose center is nearest to a place; `None` if it is farther away than `reach_m`, metres.
 pub fn nearest(known: &[KnownDefect], center_m: [f64; 2], reach_m: f64) -> Option<&KnownDefect> {
     let distance_m = |defect: &KnownDefect| {
         (defect.center_m[0] - center_m[0]).hypot(defect.center_m[1] - center_m[1])
@@ -47,9 +47,9 @@ mod tests {
     use crate::simulate::scenario::EXAMPLE;
 
     #[test]
-    fn defects_are_known_by_their_middle_on_the_scan() {
+    fn defects_are_matched_by_their_center_on_the_scan() {
         let known = known_defects(&Scenario::from_yaml(EXAMPLE).unwrap());
-        // The scan begins 5 mm before the cell.
+        // The scan starts 5 mm before the cell.
         let name = |x_mm, y_mm| {
             nearest(&known, [x_mm * 1e-3, y_mm * 1e-3], 1e-3).map(|defect| defect.name)
         };

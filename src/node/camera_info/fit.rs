@@ -7,7 +7,7 @@ use crate::{
     msg::sensor_msgs::CameraInfo,
     scanner::{
         calibration::Calibration,
-        camera::{Camera, Distortion, View},
+        camera::{Camera, DistortedPixel, Distortion, View},
     },
 };
 
@@ -142,9 +142,10 @@ fn compare(calibrated: &Camera, info: &CameraInfo<'_>) -> Result<f64, Misfit> {
             along(place % (GRID + 1), calibrated.width_px),
             along(place / (GRID + 1), calibrated.height_px),
         );
-        let Some(ray) = calibrated.ray(pixel) else { continue };
+        let Some(ray) = calibrated.ray(DistortedPixel(pixel)) else { continue };
         let seen = described.project(Point3::from(ray));
-        difference_px = difference_px.max(seen.map_or(f64::INFINITY, |seen| (seen - pixel).norm()));
+        difference_px =
+            difference_px.max(seen.map_or(f64::INFINITY, |seen| (seen.0 - pixel).norm()));
         compared += 1;
     }
     let longer_px = f64::from(calibrated.width_px.max(calibrated.height_px));

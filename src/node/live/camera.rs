@@ -35,9 +35,9 @@ use crate::{
 /// Time that a service waits for a camera to carry out a command.
 pub(super) const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Distortion models have a handful of coefficients.
+/// Maximum size of a `camera_info` message, bytes: distortion models have few coefficients.
 const INFO_LIMIT_BYTES: usize = 64 << 10;
-/// Robots have some hundred joints and frames.
+/// Maximum size of a position message, bytes: robots have some hundred joints and frames.
 const POSITION_LIMIT_BYTES: usize = 1 << 20;
 
 /// Sources of a camera's images.
@@ -50,17 +50,17 @@ pub(super) struct Images {
     pub(super) limit_bytes: usize,
     /// The topic of the camera's descriptions.
     pub(super) info: TopicEndpoint,
-    /// Looks at what comes on both.
+    /// Observes images and descriptions.
     pub(super) observer: Observer,
     /// The topics with the positions of images.
     pub(super) positions: Vec<TopicEndpoint>,
     /// Messages received on them.
     pub(super) inbox: Arc<Inbox>,
-    /// While the node is active.
+    /// Present while the node is active.
     subscriptions: Mutex<Option<Subscriptions>>,
 }
 
-/// Where the node listens for a camera. Images end first: what tells of them may still come.
+/// The subscriptions of a camera. Images are dropped first, because their metadata may still arrive.
 struct Subscriptions {
     images: Box<dyn Subscription>,
     _infos: Box<dyn Subscription>,
@@ -78,20 +78,20 @@ impl Images {
         Self { transport, endpoint, limit_bytes, info, observer, positions, inbox, subscriptions }
     }
 
-    /// Publishers that reach the camera now; `None`: it does not listen.
+    /// Returns the number of matched image publishers; `None` without a subscription.
     pub(super) fn num_publishers(&self) -> Option<usize> {
         self.lock().as_ref().map(|subscriptions| subscriptions.images.num_matched())
     }
 
-    /// Topics about the axis without a publisher. Static poses need no publisher.
-    pub(super) fn unheard_positions(&self) -> Vec<&TopicEndpoint> {
+    /// Returns the topics about the axis that have no publisher. Static poses need no publisher.
+    pub(super) fn unmatched_positions(&self) -> Vec<&TopicEndpoint> {
         let guard = self.lock();
         let Some(Subscriptions { positions, .. }) = &*guard else { return Vec::new() };
         let topics = self.positions.iter().zip(positions);
-        let unheard = topics.filter(|(topic, heard)| {
-            topic.qos.durability != Durability::TransientLocal && heard.num_matched() == 0
+        let unmatched = topics.filter(|(topic, subscription)| {
+            topic.qos.durability != Durability::TransientLocal && subscription.num_matched() == 0
         });
-        unheard.map(|(topic, _)| topic).collect()
+        unmatched.map(|(topic, _)| topic).collect()
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<Subscriptions>> {
@@ -101,7 +101,7 @@ impl Images {
 
 /// The identity of a camera, and its recorder.
 pub(super) struct Identity {
-    /// Its name among several; empty: the only one.
+    /// Its name; empty for the only camera.
     pub(super) name: String,
     /// Frame of its scans; empty without a calibration.
     pub(super) part_frame: String,
@@ -111,10 +111,10 @@ pub(super) struct Identity {
     pub(super) description: Description,
 }
 
-/// A camera that is configured. Clones speak to the same one.
+/// A configured camera. Clones share it.
 #[derive(Clone)]
 pub(super) struct Camera {
-    /// Its name among several; empty: the only one.
+    /// Its name; empty for the only camera.
     pub(super) name: String,
     /// Frame of its scans; empty without a calibration.
     pub(super) part_frame: String,
@@ -129,11 +129,11 @@ pub(super) struct Camera {
     settings: Arc<Mailbox<Settings>>,
 }
 
-/// A command on its way.
+/// A command that was sent to the worker.
 pub(super) struct Ordered(mpsc::Receiver<Answer>);
 
 impl Ordered {
-    /// Waits for what came of it; `None`: the worker is busy, or has ended.
+    /// Waits for the answer; returns `None` if the worker is busy or has ended.
     pub(super) fn answer(self, deadline: Instant) -> Option<Answer> {
         self.0.recv_timeout(deadline.saturating_duration_since(Instant::now())).ok()
     }
@@ -152,7 +152,7 @@ pub(super) struct Environment {
 pub(super) type Measuring = JoinHandle<Result<Summary, RunError>>;
 
 impl Camera {
-    /// Starts the worker; images come only after [`listen`](Self::listen).
+    /// Starts the worker; images arrive only after [`listen`](Self::listen).
     pub(super) fn start(
         Identity { name, part_frame, recording, description }: Identity,
         images: Arc<Images>,
@@ -208,12 +208,12 @@ impl Camera {
     /// Sends a command to the worker.
     pub(super) fn order(&self, command: impl FnOnce(Reply) -> Command) -> Ordered {
         let (reply, answer) = mpsc::sync_channel(1);
-        // Where the worker has ended, the reply is dropped, and the answer reports it.
+        // If the worker has ended, the reply is dropped, and the answer is `None`.
         drop(self.input.push_urgent(Input::Command(command(reply))));
         Ordered(answer)
     }
 
-    /// Accepts no more frames; those that wait are still measured.
+    /// Closes the queue for further frames; queued frames are still measured.
     pub(super) fn close(&self) {
         drop(self.images.lock().take());
         self.input.close();
@@ -227,7 +227,7 @@ fn measure(
     num_topics: usize,
 ) -> Result<Summary, RunError> {
     let started = Instant::now();
-    // The middleware allocates a buffer for every message: spare ones would be of no use.
+    // The middleware allocates a buffer for every message, so spare buffers are useless.
     let spare = Queue::new(INPUT_BOUND, WhenFull::DropOldest);
     spare.close();
     let (counts, stages) = run::work(worker, input, &spare, outlets, num_topics)?;

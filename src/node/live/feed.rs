@@ -1,4 +1,4 @@
-//! What arrives from the middleware becomes the worker's input.
+//! Converts messages from the middleware to the worker's input.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::{
     ros::transport::{Arrival, OnArrival},
 };
 
-/// Hands every arrival to the queue, which drops the oldest when the worker is too slow.
+/// Pushes every arrival to the queue, which drops the oldest if the worker is too slow.
 pub(super) fn on_image(queue: Arc<Queue<Input>>, topic: Arc<Topic>) -> OnArrival {
     let mut ids = PublisherIds::default();
     Box::new(move |arrival| {
@@ -29,7 +29,7 @@ pub(super) fn on_image(queue: Arc<Queue<Input>>, topic: Arc<Topic>) -> OnArrival
     })
 }
 
-/// Puts every arrival into the inbox of the worker. An arrival that failed counts as any lost message: it leaves a gap.
+/// Puts every message into the inbox of the worker. A failed arrival counts as a lost message and leaves a gap.
 pub(super) fn on_position(
     inbox: Arc<Inbox>,
     queue: Arc<Queue<Input>>,
@@ -53,7 +53,7 @@ fn message(arrival: Arrival, topic: &Arc<Topic>) -> RawMessage {
     }
 }
 
-/// Numbers publishers by their changes: while two take turns, gaps of neither can be detected.
+/// Assigns a new number at every change of publisher, so gaps cannot be detected while two publishers alternate.
 #[derive(Default)]
 struct PublisherIds {
     last: Option<[u8; 16]>,

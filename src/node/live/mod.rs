@@ -1,7 +1,8 @@
-//! The live node: cameras on the middleware, and all that ROS users see of a node.
+//! The live node: cameras on the middleware, with the standard interfaces of a ROS node.
 //!
-//! Every camera has a worker of its own behind a queue that drops the oldest image; it is the worker of a replay, with
-//! the middleware and the recorder as its sinks. `node` is what services, parameters and the lifecycle share.
+//! Every camera has its own worker behind a queue that drops the oldest image. It is the same worker as in a replay,
+//! with the middleware and the recorder as sinks. `node` holds the state shared by services, parameters and the
+//! lifecycle.
 
 pub mod error;
 pub mod report;
@@ -56,7 +57,7 @@ const WATCH_PERIOD: Duration = Duration::from_millis(100);
 /// The node to run.
 #[derive(Clone, Debug)]
 pub struct LiveRequest {
-    /// On what.
+    /// Its transport.
     pub middleware: Middleware,
     /// True if the node is its own Zenoh router.
     pub is_router: bool,
@@ -64,11 +65,11 @@ pub struct LiveRequest {
     pub ros: RosArguments,
 }
 
-/// A node that is on the network.
+/// A node on the network.
 pub struct LiveNode {
     shared: Arc<NodeState>,
     lifecycle: Lifecycle,
-    // Before the transport, so that nothing is asked of a node that is half gone.
+    // Dropped before the transport, so that no request reaches a partly dropped node.
     servers: Servers,
 }
 
@@ -80,10 +81,11 @@ struct Servers {
 }
 
 impl LiveNode {
-    /// Reads the parameters, joins the network and, if `autostart`, begins to measure. `variable` is the environment.
+    /// Reads the parameters, joins the network and, if `autostart` is set, starts measuring. `variable` reads the
+    /// environment.
     ///
     /// # Errors
-    /// The first thing that is not as it should be.
+    /// The first invalid name, parameter or file, or the middleware or the system rejects a resource.
     pub fn start(
         request: &LiveRequest,
         rosout: RosoutSlot,
@@ -92,10 +94,10 @@ impl LiveNode {
         Self::start_through(request, rosout, variable, &|transport| transport)
     }
 
-    /// As [`start`](Self::start), on what `through` makes of the middleware.
+    /// As [`start`](Self::start), but on the transport that `through` returns for the middleware.
     ///
     /// # Errors
-    /// The first thing that is not as it should be.
+    /// The first invalid name, parameter or file, or the middleware or the system rejects a resource.
     pub fn start_through(
         request: &LiveRequest,
         rosout: RosoutSlot,
@@ -113,7 +115,7 @@ impl LiveNode {
         Self::on(&transport, &names, values, rosout)
     }
 
-    /// Puts a node on a middleware that has been joined.
+    /// Creates the node on a joined middleware.
     fn on(
         transport: &Arc<dyn Transport>,
         names: &NodeNames,
@@ -151,18 +153,18 @@ impl LiveNode {
         Ok(Self { shared, lifecycle, servers })
     }
 
-    /// The parameters, for others in this process.
+    /// Returns the parameters for other parts of this process.
     pub fn parameters(&self) -> ParameterHandle {
         self.servers.parameters.handle()
     }
 
-    /// Looks at the cameras while [`run`](Self::run) measures.
+    /// Returns a view of the cameras for use while [`run`](Self::run) measures.
     pub fn watcher(&self) -> Watcher {
         Watcher(Arc::downgrade(&self.shared))
     }
 
-    /// Measures until `stop` is raised, the node is shut down from outside, or a camera fails. Everything is written when
-    /// it returns; what a camera failed of stands in its summary.
+    /// Measures until `stop` is raised, the node is shut down from outside, or a camera fails. Writes all results
+    /// before it returns; the summary of a camera contains its error.
     pub fn run(self, stop: &Stop) -> Vec<CameraSummary> {
         while !stop.wait(WATCH_PERIOD) {
             if self.lifecycle.state() == State::Finalized || self.shared.has_failed() {
@@ -173,7 +175,7 @@ impl LiveNode {
         self.shared.take_summaries()
     }
 
-    /// Ends behind a change of state that is running: a disk may take its time.
+    /// Shuts down after a running transition, which may wait for a slow disk.
     fn shut_down(&self) {
         loop {
             match self.lifecycle.shutdown() {

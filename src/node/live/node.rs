@@ -35,10 +35,10 @@ struct State {
     /// Effective values; before configuration, those that will apply.
     values: Parameters,
     params: NodeParams,
-    /// Between configure and cleanup.
+    /// The session; present between configure and cleanup.
     session: Option<Session>,
     is_active: bool,
-    /// Summaries of ended sessions, one a camera.
+    /// Summaries of ended sessions, one per camera.
     summaries: Vec<CameraSummary>,
 }
 
@@ -52,7 +52,7 @@ impl NodeState {
         Ok(Self { context, state: Mutex::new(state) })
     }
 
-    /// Every change under the lock is complete in itself, so the state of a panicked holder is sound.
+    /// Locks the state. Every change under the lock is atomic, so the state is valid even after a panic.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -63,7 +63,7 @@ impl NodeState {
         Ok(())
     }
 
-    /// Activates the cameras. Recording starts before the first frame where it is enabled.
+    /// Activates the cameras. If recording is enabled, it starts before the first frame.
     pub(super) fn activate(&self) -> Result<(), LiveError> {
         if self.lock().params.recording.enabled {
             self.start_recordings();
@@ -75,7 +75,7 @@ impl NodeState {
         active
     }
 
-    /// A disk that fails stops nothing else: the error is logged and appears in the diagnostics.
+    /// Starts recording. A disk error stops nothing else; it is logged and appears in the diagnostics.
     fn start_recordings(&self) {
         for recorder in self.recorders("") {
             if let Err(error) = recorder.start() {
@@ -123,7 +123,7 @@ impl NodeState {
             state.is_active = false;
             state.session.take()
         };
-        // Not under the lock: queued frames are still measured and written.
+        // Without the lock, because queued frames are still measured and written.
         let summaries = session.map(Session::end).unwrap_or_default();
         let state = &mut *self.lock();
         for (sum, ended) in state.summaries.iter_mut().zip(summaries) {
@@ -149,7 +149,7 @@ impl NodeState {
         let is_active = state.is_active;
         (state.values, state.params) = (values, params);
         drop(guard);
-        // Not under the lock: a disk may take its time.
+        // Without the lock, because a disk may be slow.
         match (was_enabled, is_enabled) {
             (false, true) if is_active => self.start_recordings(),
             (true, false) if is_active => self.end_recordings(),
@@ -168,7 +168,7 @@ impl NodeState {
             let meant = |of: &&Camera| camera.is_empty() || of.name == camera;
             session.cameras().iter().filter(meant).cloned().collect()
         };
-        // Not under the lock: a worker answers between two frames.
+        // Without the lock, because a worker answers between two frames.
         let ordered: Vec<_> = cameras.iter().map(|of| of.order(&command)).collect();
         let deadline = Instant::now() + PATIENCE;
         let late = || refusal("not carried out within a second: the camera is busy");
@@ -185,7 +185,7 @@ impl NodeState {
         self.lock().session.as_ref().is_some_and(Session::has_failed)
     }
 
-    /// The summaries of all sessions, one a camera.
+    /// Returns the summaries of all sessions, one per camera.
     pub(super) fn take_summaries(&self) -> Vec<CameraSummary> {
         std::mem::take(&mut self.lock().summaries)
     }
@@ -215,13 +215,13 @@ fn fixed_while_configured(old: &NodeParams, new: &NodeParams) -> Result<(), Stri
     Ok(())
 }
 
-/// True if the source of positions changes and either is measured.
+/// True if the source of positions changes and either source is measured.
 fn is_other_source(old: &CameraParams, new: &CameraParams) -> bool {
     let [old, new] = [old, new].map(|camera| camera.scanner.motion.source);
     old != new && (old.is_measured() || new.is_measured())
 }
 
-/// The node as its lifecycle sees it.
+/// The node as the lifecycle's [`Managed`].
 pub(super) struct Handle(pub(super) Weak<NodeState>);
 
 impl Handle {

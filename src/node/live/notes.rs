@@ -31,24 +31,24 @@ pub(super) fn on_publishers(
         )));
     }
     if num_matched == 0 && notes.is_empty() {
-        notes.push(warning(format!("nobody publishes {} on {}", images.name, transport.name())));
+        notes.push(warning(format!("{} has no publisher on {}", images.name, transport.name())));
     }
     notes
 }
 
 /// Warnings about topics of the axis without a publisher.
-pub(super) fn on_positions(transport: &dyn Transport, unheard: &[&TopicEndpoint]) -> Vec<Note> {
+pub(super) fn on_positions(transport: &dyn Transport, topics: &[&TopicEndpoint]) -> Vec<Note> {
     let note = |topic: &&TopicEndpoint| Note {
         level: DiagnosticStatus::WARN,
         key: "positions",
         text: format!(
-            "nobody publishes {} ({}) on {}: frames have no position",
+            "{} ({}) has no publisher on {}: frames have no position",
             topic.name,
             topic.kind.name,
             transport.name()
         ),
     };
-    unheard.iter().map(note).collect()
+    topics.iter().map(note).collect()
 }
 
 #[cfg(test)]
@@ -72,7 +72,7 @@ mod tests {
         let network = Loopback::default();
         let images = endpoint(Image::TYPE);
         let text = |num| on_publishers(&network, &images, num).pop().map(|note| note.text);
-        assert_eq!(text(0).as_deref(), Some("nobody publishes /image_raw on loopback"));
+        assert_eq!(text(0).as_deref(), Some("/image_raw has no publisher on loopback"));
         assert_eq!(text(1), None);
         assert!(text(2).is_some_and(|text| text.starts_with("2 publishers on /image_raw")));
         let _wrong = network.advertise(&endpoint(CompressedImage::TYPE)).unwrap();

@@ -1,4 +1,4 @@
-//! The middleware as a sink: every result goes out on its topic.
+//! The middleware as a sink: publishes every result on its topic.
 
 use crate::{
     node::{
@@ -20,7 +20,7 @@ pub(super) struct Publications {
 }
 
 impl Publications {
-    /// Makes the publishers.
+    /// Creates the publishers.
     pub(super) fn advertise(
         transport: &dyn Transport,
         endpoints: &[TopicEndpoint],
@@ -31,10 +31,10 @@ impl Publications {
 }
 
 impl Sink for Publications {
-    /// One message that cannot be sent is no reason to send no more.
+    /// A message that cannot be sent does not end the sink.
     fn write(&mut self, message: &Outgoing) -> Result<(), SinkError> {
         let Some(publication) = self.publications.get_mut(message.topic) else { return Ok(()) };
-        // The machine's time, even in a simulation: as every middleware of ROS stamps what it sends.
+        // The system time, even in a simulation, as in every ROS middleware.
         if let Err(error) = publication.publish(&message.data, system_ns()) {
             self.num_failed += 1;
             if is_logged(self.num_failed) {

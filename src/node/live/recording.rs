@@ -1,4 +1,4 @@
-//! The recorder of a camera, as parameters and diagnostics see it.
+//! Connects the recorder of a camera to parameters and diagnostics.
 
 use crate::{
     bag::{self, Topic},
@@ -33,14 +33,14 @@ pub(super) fn recorder(
         sink: Box::new(sink),
         takes: Takes::All,
         purpose: Purpose::Record,
-        // It never waits, and what was sent before an order to stop is in the bag.
+        // It never blocks, and messages sent before a stop command are in the bag.
         way: Way::Direct,
         is_essential: false,
     };
     (outlet, control)
 }
 
-/// The parameters as the recorder wants them.
+/// Converts the parameters for the recorder.
 pub(super) fn chosen(params: &node_params::RecordingParams) -> RecordingParams {
     RecordingParams {
         directory: params.directory.clone(),
@@ -50,7 +50,7 @@ pub(super) fn chosen(params: &node_params::RecordingParams) -> RecordingParams {
             Compression::Lz4 => bag::Compression::Lz4,
             Compression::None => bag::Compression::None,
         },
-        // Disks take images faster than processors compress them.
+        // Disks write images faster than processors compress them.
         image_compression: bag::Compression::None,
         split_bytes: params.split_bytes.unwrap_or(0),
         split_seconds: u32::try_from(params.split_seconds.unwrap_or(0)).unwrap_or(u32::MAX),
@@ -61,17 +61,17 @@ pub(super) fn chosen(params: &node_params::RecordingParams) -> RecordingParams {
     }
 }
 
-/// Messages that did not reach a bag.
+/// Returns the number of messages that did not reach a bag.
 pub(super) const fn num_dropped(status: &RecordingStatus) -> u64 {
     status.results.dropped + status.images.dropped + status.snapshot.dropped
 }
 
-/// Bytes in the bags.
+/// Returns the number of bytes in the bags.
 pub(super) const fn num_bytes(status: &RecordingStatus) -> u64 {
     status.results.bytes + status.images.bytes
 }
 
-/// Notes on the state of recordings and on what prevents them.
+/// Returns notes on the state of recordings and their errors.
 pub(super) fn notes(status: &RecordingStatus) -> Vec<Note> {
     let bags = [
         ("recording", &status.results),

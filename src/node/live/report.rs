@@ -1,4 +1,4 @@
-//! How the cameras are doing, for whoever sits in front of the node.
+//! Reports of the cameras for a user interface in this process.
 
 use std::sync::Weak;
 
@@ -8,22 +8,22 @@ use crate::node::{board::Reported, live_recording};
 /// The last report of a camera, with the current state of its recorder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraReport {
-    /// Its name among several; empty: the only one.
+    /// Its name; empty for the only camera.
     pub camera: String,
     /// Its frames.
     pub reported: Reported,
     /// True if a bag is being recorded.
     pub is_recording: bool,
-    /// Free space of the recording's disk, bytes; `None` where nothing is recorded or the space is unknown.
+    /// Free space of the recording's disk, bytes; `None` if nothing is recorded or the space is unknown.
     pub free_bytes: Option<u64>,
 }
 
-/// Looks at a node from another thread. It does not keep the node.
+/// A view of a node for another thread. It does not keep the node alive.
 #[derive(Clone)]
 pub struct Watcher(pub(super) Weak<NodeState>);
 
 impl Watcher {
-    /// One report a camera; none while the node is unconfigured, or gone. A disk that hangs may make it wait.
+    /// Returns one report per camera; none while the node is unconfigured or after it ends. May wait for a slow disk.
     pub fn reports(&self) -> Vec<CameraReport> {
         let Some(node) = self.0.upgrade() else { return Vec::new() };
         node.cameras().iter().map(report).collect()

@@ -1,4 +1,4 @@
-//! The node's own services: scans and recordings. One set for all cameras, and one for each of several.
+//! The node's own services for scans and recordings: one set for all cameras, and one set for each of several cameras.
 
 use std::{borrow::Cow, path::PathBuf, sync::Weak};
 
@@ -26,7 +26,7 @@ use crate::{
 
 use super::error::LiveError;
 
-/// Offers the services until the returned servers are dropped.
+/// Creates the services; they last until the returned servers are dropped.
 pub(super) fn offer(
     transport: &dyn Transport,
     names: &NodeNames,
@@ -34,7 +34,7 @@ pub(super) fn offer(
     cameras: &[String],
 ) -> Result<Vec<Box<dyn Server>>, LiveError> {
     let mut servers = Vec::new();
-    // All cameras at once, then each by its name; a single camera has no name.
+    // First all cameras together, then each by its name; a single camera has no name.
     let named = cameras.iter().map(String::as_str).filter(|name| !name.is_empty());
     for camera in std::iter::once("").chain(named) {
         let of = |node: &Weak<NodeState>| Target { node: node.clone(), camera: camera.to_owned() };
@@ -57,7 +57,7 @@ pub(super) fn offer(
 /// The cameras that a service addresses.
 struct Target {
     node: Weak<NodeState>,
-    /// Empty: every camera.
+    /// Name of the camera; empty for every camera.
     camera: String,
 }
 

@@ -1,4 +1,4 @@
-//! What exists between configure and cleanup: the cameras, measuring while the node is active.
+//! The cameras, which exist between configure and cleanup and measure while the node is active.
 
 use std::time::Instant;
 
@@ -26,19 +26,19 @@ pub(super) struct Session {
 
 /// Summary of a camera.
 pub struct CameraSummary {
-    /// Its name among several; empty: the only one.
+    /// Its name; empty for the only camera.
     pub name: String,
-    /// Its frames, or why it ended before its time.
+    /// Its frames, or the reason that it ended early.
     pub summary: Result<Summary, RunError>,
 }
 
 impl CameraSummary {
-    /// A camera that has done nothing yet.
+    /// Creates an empty summary.
     pub(super) fn new(name: &str) -> Self {
         Self { name: name.to_owned(), summary: Ok(Summary::default()) }
     }
 
-    /// Adds a session that followed; the first failure stays.
+    /// Adds a subsequent session; keeps the first error.
     pub(super) fn add(&mut self, later: Self) {
         match (&mut self.summary, later.summary) {
             (Ok(sum), Ok(later)) => sum.add(&later),
@@ -83,7 +83,7 @@ impl Session {
         Ok(())
     }
 
-    /// Ends the subscriptions, and behind the images that came before, every open scan.
+    /// Ends the subscriptions, measures the images that arrived before, and ends every open scan.
     pub(super) fn deactivate(&self) {
         self.cameras.iter().for_each(Camera::stop_listening);
         let drain_reply: Vec<_> =
@@ -91,12 +91,12 @@ impl Session {
         let deadline = Instant::now() + PATIENCE;
         for (camera, ordered) in self.cameras.iter().zip(drain_reply) {
             if ordered.answer(deadline).is_none() {
-                tracing::warn!("camera {:?} is still measuring what came before", camera.name);
+                tracing::warn!("camera {:?} is still measuring earlier frames", camera.name);
             }
         }
     }
 
-    /// Measures by new parameters from the next frames on.
+    /// Applies new parameters from the next frames on.
     pub(super) fn set(&self, params: &NodeParams, values: &Parameters) {
         for (camera, camera_params) in self.cameras.iter().zip(&params.cameras) {
             camera.set(Settings {
@@ -118,12 +118,12 @@ impl Session {
         &self.cameras
     }
 
-    /// True if a camera has ended by itself, which happens only on a fault.
+    /// True if a camera has ended by itself, which happens only after an error.
     pub(super) fn has_failed(&self) -> bool {
         self.threads.iter().any(Measuring::is_finished)
     }
 
-    /// Ends: what came is measured, what was measured is written.
+    /// Ends the session after all queued frames are measured and all results are written.
     pub(super) fn end(self) -> Vec<CameraSummary> {
         self.cameras.iter().for_each(Camera::close);
         let end = |(camera, thread): (Camera, Measuring)| CameraSummary {

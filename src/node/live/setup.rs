@@ -1,4 +1,4 @@
-//! A camera from its parameters: topics, worker and sinks.
+//! Creates a camera from its parameters: topics, worker and sinks.
 
 use std::sync::{Arc, Mutex};
 
@@ -154,7 +154,7 @@ impl Context {
         let base = input::image_topic_of(&camera.name, &self.names)?;
         let info = match self.names.remapped(&topics::of_camera(&camera.name, "camera_info"))? {
             Some(info) => info,
-            // The convention of image_transport: beside the images.
+            // The convention of `image_transport`: next to the images.
             None => {
                 format!("{}/camera_info", base.rsplit_once('/').map_or("", |(parent, _)| parent))
             }
@@ -204,13 +204,13 @@ impl Context {
         let sha256 = &description.parameters_sha256;
         let results = Results::new(&scanner, calibration, sha256).with_part_frame(part_frame);
         // The start time distinguishes a live session from every other one.
-        let begun = format!("{sha256}{}", system_ns());
+        let seed = format!("{sha256}{}", system_ns());
         let reporter = Reporter {
             node: self.names.fully_qualified(),
             camera: camera.name.clone(),
             topic: description.input_topic.clone(),
             queue_capacity: INPUT_BOUND.items as u32,
-            session_id: session_id(&description.input_topic, &begun),
+            session_id: session_id(&description.input_topic, &seed),
         };
         let options = WorkerOptions {
             transport: camera.image_transport,
@@ -247,7 +247,7 @@ fn survey(images: Arc<Images>, recording: RecordingControl) -> Survey {
             let Images { transport, endpoint, observer, .. } = &*images;
             notes.extend(notes::on_publishers(&**transport, endpoint, num_publishers));
             notes.extend(observer.notes());
-            notes.extend(notes::on_positions(&**transport, &images.unheard_positions()));
+            notes.extend(notes::on_positions(&**transport, &images.unmatched_positions()));
         }
         Surroundings {
             notes,

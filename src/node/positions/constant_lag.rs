@@ -1,5 +1,5 @@
-//! Finds positions that are taken once a frame, always the same time before it: of an axis that stands still while the
-//! camera exposes, that time is no motion.
+//! Detects positions that arrive once per frame with a constant lag. If the axis stands still during the exposure, that
+//! lag is not motion.
 
 use crate::scanner::motion::track::{Measured, Track};
 
@@ -16,14 +16,14 @@ pub(super) struct ConstantLag {
 }
 
 impl ConstantLag {
-    /// Takes the time of the next frame; the advice is given once.
+    /// Processes the time of the next frame; returns the advice once.
     pub(super) fn note<T: Measured>(&mut self, time_ns: i64, track: &Track<T>) -> Option<String> {
         let age_ns = track.age_ns(time_ns)?;
         let sample_ns = time_ns.saturating_sub(age_ns);
         let (last_time_ns, last_sample_ns) = self.last.replace((time_ns, sample_ns))?;
         let period_ns = time_ns.saturating_sub(last_time_ns);
         let step_ns = sample_ns.saturating_sub(last_sample_ns);
-        // A thousandth of the period: stamps have their jitter.
+        // Tolerance of a thousandth of the period, for jitter of the stamps.
         let is_steady = period_ns.abs_diff(step_ns) <= period_ns.unsigned_abs() / 1000;
         let is_only_one = track.age_ns(sample_ns) == Some(step_ns);
         let is_alike = step_ns > 0 && is_steady && is_only_one;

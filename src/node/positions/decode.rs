@@ -1,4 +1,4 @@
-//! Messages about an axis become samples.
+//! Converts messages about an axis to samples.
 
 use super::{Known, MAX_NAMED, Positions};
 use crate::{
@@ -20,10 +20,10 @@ use crate::{
 pub(super) const STATIC_TF: &str = "/tf_static";
 
 impl Positions {
-    /// `Err`: why not, in words.
+    /// Result of processing a message; `Err` holds the reason for refusal.
     pub(super) fn take_joint(&mut self, message: &RawMessage) -> Result<(), String> {
         let state: JointState<'_> = decoded(message)?;
-        self.hear_of(&state.name);
+        self.note_joints(&state.name);
         let Some(index) = self.index_of_joint(&state)? else { return Ok(()) };
         let Some(&raw) = state.position.get(index) else {
             let (positions, names) = (state.position.len(), state.name.len());
@@ -38,7 +38,7 @@ impl Positions {
         self.push(stamp_ns, message.log_time_ns, position, 0)
     }
 
-    /// Whose position it is; `None`: another axis's message.
+    /// Finds the joint of the axis; `None` if the message is about another axis.
     fn index_of_joint(&self, state: &JointState<'_>) -> Result<Option<usize>, String> {
         let wanted = &self.moved.joint;
         if !wanted.is_empty() {
@@ -53,7 +53,7 @@ impl Positions {
         }
     }
 
-    fn hear_of(&mut self, names: &[String]) {
+    fn note_joints(&mut self, names: &[String]) {
         for name in names {
             if self.joints.len() < MAX_NAMED && !self.joints.contains(name) {
                 self.joints.push(name.clone());
@@ -69,10 +69,10 @@ impl Positions {
         let scale = self.params.scale.unwrap_or(sample.scale);
         if scale == 0.0 || !scale.is_finite() {
             return Err(format!(
-                "its scale is {scale} m a count, which says nothing: set motion.scale"
+                "its scale is {scale} m a count, which is not valid: set motion.scale"
             ));
         }
-        // Samples before and after would speak of different ways.
+        // Samples before and after would be in different units.
         let first = *self.scale.get_or_insert(scale);
         if first.to_bits() != scale.to_bits() {
             return Err(format!("its scale is {scale} m a count, but was {first} before"));
@@ -100,7 +100,7 @@ impl Positions {
             track.push(stamp_ns, received_ns, reading).map_err(|refused| refused.to_string())?;
         if was_set_back {
             tracing::warn!(
-                "the axis's clock was set back to {stamp_ns} ns: what was known is forgotten"
+                "the axis's clock was set back to {stamp_ns} ns: earlier samples are discarded"
             );
         }
         self.note_arrival(stamp_ns, received_ns);
@@ -134,7 +134,7 @@ impl Positions {
             });
             match taken {
                 Ok(()) => latest_ns = latest_ns.max(stamp_ns),
-                // The others of the message may be good.
+                // The other poses of the message may be valid.
                 Err(error) => refusal = Some(error.to_string()),
             }
         }

@@ -13,10 +13,10 @@ use crate::{
     },
 };
 
-/// Holds seconds of a fast encoder.
+/// Capacity: seconds of a fast encoder.
 const BOUND: Bound = Bound { items: 4096, bytes: 16 << 20 };
 
-/// Messages about an axis, the oldest dropped when there are too many.
+/// A bounded queue of messages about an axis; drops the oldest.
 pub struct Inbox {
     messages: Queue<RawMessage>,
     /// True if the worker has been notified of waiting messages.
@@ -39,7 +39,7 @@ impl Inbox {
         // The queue is never closed.
         drop(self.messages.push(message, num_bytes));
         let is_new = !self.is_announced.swap(true, Ordering::AcqRel);
-        // Too many commands wait already: the next message tries again.
+        // The queue of commands is full: the next message tries again.
         if is_new && input.push_urgent(Input::Positions).is_err() {
             self.is_announced.store(false, Ordering::Release);
         }

@@ -152,10 +152,10 @@ fn a_message_without_the_joint_is_refused_and_counted() {
 #[test]
 fn a_missing_joint_is_reported_with_those_received() {
     let mut positions = positions(&params(MotionSource::JointState), "table");
-    assert!(positions.why_nothing_came().contains("no usable sample"));
+    assert!(positions.why_no_sample().contains("no usable sample"));
     positions.take(&joint(0, &["arm", "lift"], &[1.0, 2.0]));
     assert_eq!(found(&mut positions, 0), None);
-    let why = positions.why_nothing_came();
+    let why = positions.why_no_sample();
     assert!(why.contains("\"table\"") && why.ends_with("arm, lift"), "{why}");
     for number in 0..100 {
         positions.take(&joint(0, &[&format!("j{number}")], &[1.0]));
@@ -213,7 +213,7 @@ fn an_encoder_counts_over_its_wrap() {
 }
 
 #[test]
-fn an_encoder_that_says_something_is_wrong_is_believed() {
+fn samples_with_encoder_errors_are_refused() {
     let mut positions = positions(&params(MotionSource::Encoder), "");
     positions.take(&encoder(0, 0, |_| {}));
     for (message, reason) in [

@@ -19,15 +19,15 @@ use crate::{
     scanner::params::MotionSource,
 };
 
-/// Samples that the middleware may hold back for a slow reader.
+/// Samples that the middleware queues for a slow reader.
 const DEPTH: u64 = 100;
-/// Topics that a refusal names.
+/// Maximum number of topics listed in an error.
 const MAX_LISTED: usize = 20;
 
 /// The reason that no topic can be chosen in a recording.
 #[derive(Debug, Error)]
 pub enum PositionTopicError {
-    /// None is there.
+    /// The recording has no such topic.
     #[error(
         "motion.source is {source_name}, but the recording has no {type_name} on {name}; it has {topics}"
     )]

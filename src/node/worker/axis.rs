@@ -41,7 +41,7 @@ impl Worker {
         self.release(Now::Received(received_ns), spare, out)
     }
 
-    /// Measures the frames that need not or must not wait any longer.
+    /// Measures the frames that need not or cannot wait any longer.
     pub(super) fn release(
         &mut self,
         now: Now,
@@ -56,7 +56,7 @@ impl Worker {
         }
     }
 
-    /// Measures frames whose time is up although nothing arrives, or all of them while draining. Only on a network.
+    /// Measures frames whose wait has timed out, or all of them while draining. Only used live.
     pub(super) fn release_overdue(
         &mut self,
         spare: &Queue<Vec<u8>>,
@@ -78,7 +78,7 @@ impl Worker {
     ) -> Result<(), PublishError> {
         if self.options.sends_images {
             let place = self.position_topics.iter().position(|name| *name == message.topic.name);
-            // The topics of positions stand behind that of the images.
+            // The topics of positions follow the image topic.
             out.forward(message, 1 + place.unwrap_or(0))?;
         }
         if self.framing.topic.as_ref() == Some(&message.topic.name) {

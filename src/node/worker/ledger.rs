@@ -1,4 +1,4 @@
-//! The accounts of a stream: every frame ends in exactly one bin, and the next good frame knows the gap before it.
+//! The counters of a stream: every frame ends in exactly one bin, and the next good frame states the gap before it.
 
 use thiserror::Error;
 
@@ -152,7 +152,7 @@ impl Ledger {
         self.count_doubtful(outcome.stamp_ns, outcome.position);
     }
 
-    /// Counts a slice that ended without a frame behind it.
+    /// Counts a slice that ended without a subsequent frame.
     pub(super) fn count_last_slice(&mut self, has_slice: bool) {
         self.counts.slices += u64::from(has_slice);
     }
@@ -167,7 +167,7 @@ impl Ledger {
         *count += 1;
         self.pending.rejected = self.pending.rejected.saturating_add(1);
         self.last_rejection = Some(rejection.to_string());
-        // One of a kind is enough to act on; the summary counts the rest.
+        // Only the first of each kind is logged as a warning; the summary counts the rest.
         if *count == 1 {
             tracing::warn!(
                 "frame rejected (log time {time_ns} ns): {rejection}; further ones of this kind are only counted"
@@ -198,7 +198,7 @@ impl Ledger {
         self.last_rejection.take()
     }
 
-    /// Expects stamps and sequence numbers that do not continue the earlier ones. Counters go on.
+    /// Prepares for stamps and sequence numbers that do not continue the earlier ones. Counters continue.
     pub(super) fn restart(&mut self) {
         self.stamps = StampOrder::default();
         self.sequence.restart();
@@ -242,7 +242,7 @@ impl Ledger {
     }
 }
 
-/// True if a frame lacks its other exposure. Logs the reason where the scene or the parameters are to blame.
+/// True if a frame lacks its other exposure. Logs the reason if the scene or the parameters cause it.
 fn is_unpaired(pairing: Option<ExposurePairing>) -> bool {
     if pairing == Some(ExposurePairing::Alike) {
         tracing::debug!("exposures alternate, but this frame is as bright as the one before it");

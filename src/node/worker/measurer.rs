@@ -117,7 +117,7 @@ impl Measurer {
         Ok(outcome)
     }
 
-    /// Measures by other motion parameters. Frames that wait were taken under the old ones: release them before.
+    /// Replaces the motion parameters. Call only after the frames that wait under the old ones are released.
     pub(super) fn reconfigure_positions(&mut self, params: &MotionParams) {
         if let Some(positions) = &mut self.positions {
             positions.reconfigure(params);

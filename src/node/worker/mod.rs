@@ -132,7 +132,7 @@ impl Worker {
         (transport == ImageTransport::Compressed).then_some(max_frame_bytes)
     }
 
-    /// Processes all input, ends the scan and reports a last time. Buffers of processed messages go to `spare`.
+    /// Processes all input, ends the scan and publishes a final report. Buffers of processed messages go to `spare`.
     ///
     /// # Errors
     /// Nothing more can be published.
@@ -173,7 +173,7 @@ impl Worker {
         self.release_overdue(spare, out)
     }
 
-    /// Measures the frames that still wait, ends the scan and reports a last time.
+    /// Measures the waiting frames, ends the scan and publishes a final report.
     ///
     /// # Errors
     /// Nothing more can be published.
@@ -202,7 +202,7 @@ impl Worker {
             }
             Input::Ahead(ahead) => match ahead.wait() {
                 Some(unpacked) => Arrival::Frame(unpacked),
-                None => Arrival::Fault("the thread that unpacks images is gone".to_owned()),
+                None => Arrival::Fault("the thread that decompresses images has ended".to_owned()),
             },
             Input::Fault(what) => Arrival::Fault(what),
             other => return self.take_non_frame(other, spare, out),
@@ -251,7 +251,7 @@ impl Worker {
         self.ledger.note_publisher(publisher);
         self.take(&message, picture.as_ref(), out)?;
         picture.into_iter().for_each(Picture::give_back);
-        // A closed or full queue of spares: the buffer is freed.
+        // If the queue of spare buffers is closed or full, the buffer is freed.
         _ = spare.push(message.data, 0);
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! State that only a camera on a network has: commands, parameters that change, reports without frames, latency.
+//! State that only a live camera has: commands, changing parameters, reports without frames, latency.
 
 use std::{
     sync::Arc,
@@ -31,17 +31,17 @@ pub struct Surroundings {
     pub recorder_bytes: u64,
 }
 
-/// Returns the surroundings; called once a report.
+/// Returns the surroundings; called once per report.
 pub type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
 
 /// Observes every measured image and returns the description of its camera.
 pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> CameraMatch + Send>;
 
-/// The part of a worker that only a camera on a network has.
+/// The part of a worker that only a live camera has.
 pub struct Online {
     settings: Arc<Mailbox<Settings>>,
     clock: RosClock,
-    /// Breaks in the time of the clock when this session began.
+    /// Number of the clock's time discontinuities at the start of this session.
     num_breaks: u64,
     survey: Survey,
     observe: Observe,
@@ -53,7 +53,7 @@ pub struct Online {
     /// Length at which the open scan ends, metres; `None`: it ends when stopped.
     length_m: Option<f64>,
     /// Number of requested scans, which makes their identities differ.
-    num_asked: u64,
+    num_requested: u64,
     /// Reply to a request to drain, until all frames are measured.
     drain_reply: Option<Reply>,
 }
@@ -77,12 +77,12 @@ impl Online {
             latency: Histogram::default(),
             queue_depth: 0,
             length_m: None,
-            num_asked: 0,
+            num_requested: 0,
             drain_reply: None,
         }
     }
 
-    /// Leaves reports on `board`.
+    /// Writes reports to `board`.
     #[must_use]
     pub fn with_board(self, board: Board) -> Self {
         Self { board, ..self }
@@ -141,7 +141,7 @@ impl Online {
 }
 
 impl Worker {
-    /// Between two frames: applies new settings, and starts a new session after a break in time.
+    /// Called between two frames: applies new settings and starts a new session after a time discontinuity.
     pub(super) fn apply_changes(
         &mut self,
         spare: &Queue<Vec<u8>>,
@@ -250,9 +250,10 @@ impl Worker {
     /// The identity is chosen before the first frame: the caller may wait for the answer before it starts the motion.
     fn next_scan_id(&mut self) -> Option<[u8; 16]> {
         let online = self.online.as_mut()?;
-        online.num_asked += 1;
-        let asked = format!("{:?} {} {}", self.reporter.session_id, online.num_asked, system_ns());
-        Some(status::session_id(&self.reporter.topic, &asked))
+        online.num_requested += 1;
+        let seed =
+            format!("{:?} {} {}", self.reporter.session_id, online.num_requested, system_ns());
+        Some(status::session_id(&self.reporter.topic, &seed))
     }
 
     fn stop_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {

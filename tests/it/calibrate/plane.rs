@@ -157,7 +157,8 @@ fn the_rendered_line_is_the_intersection_of_the_planes() {
     // On the board z = 0.5: 0.9 x - 0.1 y + 0.42 z = 0.21 / |n| · |n|.
     let scale = Vector3::new(0.9_f64, -0.1, 0.42).norm();
     let x = (laser.distance_m * scale - 0.42 * 0.5) / 0.9;
-    let at = render::camera().project(nalgebra::Point3::new(x, 0.0, 0.5)).unwrap();
+    let seen = render::camera().project(nalgebra::Point3::new(x, 0.0, 0.5));
+    let at = seen.unwrap().0;
     let excess = |u: u32| {
         let image::Rgb([red, green, _]) = *picture.get_pixel(u, at.y.round() as u32);
         i32::from(green) - i32::from(red)

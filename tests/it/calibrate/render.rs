@@ -4,7 +4,7 @@ use std::path::Path;
 
 use image::{Rgb, RgbImage};
 use laser_profiler::scanner::{
-    camera::{Camera, Distortion},
+    camera::{Camera, DistortedPixel, Distortion},
     laser_plane::LaserPlane,
 };
 use nalgebra::{Isometry3, Point2, Point3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -78,7 +78,8 @@ impl Renderer {
         for v in 0..camera.height_px * FINE {
             for u in 0..camera.width_px * FINE {
                 let fine = |at: u32| (f64::from(at) + 0.5) / f64::from(FINE) - 0.5;
-                rays.push(camera.ray(Point2::new(fine(u), fine(v))).unwrap());
+                let pixel = DistortedPixel(Point2::new(fine(u), fine(v)));
+                rays.push(camera.ray(pixel).unwrap());
             }
         }
         Self { camera, rays }

@@ -1,7 +1,7 @@
 //! The axis that moves the part, from markers that turn with it or a board that moves with it.
 
 use calib_targets_chessboard::ChessboardParamsError;
-use nalgebra::{Point2, Point3, Unit, Vector3};
+use nalgebra::{Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::{
@@ -19,7 +19,7 @@ use super::{
 use crate::scanner::{
     axis::{Axis, AxisKind},
     calibration::{AxisQuality, CameraAndPlane},
-    camera::Camera,
+    camera::{Camera, DistortedPixel},
 };
 
 /// Fewest pictures in which a marker must be visible.
@@ -310,10 +310,10 @@ fn sightings(camera: &Camera, views: &[AxisView], ids: &[u32]) -> Vec<Sighting> 
     sightings
 }
 
-fn middle(camera: &Camera, marker: &Marker) -> Option<Point2<f64>> {
+fn middle(camera: &Camera, marker: &Marker) -> Option<DistortedPixel> {
     let mut rays = [Vector3::zeros(); 4];
     for (ray, corner) in rays.iter_mut().zip(marker.corners) {
-        *ray = camera.ray(corner)?;
+        *ray = camera.ray(DistortedPixel(corner))?;
     }
     let diagonal = rays[0].cross(&rays[2]).cross(&rays[1].cross(&rays[3]));
     let towards = if diagonal.z < 0.0 { -diagonal } else { diagonal };

@@ -7,7 +7,10 @@ use thiserror::Error;
 
 use super::{axis::AxisView, revolute::RevoluteFit};
 use crate::{
-    scanner::{calibration::CameraAndPlane, camera::Camera},
+    scanner::{
+        calibration::CameraAndPlane,
+        camera::{Camera, DistortedPixel},
+    },
     statistics::{RobustSpread, robust_spread},
 };
 
@@ -86,7 +89,7 @@ pub(super) fn from_side(
     let mut sides = Vec::new();
     for marker in views.iter().flat_map(AxisView::markers) {
         let corner = |at: usize| {
-            let ray = camera.ray(marker.corners[at % 4])?;
+            let ray = camera.ray(DistortedPixel(marker.corners[at % 4]))?;
             Some(ray / fit.direction.dot(&ray))
         };
         let side = |at: usize| Some((corner(at + 1)? - corner(at)?).norm());
@@ -119,7 +122,8 @@ pub(super) fn from_stripe(
     for stripe in views.iter().flat_map(|view| &view.stripes) {
         let line = &stripe.centerline;
         for (&u, &v) in line.u_px.iter().zip(&line.v_px) {
-            let ray = geometry.camera.ray(Point2::new(u.into(), v.into())).filter(on_table);
+            let pixel = DistortedPixel(Point2::new(u.into(), v.into()));
+            let ray = geometry.camera.ray(pixel).filter(on_table);
             let point = ray.and_then(|ray| geometry.plane.meet(ray));
             distances.extend(point.map(|point| normal.dot(&point.coords)));
         }

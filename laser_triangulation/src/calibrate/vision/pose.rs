@@ -5,7 +5,7 @@ use nalgebra::{
 };
 
 use super::{homography, least_squares};
-use crate::scanner::camera::Camera;
+use crate::scanner::camera::{Camera, DistortedPixel};
 
 /// A board's pose and its residuals.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +35,7 @@ impl BoardPose {
 pub(super) fn fit(camera: &Camera, pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<BoardPose> {
     let straight: Option<Vec<_>> = pairs
         .iter()
-        .map(|&(on_board, seen)| Some((on_board, camera.ray(seen)?.xy().into())))
+        .map(|&(on_board, seen)| Some((on_board, camera.ray(DistortedPixel(seen))?.xy().into())))
         .collect();
     let start = from_homography(&homography::fit(&straight?)?)?;
     let camera_from_board = refine(camera, pairs, start)?;
@@ -88,7 +88,8 @@ fn residuals(
     pose: &Isometry3<f64>,
 ) -> Option<Vec<(f64, f64)>> {
     let residual = |(on_board, seen): &(Point2<f64>, Point2<f64>)| {
-        let projected = camera.project(pose * Point3::new(on_board.x, on_board.y, 0.0))?;
+        let DistortedPixel(projected) =
+            camera.project(pose * Point3::new(on_board.x, on_board.y, 0.0))?;
         Some((projected.x - seen.x, projected.y - seen.y))
     };
     pairs.iter().map(residual).collect()

@@ -6,7 +6,10 @@ use nalgebra::{DVector, Point2, Point3, Unit, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::least_squares::{self, Solution};
-use crate::scanner::{camera::Camera, pose::perpendicular_basis};
+use crate::scanner::{
+    camera::{Camera, DistortedPixel},
+    pose::perpendicular_basis,
+};
 
 /// Fewest pictures.
 const MIN_FRAMES: usize = 5;
@@ -25,7 +28,7 @@ pub(super) struct Sighting {
     /// Index of the marker, from 0 without gaps.
     pub marker: usize,
     /// Its centre, pixels.
-    pub seen: Point2<f64>,
+    pub seen: DistortedPixel,
 }
 
 /// An axis of unknown distance: all lengths are in units of the distance from the lens to the markers' plane.
@@ -183,9 +186,9 @@ impl Problem<'_> {
             let height = if sighting.marker == 0 { 0.0 } else { x[first + 2] };
             let (sin, cos) = (x[first + 1] + turned).sin_cos();
             let point = center + (e1 * cos + e2 * sin) * x[first] + normal * height;
-            let seen = self.camera.project(point.into())?;
-            residuals[2 * at] = seen.x - sighting.seen.x;
-            residuals[2 * at + 1] = seen.y - sighting.seen.y;
+            let DistortedPixel(seen) = self.camera.project(point.into())?;
+            residuals[2 * at] = seen.x - sighting.seen.0.x;
+            residuals[2 * at + 1] = seen.y - sighting.seen.0.y;
         }
         Some(residuals)
     }

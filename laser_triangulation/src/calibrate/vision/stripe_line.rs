@@ -4,7 +4,10 @@ use nalgebra::{Matrix2, Point2, Point3, Vector2};
 use thiserror::Error;
 
 use super::{board::Board, pose::BoardPose};
-use crate::scanner::{camera::Camera, stripe::Centerline};
+use crate::scanner::{
+    camera::{Camera, DistortedPixel},
+    stripe::Centerline,
+};
 
 /// Largest distance of an inlier from the line, pixels.
 const INLIER_PX: f64 = 1.2;
@@ -127,7 +130,7 @@ fn on_board(camera: &Camera, placed: &Placed<'_>, stripe: &Centerline) -> Vec<On
         (-border..=f64::from(corners) - 1.0 + border).contains(&(at / square_m))
     };
     let points = stripe.u_px.iter().zip(&stripe.v_px).filter_map(|(&u, &v)| {
-        let ray = camera.ray(Point2::new(u.into(), v.into()))?;
+        let ray = camera.ray(DistortedPixel(Point2::new(u.into(), v.into())))?;
         let point = Point3::from(ray * (distance / normal.dot(&ray)));
         let on = board_from_camera * point;
         let straight = Point2::new(ray.x * camera.fx_px, ray.y * camera.fy_px);

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use thiserror::Error;
 
 use super::{board::Board, homography, pose};
-use crate::scanner::camera::{Camera, Distortion};
+use crate::scanner::camera::{Camera, DistortedPixel, Distortion};
 
 /// Fewest views for a solution.
 const MIN_VIEWS: usize = 5;
@@ -146,7 +146,7 @@ pub(super) fn empty_parts(boards: &[&Board], width_px: u32, height_px: u32) -> V
 }
 
 fn normal(camera: &Camera, board: &Board) -> Option<Vector3<f64>> {
-    let ray = |seen| Some(camera.ray(seen)?.xy().into());
+    let ray = |seen| Some(camera.ray(DistortedPixel(seen))?.xy().into());
     let pairs: Option<Vec<_>> =
         board.pairs(1.0).into_iter().map(|(on, seen)| Some((on, ray(seen)?))).collect();
     let pose = pose::from_homography(&homography::fit(&pairs?)?)?;

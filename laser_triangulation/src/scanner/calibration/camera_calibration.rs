@@ -17,22 +17,22 @@ pub struct CameraCalibration {
 }
 
 impl CameraCalibration {
-    /// Reads and checks the camera of a calibration file: one of type `camera` or `camera_and_plane`, or one without type,
-    /// as the calibrators of ROS write it.
+    /// Reads and checks the camera of a calibration file: one of type `camera` or `camera_and_plane`, or one without a
+    /// type, as written by ROS's calibrators.
     ///
     /// # Errors
-    /// Unknown or missing keys, wrong types, values outside their range, an `id` that is not that of the values; all by
-    /// name.
+    /// Unknown or missing keys, wrong types, values outside their range, or an `id` that does not match the values. The
+    /// error names the key.
     pub fn from_yaml(text: &str) -> Result<Self, CalibrationError> {
         file::read_camera(text)
     }
 
-    /// The calibration file; [`from_yaml`](Self::from_yaml) gives back an equal calibration.
+    /// Returns the calibration file's text; [`from_yaml`](Self::from_yaml) returns an equal calibration.
     pub fn to_yaml(&self) -> String {
         file::write_camera(self)
     }
 
-    /// Sixteen hexadecimal digits that are equal for equal cameras, whatever their names.
+    /// Returns sixteen hexadecimal digits that are equal for equal cameras, independent of their names.
     pub fn id(&self) -> String {
         file::Id::new("camera").camera(&self.camera).finish()
     }

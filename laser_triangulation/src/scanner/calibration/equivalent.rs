@@ -10,7 +10,8 @@ use crate::scanner::{
 };
 
 impl VerticalIncidence {
-    /// The same geometry with images of that many columns and rows: a camera without distortion, and the plane.
+    /// Returns the same geometry for images with that many columns and rows: a camera without distortion, and the
+    /// plane.
     pub fn camera_and_plane(
         &self,
         direction: StripeDirection,

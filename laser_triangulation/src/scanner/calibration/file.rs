@@ -1,4 +1,4 @@
-//! The calibration file: YAML, whose camera is written as ROS's `camera_info` files are.
+//! The calibration file: YAML, with the camera in the format of ROS's `camera_info` files.
 
 mod camera;
 mod id;
@@ -26,7 +26,7 @@ struct Head {
     id: Option<String>,
 }
 
-/// Reads any calibration that measures.
+/// Reads a calibration that can measure.
 pub(super) fn read(text: &str) -> Result<Calibration, CalibrationError> {
     let head: Head = parse(text)?;
     let calibration = match head.kind.as_deref() {
@@ -46,7 +46,7 @@ pub(super) fn read(text: &str) -> Result<Calibration, CalibrationError> {
     Ok(calibration)
 }
 
-/// Reads the camera of a file, whether or not a laser plane stands beside it.
+/// Reads the camera of a file, with or without a laser plane.
 pub(super) fn read_camera(text: &str) -> Result<CameraCalibration, CalibrationError> {
     let head: Head = parse(text)?;
     match head.kind.as_deref() {

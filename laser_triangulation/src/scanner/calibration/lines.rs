@@ -1,4 +1,4 @@
-//! From the points of a centreline to the entries of a profile.
+//! Converts the points of a centreline to the entries of a profile.
 
 use super::PlacedPoint;
 use crate::scanner::{
@@ -8,7 +8,7 @@ use crate::scanner::{
 /// The searched cross-sections: columns of the image for a horizontal stripe, rows for a vertical one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lines {
-    /// Which way the stripe runs.
+    /// Direction of the stripe.
     pub direction: StripeDirection,
     /// First searched column (row) of the image.
     pub first: usize,
@@ -17,7 +17,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// The lines of a searched part of the image.
+    /// Returns the lines of a searched part of the image.
     pub const fn new(direction: StripeDirection, searched: &SearchedRegion) -> Self {
         let (first, count) = match direction {
             StripeDirection::Horizontal => (searched.x, searched.width),
@@ -26,8 +26,8 @@ impl Lines {
         Self { direction, first, count }
     }
 
-    /// Replaces `profile` by the points of a centreline that `place` can place, given their positions along and across the
-    /// stripe in pixels.
+    /// Replaces `profile` by the points of a centreline for which `place` returns a point. `place` takes the positions
+    /// along and across the stripe in pixels.
     pub(super) fn fill(
         &self,
         centerline: &Centerline,
@@ -43,12 +43,12 @@ impl Lines {
         for i in 0..centerline.len() {
             let Some(point) = place(f64::from(along[i]), f64::from(across[i])) else { continue };
             let (x_m, z_m) = (point.x_m as f32, point.z_m as f32);
-            // Beyond what 32 bits hold.
+            // Outside the range of 32-bit floats.
             if !(x_m.is_finite() && z_m.is_finite()) {
                 continue;
             }
             let entry = along[i] as usize - self.first;
-            // One point a line: the first surface's, which is the strongest.
+            // One point per line: that of the first surface, which is the strongest.
             if profile.z_m[entry].is_finite() {
                 continue;
             }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Of a camera, from views of a board.
+/// Quality of a camera calibrated from views of a board.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraQuality {
@@ -15,12 +15,12 @@ pub struct CameraQuality {
     /// Names of the estimated values, in the order of the covariance: fx, fy, cx, cy, k1 to k6, p1, p2, `tau_x`, `tau_y`.
     #[serde(default)]
     pub parameters: Vec<String>,
-    /// Of those values, row-major, in their units; as many rows as parameters, or empty where it is not known.
+    /// Covariance of those values, row-major, in their units; as many rows as parameters, or empty if unknown.
     #[serde(default)]
     pub covariance: Vec<f64>,
 }
 
-/// Of a laser plane.
+/// Quality of a laser plane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneQuality {
@@ -28,13 +28,14 @@ pub struct PlaneQuality {
     pub rms_m: f64,
     /// Views of the board with the line on it that took part.
     pub boards_used: u32,
-    /// Of two tilts of the normal, along
-    /// [`LaserPlane::tangents`](crate::scanner::laser_plane::LaserPlane::tangents), radians, and the distance, metres; 3 x 3.
+    /// Covariance of two tilts of the normal, along
+    /// [`LaserPlane::tangents`](crate::scanner::laser_plane::LaserPlane::tangents), radians, and of the distance,
+    /// metres; 3 x 3.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<[f64; 9]>,
 }
 
-/// Of an axis.
+/// Quality of an axis.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisQuality {
@@ -57,7 +58,7 @@ pub struct AxisQuality {
     pub scale_sigma: Option<f64>,
 }
 
-/// Of a map from known heights, or of formula 6 from them.
+/// Quality of a homography or of formula 6, from known heights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StepsQuality {
@@ -65,8 +66,8 @@ pub struct StepsQuality {
     pub rms_m: f64,
     /// Known heights that took part.
     pub heights_used: u32,
-    /// Of the nine entries of the homography, row-major 9 x 9, or of
-    /// [`VerticalIncidence::VALUES`](super::VerticalIncidence::VALUES), 4 x 4; or empty where it is not known.
+    /// Covariance of the nine entries of the homography, row-major 9 x 9, or of
+    /// [`VerticalIncidence::VALUES`](super::VerticalIncidence::VALUES), 4 x 4; or empty if unknown.
     #[serde(default)]
     pub covariance: Vec<f64>,
 }

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::scanner::{
     axis::{Axis, AxisKind},
-    camera::{Camera, Distortion},
+    camera::{Camera, DistortedPixel, Distortion},
     laser_plane::LaserPlane,
     params::StripeDirection,
 };
@@ -47,7 +47,7 @@ pub(in crate::scanner) fn rig() -> CameraAndPlane {
     }
 }
 
-/// Everything that a file can hold.
+/// A calibration with every optional entry.
 fn full() -> CameraAndPlane {
     CameraAndPlane {
         camera_quality: Some(CameraQuality {
@@ -128,7 +128,7 @@ fn a_file_gives_back_what_was_written() {
     assert_eq!(Calibration::from_yaml(&calibration.to_yaml()).unwrap(), calibration);
 }
 
-/// As the calibrators of ROS write it.
+/// A camera file as written by ROS's calibrators.
 const ROS: &str = "
 image_width: 640
 image_height: 480
@@ -206,7 +206,7 @@ fn an_edited_file_is_refused() {
     let edited = yaml.replace("distance_m: 0.1667", "distance_m: 0.1668");
     let error = Calibration::from_yaml(&edited).unwrap_err().to_string();
     assert!(error.contains("edited") && error.contains(&boxed(full()).id()), "{error}");
-    // What is said about quality and date measures nothing.
+    // Entries about quality and date do not change the id.
     let dated = yaml.replace("2026-11-22", "2026-11-23");
     Calibration::from_yaml(&dated).unwrap();
 }
@@ -246,7 +246,7 @@ fn directions() -> impl Strategy<Value = StripeDirection> {
 }
 
 proptest! {
-    /// A point of the plane, seen by the camera, is measured where it is.
+    /// A point of the plane, projected by the camera, is measured at its place.
     #[test]
     fn what_is_seen_is_measured_where_it_is(
         x_m in -0.06..0.06_f64, z_m in -0.06..0.06_f64, direction in directions(),
@@ -258,7 +258,7 @@ proptest! {
         rig.plane = LaserPlane { normal, distance_m: 0.5 * normal.z };
         let point = rig.camera_from_laser(direction) * Point3::new(x_m, 0.0, z_m);
         prop_assert!((rig.plane.normal.dot(&point.coords) - rig.plane.distance_m).abs() < 1e-12);
-        let Some(seen) = rig.camera.project(point) else { return Ok(()) };
+        let Some(DistortedPixel(seen)) = rig.camera.project(point) else { return Ok(()) };
         let (along, across) = match direction {
             StripeDirection::Horizontal => (seen.x, seen.y),
             StripeDirection::Vertical => (seen.y, seen.x),
@@ -275,7 +275,7 @@ proptest! {
         prop_assert!((slope(after.z_m, before.z_m) - placed.z_m_per_px).abs() < 1e-7, "{placed:?}");
     }
 
-    /// Whatever the way along the stripe, a neighbour leads to the same ray as a search from nothing.
+    /// For any path along the stripe, starting from a neighbour leads to the same ray as starting from scratch.
     #[test]
     fn a_neighbour_leads_to_the_same_ray(steps in prop::collection::vec((0.0..640.0_f64, 0.0..480.0_f64), 2..20)) {
         let rig = CameraAndPlane {
@@ -289,7 +289,7 @@ proptest! {
         let mut cuts = rig.cuts(StripeDirection::Horizontal);
         for (u, v) in steps {
             let near = cuts.place(u, v);
-            let ray = rig.camera.ray(Point2::new(u, v));
+            let ray = rig.camera.ray(DistortedPixel(Point2::new(u, v)));
             // On this plane a point is its ray; z grows upwards there.
             let origin = rig.camera_from_laser(StripeDirection::Horizontal).inverse();
             let exact = ray.map(|ray| origin * Point3::from(ray));
@@ -301,7 +301,7 @@ proptest! {
         }
     }
 
-    /// Without distortion, formula 6 and ray and plane are one geometry.
+    /// Without distortion, formula 6 and the intersection of ray and plane give the same geometry.
     #[test]
     fn formula_6_agrees_with_ray_and_plane(
         along in 0.0..2592.0_f64, across in 0.0..2048.0_f64, beta_rad in 0.15..1.2_f64,
@@ -333,7 +333,7 @@ proptest! {
     }
 }
 
-/// With distortion they do not agree: formula 6 knows none. How far apart they are, is what the distortion does.
+/// With distortion they disagree, because formula 6 has none. The difference is the effect of the distortion.
 #[test]
 fn formula_6_is_wrong_where_the_lens_bends() {
     let calibration = Calibration::from_yaml(

@@ -19,11 +19,12 @@ pub struct VerticalIncidence {
     pub beta_rad: f64,
     /// Distance between neighbouring pixels on the sensor, metres.
     pub pixel_pitch_m: f64,
-    /// Where the stripe lies at height 0, pixels: a row, or a column for a vertical stripe.
+    /// Position of the stripe at height 0, pixels: a row, or a column for a vertical stripe.
     pub base_row_px: f64,
-    /// Where the optical axis lies along the stripe, pixels: a column, or a row for a vertical stripe.
+    /// Position of the optical axis along the stripe, pixels: a column, or a row for a vertical stripe.
     pub center_column_px: f64,
-    /// Which way the stripe moves in the image when the surface rises: -1 towards smaller rows (columns), 1 towards larger.
+    /// Direction in which the stripe moves in the image when the surface rises: -1 towards smaller rows (columns), 1
+    /// towards larger.
     pub height_sign: i8,
     /// Quality; the covariance is that of [`VALUES`](Self::VALUES).
     pub quality: Option<StepsQuality>,
@@ -43,7 +44,7 @@ impl VerticalIncidence {
     pub const VALUES: [&str; 4] =
         ["image_distance_m", "object_distance_m", "beta_rad", "base_row_px"];
 
-    /// The same with the estimated values changed, in their order.
+    /// Returns the same geometry with the estimated values changed, in the order of [`VALUES`](Self::VALUES).
     #[must_use]
     pub fn moved(&self, by: [f64; 4]) -> Self {
         Self {
@@ -82,7 +83,7 @@ impl VerticalIncidence {
         Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px: m_per_px })
     }
 
-    /// Position along the stripe of a pixel column (row) that sees height `z_m`, metres.
+    /// Returns the position along the stripe of a pixel column (row) that sees height `z_m`, metres.
     pub fn lateral(&self, along_px: f64, z_m: f64) -> f64 {
         (along_px - self.center_column_px) * self.pixel_pitch_m * self.depth(z_m)
             / self.image_distance_m
@@ -103,7 +104,7 @@ impl VerticalIncidence {
         ))
     }
 
-    /// Distance from the lens along the optical axis of a point at height `z_m`, metres.
+    /// Returns the distance from the lens along the optical axis of a point at height `z_m`, metres.
     fn depth(&self, z_m: f64) -> f64 {
         self.object_distance_m - z_m * self.beta_rad.cos()
     }
@@ -194,7 +195,7 @@ height_sign: -1
         geometry
     }
 
-    /// A camera built from vectors, not from formula 6: project a point of the laser plane by its coordinates.
+    /// Projects a point of the laser plane with a camera built from vectors, not from formula 6.
     fn seen_by_a_pinhole(geometry: &VerticalIncidence, x_m: f64, z_m: f64) -> (f64, f64) {
         use nalgebra::Vector3;
         let (sin, cos) = geometry.beta_rad.sin_cos();

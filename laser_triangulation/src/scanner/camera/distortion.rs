@@ -11,6 +11,8 @@
 
 use nalgebra::{Matrix2, Point2, Vector2};
 
+use super::{DistortedPoint, UndistortedPoint};
+
 /// Distance of the radii at which the Jacobian is checked.
 const RADIUS_STEP: f64 = 1.0 / 64.0;
 /// Largest radius measured through a distorting lens: 83 degrees off the axis.
@@ -94,18 +96,18 @@ impl Distortion {
     }
 
     /// Returns the distorted image of a point on the plane z = 1. `None` where the model folds back.
-    pub fn distort(&self, straight: Point2<f64>) -> Option<Point2<f64>> {
+    pub fn distort(&self, straight: UndistortedPoint) -> Option<DistortedPoint> {
         if *self == Self::None {
-            return Some(straight);
+            return Some(DistortedPoint(straight.0));
         }
-        self.is_before_fold(straight.coords.norm()).then(|| self.bend(straight).0)
+        self.is_before_fold(straight.0.coords.norm()).then(|| self.bend(straight).0)
     }
 
     /// The point of the plane z = 1 that appears there: Newton's method with the exact Jacobian. `None` where there is no
     /// such point, or none before the model folds back.
-    pub fn undistort(&self, bent: Point2<f64>) -> Option<Point2<f64>> {
+    pub fn undistort(&self, DistortedPoint(bent): DistortedPoint) -> Option<UndistortedPoint> {
         if *self == Self::None {
-            return Some(bent);
+            return Some(UndistortedPoint(bent));
         }
         if !bent.coords.norm().is_finite() {
             return None;
@@ -114,13 +116,13 @@ impl Distortion {
         while !self.is_before_fold(start.coords.norm()) {
             start *= 0.5;
         }
-        self.solve(bent, start)
+        self.solve(bent, start).map(UndistortedPoint)
     }
 
     /// Newton's method; halves a step until it reduces the error and stays before the fold.
     fn solve(&self, bent: Point2<f64>, start: Point2<f64>) -> Option<Point2<f64>> {
         let mut straight = start;
-        let (mut seen, mut jacobian) = self.bend(straight);
+        let (DistortedPoint(mut seen), mut jacobian) = self.bend(UndistortedPoint(straight));
         for _ in 0..MAX_ITERATIONS {
             let residual = bent - seen;
             let error = residual.norm();
@@ -131,7 +133,8 @@ impl Distortion {
             loop {
                 let next = straight + step;
                 if self.is_before_fold(next.coords.norm()) {
-                    let (next_seen, next_jacobian) = self.bend(next);
+                    let (DistortedPoint(next_seen), next_jacobian) =
+                        self.bend(UndistortedPoint(next));
                     if (bent - next_seen).norm() < error {
                         (straight, seen, jacobian) = (next, next_seen, next_jacobian);
                         break;
@@ -147,7 +150,10 @@ impl Distortion {
     }
 
     /// Returns the distorted point and the Jacobian.
-    pub(in crate::scanner) fn bend(&self, straight: Point2<f64>) -> (Point2<f64>, Matrix2<f64>) {
+    pub(in crate::scanner) fn bend(
+        &self,
+        UndistortedPoint(straight): UndistortedPoint,
+    ) -> (DistortedPoint, Matrix2<f64>) {
         let Terms { p1, p2, .. } = self.terms();
         let (x, y) = (straight.x, straight.y);
         let s = x * x + y * y;
@@ -163,7 +169,7 @@ impl Distortion {
             mixed,
             f + 2.0 * slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
         );
-        (bent, jacobian)
+        (DistortedPoint(bent), jacobian)
     }
 
     /// Returns the radial factor f and df/d(r²).
@@ -278,11 +284,11 @@ mod tests {
         ) {
             let lens = LENSES[lens];
             let radius = share * limit(&lens);
-            let straight = Point2::new(radius * angle.cos(), radius * angle.sin());
+            let straight = UndistortedPoint(Point2::new(radius * angle.cos(), radius * angle.sin()));
             let bent = lens.distort(straight).unwrap();
             let again = lens.distort(lens.undistort(bent).unwrap()).unwrap();
-            let relative = (again - bent).norm() / (1.0 + bent.coords.norm());
-            prop_assert!(relative < 1e-11, "{bent} {again}");
+            let relative = (again.0 - bent.0).norm() / (1.0 + bent.0.coords.norm());
+            prop_assert!(relative < 1e-11, "{bent:?} {again:?}");
         }
 
         #[test]
@@ -290,9 +296,10 @@ mod tests {
             lens in 0..LENSES.len(), x in -0.6..0.6_f64, y in -0.6..0.6_f64,
         ) {
             let (lens, h) = (LENSES[lens], 1e-6);
-            let jacobian = lens.bend(Point2::new(x, y)).1;
+            let bend = |step: Vector2<f64>| lens.bend(UndistortedPoint(Point2::new(x, y) + step));
+            let jacobian = bend(Vector2::zeros()).1;
             for (column, step) in [Vector2::new(h, 0.0), Vector2::new(0.0, h)].into_iter().enumerate() {
-                let at = |sign: f64| lens.bend(Point2::new(x, y) + step * sign).0;
+                let at = |sign: f64| bend(step * sign).0.0;
                 let difference = (at(1.0) - at(-1.0)) / (2.0 * h);
                 prop_assert!((jacobian.column(column) - difference).norm() < 1e-8);
             }
@@ -301,9 +308,9 @@ mod tests {
         /// Wherever an answer exists, it is the ray seen at that position.
         #[test]
         fn no_ray_is_wrong(lens in 0..LENSES.len(), x in -20.0..20.0_f64, y in -20.0..20.0_f64) {
-            let (lens, bent) = (LENSES[lens], Point2::new(x, y));
+            let (lens, bent) = (LENSES[lens], DistortedPoint(Point2::new(x, y)));
             if let Some(straight) = lens.undistort(bent) {
-                prop_assert!((lens.distort(straight).unwrap() - bent).norm() < 1e-10);
+                prop_assert!((lens.distort(straight).unwrap().0 - bent.0).norm() < 1e-10);
             }
         }
     }
@@ -313,20 +320,21 @@ mod tests {
         let barrel = Distortion::PlumbBob { k1: -0.3, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
         // r (1 - 0.3 r²) is largest at r² = 1 / 0.9, where it is 0.7027.
         let fold = (1.0_f64 / 0.9).sqrt();
-        assert!(barrel.distort(Point2::new(fold - 1e-6, 0.0)).is_some());
-        assert!(barrel.distort(Point2::new(0.0, fold + 1e-6)).is_none());
+        assert!(barrel.distort(UndistortedPoint(Point2::new(fold - 1e-6, 0.0))).is_some());
+        assert!(barrel.distort(UndistortedPoint(Point2::new(0.0, fold + 1e-6))).is_none());
         let edge = fold * 2.0 / 3.0;
-        let straight = barrel.undistort(Point2::new(edge - 1e-6, 0.0)).unwrap();
+        let near_edge = |step: f64| barrel.undistort(DistortedPoint(Point2::new(edge + step, 0.0)));
+        let UndistortedPoint(straight) = near_edge(-1e-6).unwrap();
         assert!((fold - 0.01..fold).contains(&straight.x), "{straight}");
-        assert!(barrel.undistort(Point2::new(edge + 1e-6, 0.0)).is_none());
+        assert!(near_edge(1e-6).is_none());
     }
 
     #[test]
     fn what_is_no_place_has_no_ray() {
         for lens in LENSES {
             for bent in [f64::NAN, f64::INFINITY, 1e300] {
-                assert!(lens.undistort(Point2::new(bent, 0.0)).is_none());
-                assert!(lens.distort(Point2::new(bent, 0.0)).is_none());
+                assert!(lens.undistort(DistortedPoint(Point2::new(bent, 0.0))).is_none());
+                assert!(lens.distort(UndistortedPoint(Point2::new(bent, 0.0))).is_none());
             }
         }
     }

@@ -1,4 +1,4 @@
-//! A sensor that is inclined to the lens, after Scheimpflug: OpenCV's tilted model (calib3d documentation, "Detailed
+//! A sensor tilted against the lens, after Scheimpflug: OpenCV's tilted model (calib3d documentation, "Detailed
 //! Description"; Louhichi et al. 2007, doi 10.1088/0957-0233/18/8/037).
 //!
 //! With R the rotation about x by τx and then about y by τy, a point p = (x, y, 1) before the sensor is seen at
@@ -6,23 +6,28 @@
 
 use nalgebra::{Matrix3, Point2, Vector3};
 
-/// Where on the inclined sensor a point of the plane z = 1 is seen.
-pub(super) fn tilt(tilt_rad: [f64; 2], point: Point2<f64>) -> Option<Point2<f64>> {
+use super::DistortedPoint;
+
+/// Maps a point of the plane z = 1 to the tilted sensor.
+pub(super) fn tilt(
+    tilt_rad: [f64; 2],
+    DistortedPoint(point): DistortedPoint,
+) -> Option<Point2<f64>> {
     if is_straight(tilt_rad) {
         return Some(point);
     }
     map(&matrix(tilt_rad), point)
 }
 
-/// Which point of the plane z = 1 is seen there on the inclined sensor.
-pub(super) fn untilt(tilt_rad: [f64; 2], point: Point2<f64>) -> Option<Point2<f64>> {
+/// Maps a point of the tilted sensor to the plane z = 1.
+pub(super) fn untilt(tilt_rad: [f64; 2], on_sensor: Point2<f64>) -> Option<DistortedPoint> {
     if is_straight(tilt_rad) {
-        return Some(point);
+        return Some(DistortedPoint(on_sensor));
     }
-    map(&matrix(tilt_rad).try_inverse()?, point)
+    map(&matrix(tilt_rad).try_inverse()?, on_sensor).map(DistortedPoint)
 }
 
-/// The homography from the plane z = 1 to the sensor.
+/// Returns the homography from the plane z = 1 to the sensor.
 pub(super) fn matrix([tau_x, tau_y]: [f64; 2]) -> Matrix3<f64> {
     let ((sin_x, cos_x), (sin_y, cos_y)) = (tau_x.sin_cos(), tau_y.sin_cos());
     let about_x = Matrix3::new(1.0, 0.0, 0.0, 0.0, cos_x, sin_x, 0.0, -sin_x, cos_x);
@@ -36,7 +41,7 @@ fn is_straight(tilt_rad: [f64; 2]) -> bool {
     tilt_rad.iter().all(|angle| *angle == 0.0)
 }
 
-/// `None` where the ray never meets the sensor.
+/// Applies the homography; `None` if the ray never meets the sensor.
 fn map(matrix: &Matrix3<f64>, point: Point2<f64>) -> Option<Point2<f64>> {
     let mapped = matrix * Vector3::new(point.x, point.y, 1.0);
     (mapped.z > 0.0).then(|| Point2::new(mapped.x / mapped.z, mapped.y / mapped.z))

@@ -1,28 +1,28 @@
-//! The part of a sensor that an image shows, and how many of its pixels one of the image's is.
+//! The part of a sensor that an image shows, and its binning.
 
 use nalgebra::Point2;
 
 use super::Camera;
 
-/// Which pixels of the whole sensor an image is made of: first a part is taken, then pixels are combined.
+/// The sensor pixels that make up an image: first a part is cut out, then pixels are binned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct View {
     /// First column and row of the part, in pixels of the sensor.
     pub offset_px: [u32; 2],
     /// Columns and rows of the image.
     pub size_px: [u32; 2],
-    /// Columns and rows of the sensor in a pixel of the image; at least 1.
+    /// Sensor columns and rows per pixel of the image; at least 1.
     pub binning: [u32; 2],
 }
 
 impl View {
-    /// All of a sensor.
+    /// Returns the view of a whole sensor.
     pub const fn whole(size_px: [u32; 2]) -> Self {
         Self { offset_px: [0, 0], size_px, binning: [1, 1] }
     }
 
-    /// Where on the sensor the centre of a pixel of the image lies. A pixel of several is where their middle is:
-    /// `sensor = binning · image + (binning - 1) / 2 + offset`.
+    /// Returns the position on the sensor of the centre of an image pixel. The centre of a binned pixel is the middle
+    /// of its sensor pixels: `sensor = binning · image + (binning - 1) / 2 + offset`.
     pub fn on_sensor(&self, image: Point2<f64>) -> Point2<f64> {
         Point2::from([0, 1].map(|axis| {
             let binning = f64::from(self.binning[axis]);
@@ -32,7 +32,7 @@ impl View {
 }
 
 impl Camera {
-    /// The camera of such images: another principal point, and focal lengths in larger pixels.
+    /// Returns the camera for such images: the principal point is shifted, and focal lengths are in larger pixels.
     #[must_use]
     pub fn seen_through(&self, view: &View) -> Self {
         let shift = view.on_sensor(Point2::origin());
@@ -55,7 +55,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::scanner::camera::Distortion;
+    use crate::scanner::camera::{DistortedPixel, Distortion};
 
     proptest! {
         /// A point is seen where the sensor sees it.
@@ -76,8 +76,8 @@ mod tests {
             };
             let view = View { offset_px, size_px: [100, 50], binning };
             let point = Point3::new(x, y, 1.0);
-            let seen = sensor.seen_through(&view).project(point).unwrap();
-            let on_sensor = sensor.project(point).unwrap();
+            let DistortedPixel(seen) = sensor.seen_through(&view).project(point).unwrap();
+            let DistortedPixel(on_sensor) = sensor.project(point).unwrap();
             prop_assert!((view.on_sensor(seen) - on_sensor).norm() < 1e-9);
         }
     }

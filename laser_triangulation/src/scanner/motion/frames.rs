@@ -54,7 +54,7 @@ pub enum PoseRefused {
     #[error("frame {0:?} cannot be placed in {1:?}")]
     Names(String, String),
     /// Not finite numbers, or not a rotation.
-    #[error("the pose of {0:?} is no rotation and translation of finite numbers")]
+    #[error("the pose of {0:?} is not a rotation and translation of finite numbers")]
     NoPose(String),
     /// Too many frames.
     #[error("there are more than {MAX_FRAMES} frames")]

@@ -40,7 +40,7 @@ fn entry(profile: &Profile, frame_number: u64, frames_missing: u32) -> ScanEntry
 }
 
 #[test]
-fn a_full_slice_leaves_with_the_next_profile_and_the_last_one_says_so() {
+fn a_full_slice_leaves_with_the_next_profile_and_the_last_one_is_marked() {
     let mut scan = scan(2, 100);
     let one = profile(3, 0.25);
     assert!(scan.push(&entry(&one, 0, 0)).slice.is_none());

@@ -8,7 +8,8 @@ use super::{Rig, lens::Lens};
 use crate::simulate::{
     exposure::Exposure,
     noise::frame_rng,
-    scenario::{Laser, ScenarioError, check_range},
+    scenario::Laser,
+    scenario_error::{ScenarioError, check_range},
 };
 
 /// Most random draws until the whole board is in the image.

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use super::{Rig, geometry::World};
 use crate::simulate::{
     exposure::CrossSection,
-    scenario::{ScenarioError, check_entries, check_range},
+    scenario_error::{ScenarioError, check_entries, check_range},
 };
 
 const MAX_ROUNDS: u32 = 64;

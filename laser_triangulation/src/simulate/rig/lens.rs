@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use crate::simulate::scenario::{ScenarioError, check_range};
+use crate::simulate::scenario_error::{ScenarioError, check_range};
 
 /// Pinhole, distortion and a tilted sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]

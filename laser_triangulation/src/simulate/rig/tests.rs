@@ -206,7 +206,11 @@ fn the_line_lies_on_board_and_plane() {
             let rows = peak - 8..=peak + 8;
             let flux: f64 = rows.clone().map(level).sum();
             let center = rows.map(|row| row as f64 * level(row)).sum::<f64>() / flux;
-            let ray = rig.camera.ray(nalgebra::Point2::new(column as f64, center)).unwrap();
+            let pixel = crate::scanner::camera::DistortedPixel(nalgebra::Point2::new(
+                column as f64,
+                center,
+            ));
+            let ray = rig.camera.ray(pixel).unwrap();
             let point = rig.plane.meet(ray).unwrap();
             let off_board_m = normal.dot(&(point.coords - view.middle_m));
             // Edges of the squares and of the board pull the centroid of a cross-section towards the brighter side.

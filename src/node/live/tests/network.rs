@@ -1,4 +1,4 @@
-//! What else the network knows of the node: time, frames, log, quality of service.
+//! Tests time, transforms, log and quality of service on the network.
 
 use std::sync::Arc;
 
@@ -42,26 +42,30 @@ fn send(publication: &mut dyn Publication, message: &impl Message) {
 }
 
 #[test]
-fn a_clock_that_steps_back_begins_another_session() {
+fn a_clock_that_steps_back_starts_a_new_session() {
     let rig = Setup::new().with("use_sim_time", Value::Bool(true)).start().unwrap();
     let mut clock = publisher::<Clock>(&rig, "/clock");
-    let mut tell = |ns| send(&mut *clock, &Clock { clock: Time::from_ns(ns) });
+    let mut set_clock = |ns| send(&mut *clock, &Clock { clock: Time::from_ns(ns) });
     let status_at = |rig: &Rig, ns: i64| {
-        rig.listener.wait_until("a status of that time", "/laser_profiler/stream_status", |heard| {
-            let status: StreamStatus<'_> = heard.decode();
-            (status.header.stamp.to_ns() == ns).then_some(status.session_id.uuid)
-        })
+        rig.listener.wait_until(
+            "a status of that time",
+            "/laser_profiler/stream_status",
+            |received| {
+                let status: StreamStatus<'_> = received.decode();
+                (status.header.stamp.to_ns() == ns).then_some(status.session_id.uuid)
+            },
+        )
     };
     let mut camera = rig.camera();
-    tell(START_NS + 100);
+    set_clock(START_NS + 100);
     camera.shoot_times(2);
     rig.results("centerline", 2);
     let first = status_at(&rig, START_NS + 100);
-    tell(START_NS + 50);
+    set_clock(START_NS + 50);
     rig.results("height_map", 1);
     let second = status_at(&rig, START_NS + 50);
     assert_ne!(first, second);
-    // The simulation begins anew: what would be late is not.
+    // The simulation restarts: earlier stamps are not late.
     camera.at_ms = 0;
     camera.shoot();
     rig.results("centerline", 3);
@@ -75,15 +79,15 @@ fn a_clock_that_steps_back_begins_another_session() {
 }
 
 #[test]
-fn the_laser_plane_is_placed_once_and_again_when_it_turns() {
+fn the_laser_plane_is_published_once_and_after_a_change_of_direction() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     camera.shoot_times(3);
     rig.results("centerline", 3);
-    // Latched: who comes late hears it, too.
+    // Latched: a late subscriber receives it, too.
     let (listener, _subscription) = rig.listen("/tf_static", TFMessage::TYPE);
-    let heard = listener.wait_for("/tf_static", 1);
-    let message: TFMessage<'_> = heard[0].decode();
+    let received = listener.wait_for("/tf_static", 1);
+    let message: TFMessage<'_> = received[0].decode();
     let [transform] = message.transforms.as_slice() else { panic!("{message:?}") };
     assert_eq!((&*transform.header.frame_id, &*transform.child_frame_id), ("optical", "laser"));
     camera.shoot();
@@ -91,8 +95,8 @@ fn the_laser_plane_is_placed_once_and_again_when_it_turns() {
     assert_eq!(listener.received("/tf_static").len(), 1);
     rig.set("stripe_direction", &text("vertical")).unwrap();
     camera.shoot();
-    let heard = listener.wait_for("/tf_static", 2);
-    let turned: TFMessage<'_> = heard[1].decode();
+    let received = listener.wait_for("/tf_static", 2);
+    let turned: TFMessage<'_> = received[1].decode();
     assert_ne!(turned.transforms[0].transform, transform.transform);
     rig.end();
 }
@@ -117,8 +121,8 @@ fn a_camera_info_of_another_size_is_reported_in_either_order() {
         if !info_first {
             describe(10);
         }
-        rig.listener.wait_until("the conflict is told", "/diagnostics", |heard| {
-            let diagnostics: DiagnosticArray<'_> = heard.decode();
+        rig.listener.wait_until("the conflict is reported", "/diagnostics", |received| {
+            let diagnostics: DiagnosticArray<'_> = received.decode();
             let message = &diagnostics.status[0].message;
             message.contains("camera_info describes images of 640 x 480").then_some(())
         });
@@ -134,10 +138,10 @@ fn log_lines_are_on_rosout() {
     with_default(registry().with(layer), || {
         let rig = setup.start().unwrap();
         let (listener, _subscription) = rig.listen("/rosout", Log::TYPE);
-        // Told on the thread that calls the service.
+        // Logged on the thread that calls the service.
         assert!(!rig.change_state("configure"));
-        listener.wait("the refusal", |heard| {
-            heard.iter().any(|line| {
+        listener.wait("the refusal", |received| {
+            received.iter().any(|line| {
                 let line: Log<'_> = line.decode();
                 line.name == "laser_profiler" && line.msg.contains("cannot begin")
             })
@@ -168,21 +172,21 @@ fn quality_of_service_follows_the_overrides() {
 #[test]
 fn publishers_of_images_are_reported() {
     let rig = Rig::start();
-    let says = |rig: &Rig, text: &str| {
-        rig.listener.wait_until(text, "/diagnostics", |heard| {
-            let diagnostics: DiagnosticArray<'_> = heard.decode();
+    let wait_for_text = |rig: &Rig, text: &str| {
+        rig.listener.wait_until(text, "/diagnostics", |received| {
+            let diagnostics: DiagnosticArray<'_> = received.decode();
             diagnostics.status[0].message.contains(text).then_some(())
         });
     };
-    says(&rig, "nobody publishes /image_raw");
+    wait_for_text(&rig, "/image_raw has no publisher");
     let _first = publisher::<Image<'_>>(&rig, "/image_raw");
-    says(&rig, "every frame measured");
+    wait_for_text(&rig, "every frame measured");
     let second = publisher::<Image<'_>>(&rig, "/image_raw");
-    says(&rig, "2 publishers on /image_raw");
+    wait_for_text(&rig, "2 publishers on /image_raw");
     drop(second);
     let network = rig.network.clone();
     rig.end();
-    // Nothing of the node is left.
+    // The node has left the graph.
     wait_until("the graph is empty", || {
         network.topics().iter().all(|topic| topic.num_publishers == 0 || topic.name == "/image_raw")
     });

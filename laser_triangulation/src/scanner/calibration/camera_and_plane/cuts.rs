@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Matrix3, Point2, Vector2, Vector3};
 use super::CameraAndPlane;
 use crate::scanner::{
     calibration::PlacedPoint,
-    camera::{Camera, Distortion},
+    camera::{Camera, DistortedPoint, Distortion, UndistortedPoint},
     params::StripeDirection,
 };
 
@@ -37,8 +37,8 @@ pub(in crate::scanner::calibration) struct Cuts<'a> {
 /// A ray, its undistorted image, and the derivative of the image.
 #[derive(Clone, Copy)]
 struct Ray {
-    bent: Point2<f64>,
-    straight: Point2<f64>,
+    bent: DistortedPoint,
+    straight: UndistortedPoint,
     straight_per_bent: Matrix2<f64>,
 }
 
@@ -88,7 +88,7 @@ impl Cuts<'_> {
         let ray = self.ray(bent)?;
         let straight_per_px = ray.straight_per_bent * bent_per_px;
 
-        let direction = Vector3::new(ray.straight.x, ray.straight.y, 1.0);
+        let direction = ray.straight.0.coords.push(1.0);
         let inverse_depth = self.inverse_depth.dot(&direction);
         if inverse_depth.is_nan() || inverse_depth <= 0.0 {
             return None;
@@ -108,18 +108,21 @@ impl Cuts<'_> {
         &self,
         on_sensor: Point2<f64>,
         step: Vector2<f64>,
-    ) -> Option<(Point2<f64>, Vector2<f64>)> {
-        let Some(untilt) = &self.untilt else { return Some((on_sensor, step)) };
+    ) -> Option<(DistortedPoint, Vector2<f64>)> {
+        let Some(untilt) = &self.untilt else {
+            return Some((DistortedPoint(on_sensor), step));
+        };
         let seen = untilt * on_sensor.to_homogeneous();
         let bent = Point2::from_homogeneous(seen).filter(|_| seen.z > 0.0)?;
         let moved = untilt * step.push(0.0);
-        Some((bent, (moved.xy() - bent.coords * moved.z) / seen.z))
+        Some((DistortedPoint(bent), (moved.xy() - bent.coords * moved.z) / seen.z))
     }
 
-    fn ray(&mut self, bent: Point2<f64>) -> Option<Ray> {
+    fn ray(&mut self, bent: DistortedPoint) -> Option<Ray> {
         let lens = &self.camera.distortion;
         if *lens == Distortion::None {
-            return Some(Ray { bent, straight: bent, straight_per_bent: Matrix2::identity() });
+            let straight = UndistortedPoint(bent.0);
+            return Some(Ray { bent, straight, straight_per_bent: Matrix2::identity() });
         }
         let ray = self.beside_neighbour(bent).or_else(|| {
             let straight = lens.undistort(bent)?;
@@ -131,17 +134,17 @@ impl Cuts<'_> {
     }
 
     /// Newton's method, extrapolating from the neighbour's ray. `None` if it does not converge.
-    fn beside_neighbour(&self, bent: Point2<f64>) -> Option<Ray> {
+    fn beside_neighbour(&self, bent: DistortedPoint) -> Option<Ray> {
         let neighbour = self.neighbour.as_ref()?;
-        let mut straight =
-            neighbour.straight + neighbour.straight_per_bent * (bent - neighbour.bent);
+        let step = neighbour.straight_per_bent * (bent.0 - neighbour.bent.0);
+        let mut straight = UndistortedPoint(neighbour.straight.0 + step);
         for _ in 0..MAX_STEPS {
             let (seen, jacobian) = self.camera.distortion.bend(straight);
             let straight_per_bent = jacobian.try_inverse()?;
-            let missing = bent - seen;
-            straight += straight_per_bent * missing;
+            let missing = bent.0 - seen.0;
+            straight.0 += straight_per_bent * missing;
             if missing.norm_squared() < self.last_step * self.last_step {
-                let is_known = straight.coords.norm_squared() <= self.limit;
+                let is_known = straight.0.coords.norm_squared() <= self.limit;
                 return is_known.then_some(Ray { bent, straight, straight_per_bent });
             }
         }

@@ -6,10 +6,11 @@ use super::{Alignment, CameraAndPlane};
 use crate::scanner::params::StripeDirection;
 
 impl CameraAndPlane {
-    /// The pose of the laser plane's frame in the camera's: `point_in_camera = camera_from_laser * point_in_laser`, metres.
+    /// Returns the pose of the laser plane's frame in the camera's: `point_in_camera = camera_from_laser *
+    /// point_in_laser`, metres.
     ///
-    /// x is the direction of growing columns (rows, for a vertical stripe) in the plane, z at right angles to it in the
-    /// plane, so that it grows towards the camera; y completes a right-handed frame, along the normal or against it.
+    /// x is the direction of growing columns (rows, for a vertical stripe) in the plane; z is perpendicular to it in
+    /// the plane and points towards the camera; y completes a right-handed frame, along the normal or against it.
     pub fn camera_from_laser(&self, direction: StripeDirection) -> Isometry3<f64> {
         let normal = self.plane.normal.into_inner();
         let along = match direction {
@@ -17,7 +18,7 @@ impl CameraAndPlane {
             StripeDirection::Vertical => Vector3::y(),
         };
         let x = (along - normal * normal.dot(&along)).normalize();
-        // Towards the camera is against its optical axis.
+        // Towards the camera means against its optical axis.
         let side = if x.cross(&normal).z > 0.0 { -1.0 } else { 1.0 };
         let y = normal * side;
         let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);

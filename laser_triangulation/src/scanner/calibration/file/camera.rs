@@ -1,4 +1,4 @@
-//! A camera and what stands beside it in its file.
+//! A camera and the other entries of its file.
 
 use nalgebra::{Point3, Unit, Vector3};
 use serde::Deserialize;
@@ -14,7 +14,7 @@ use crate::scanner::{
 };
 
 const FINITE: &str = "finite numbers";
-/// A unit vector that was written by hand is made one; one that was computed is left as it is.
+/// Lengths accepted for a hand-written unit vector, which is then normalised; a computed one is left as it is.
 const HAND_WRITTEN: std::ops::RangeInclusive<f64> = 0.99..=1.01;
 const COMPUTED: f64 = 1e-12;
 
@@ -30,7 +30,7 @@ pub(super) struct CameraFile {
     camera_matrix: Matrix,
     distortion_model: String,
     distortion_coefficients: Matrix,
-    // Of rectified images, which are not measured.
+    // For rectified images, which are not supported.
     #[serde(rename = "rectification_matrix")]
     _rectification_matrix: Option<Matrix>,
     #[serde(rename = "projection_matrix")]
@@ -54,7 +54,7 @@ fn camera_name() -> String {
     "camera".to_owned()
 }
 
-/// As `OpenCV` writes matrices.
+/// A matrix in the format of `OpenCV`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Matrix {
@@ -151,7 +151,7 @@ impl CameraFile {
         if !(is_pinhole && is_finite && fx_px > 0.0 && fy_px > 0.0) {
             return Err(wrong("[fx, 0, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0"));
         }
-        // Half a turn would look backwards.
+        // A tilt of half a turn would look backwards.
         let is_tilt = |angle: &f64| angle.abs() < std::f64::consts::FRAC_PI_4;
         if !self.tilt_rad.iter().all(is_tilt) {
             let value = format!("{:?}", self.tilt_rad);
@@ -171,7 +171,7 @@ impl CameraFile {
         Ok(camera)
     }
 
-    /// A covariance is of values that the camera has.
+    /// Checks that a covariance refers to values of this camera.
     fn check_quality(&self, camera: Camera) -> Result<(), CalibrationError> {
         let Some(quality) = &self.camera_quality else { return Ok(()) };
         let mut camera = camera;

@@ -1,4 +1,5 @@
-//! Calibrations as text. `{:?}` writes the shortest text that reads back as the same number, and always as a float.
+//! Writes calibrations as text. `{:?}` writes the shortest text that reads back as the same number, and always as a
+//! float.
 
 use std::fmt::{Display, Write};
 
@@ -13,7 +14,7 @@ use crate::scanner::{
     camera::Camera,
 };
 
-/// A file while it is written.
+/// A file under construction.
 struct Yaml(String);
 
 impl Yaml {
@@ -59,7 +60,7 @@ impl Yaml {
     }
 }
 
-/// Any calibration that measures.
+/// Writes a calibration that can measure.
 pub(in crate::scanner::calibration) fn write(calibration: &Calibration) -> String {
     let id = calibration.id();
     match calibration {
@@ -73,7 +74,7 @@ pub(in crate::scanner::calibration) fn write(calibration: &Calibration) -> Strin
     }
 }
 
-/// A camera alone.
+/// Writes a camera alone.
 pub(in crate::scanner::calibration) fn write_camera(calibration: &CameraCalibration) -> String {
     let CameraCalibration { camera_name, camera, quality, calibrated_at } = calibration;
     camera_entries(Yaml::new("camera"), camera_name, camera, quality.as_ref())
@@ -145,7 +146,7 @@ fn axis_entry(yaml: Yaml, axis: &Axis) -> Yaml {
     )
 }
 
-/// As ROS's `camera_calibration_parsers` write a camera, and what they do not know.
+/// Writes a camera in the format of ROS's `camera_calibration_parsers`, and the entries that format lacks.
 fn camera_entries(
     yaml: Yaml,
     name: &str,

@@ -85,9 +85,9 @@ fn what_is_no_pose_is_refused_by_name() {
     for (bad, named) in [
         (Stated { child: "a", ..good }, "\"a\" cannot be placed in \"a\""),
         (Stated { parent: "", ..good }, "cannot be placed"),
-        (Stated { rotation: [0.0; 4], ..good }, "\"b\" is no rotation"),
-        (Stated { origin_m: [f64::NAN, 0.0, 0.0], ..good }, "\"b\" is no rotation"),
-        (Stated { rotation: [0.0, 0.0, f64::NAN, 1.0], ..good }, "\"b\" is no rotation"),
+        (Stated { rotation: [0.0; 4], ..good }, "\"b\" is not a rotation"),
+        (Stated { origin_m: [f64::NAN, 0.0, 0.0], ..good }, "\"b\" is not a rotation"),
+        (Stated { rotation: [0.0, 0.0, f64::NAN, 1.0], ..good }, "\"b\" is not a rotation"),
         (Stated { stamp_ns: 0, ..good }, "its stamp is 0"),
     ] {
         let error = tree.take(&bad).unwrap_err().to_string();

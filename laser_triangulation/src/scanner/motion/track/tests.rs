@@ -41,7 +41,7 @@ fn between_two_samples_lies_a_line_and_behind_them_its_end() {
 }
 
 #[test]
-fn one_sample_says_nothing_of_any_other_time() {
+fn one_sample_gives_no_value_at_any_other_time() {
     let track = track(Limits { max_gap_ns: 1000, ..NONE }, &[(100, 1.0)]);
     assert_eq!(found(&track, 100), Some((1.0, 0)));
     assert_eq!(found(&track, 101), None);

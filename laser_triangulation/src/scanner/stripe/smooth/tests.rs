@@ -61,7 +61,7 @@ fn one_column_changes_no_bit() {
 }
 
 #[test]
-fn white_noise_falls_with_the_root_of_the_points_and_sigma_says_so() {
+fn white_noise_and_sigma_fall_with_the_root_of_the_points() {
     let slope = |x: f64| 20.0 + 0.31 * x;
     let line = noisy(4000, 1.0, slope);
     for num in [3, 5, 9, 21] {
