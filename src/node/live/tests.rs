@@ -1,4 +1,4 @@
-//! The live node as its network sees it: over a middleware inside the process.
+//! Tests the live node through an in-process middleware.
 
 mod cameras;
 mod driver;

@@ -1,4 +1,4 @@
-//! Frames whose positions are measured: they wait for samples, and say what became of it.
+//! Tests frames with measured positions: they wait for samples and report the outcome.
 
 use proptest::prelude::*;
 
@@ -35,7 +35,7 @@ fn setup(values: &[(&'static str, Value)]) -> Setup {
     Setup { calibrated: true, values, ..Setup::default() }
 }
 
-/// A message that was received `late_ms` after the time it speaks of.
+/// A message received `late_ms` after its stamp.
 fn about<M: Message>(topic: &str, at_ms: i64, late_ms: i64, content: &M) -> Input {
     let mut data = Vec::new();
     cdr::encode(content, &mut data).unwrap();
@@ -145,8 +145,8 @@ fn nothing_at_all_is_known() {
 }
 
 #[test]
-fn frames_do_not_wait_for_ever() {
-    // Frames go on, the axis stops: its last samples tell where they are, then nothing does.
+fn frames_do_not_wait_forever() {
+    // Frames continue while the axis stops: its last samples give their positions at first, then none are known.
     for max_wait in [1, 3, 1000] {
         let setup = setup(&[("motion.max_wait", Value::Integer(max_wait))]);
         let samples = (0..10).map(|number| joint(number * 10, 0));

@@ -14,7 +14,7 @@ use crate::node::{
     status::{Interval, Load, Note, State},
 };
 
-/// What a worker makes of frames that arrive faster than it takes them.
+/// Runs a worker on frames that arrive faster than it processes them.
 fn overrun(inputs: Vec<Input>) -> (Counts, Vec<Outgoing>) {
     let kept = Arc::default();
     let sink = Box::new(Memory { kept: Arc::clone(&kept), room: usize::MAX });
@@ -53,7 +53,7 @@ fn frames_dropped_by_a_full_queue_are_counted_but_not_as_lost() {
     assert_eq!((counts.received, counts.processed), (8, 2));
     assert_eq!((counts.dropped_overload, counts.malformed), (5, 1));
     assert_eq!(counts.received, counts.processed + counts.rejected() + counts.dropped_overload);
-    assert_eq!(counts.lost(), 0, "nobody saw the counter before frame 7");
+    assert_eq!(counts.lost(), 0, "the counter before frame 7 was not read");
     assert!(!counts.is_complete());
     let infos = on(&messages, Output::SliceInfo);
     let info: SliceInfo<'_> = cdr::decode(&infos[0].data).unwrap();

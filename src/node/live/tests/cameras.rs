@@ -23,7 +23,7 @@ fn two_cameras() -> Rig {
 }
 
 #[test]
-fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_no_other() {
+fn each_camera_has_its_topics_and_parameters_and_a_faulty_one_does_not_affect_others() {
     let rig = two_cameras();
     let (mut left, mut right) =
         (rig.camera_on("/left/image_raw"), rig.camera_on("/right/image_raw"));
@@ -44,11 +44,12 @@ fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_no_other() {
     assert!(line.decode::<Centerline<'_>>().method.starts_with("gray_gravity/"));
     let line: &Received = &lines("left", 1)[0];
     assert!(line.decode::<Centerline<'_>>().method.starts_with("improved_gravity/"));
-    rig.listener.wait("the diagnostics of both", |heard| {
-        let names = heard.iter().filter(|message| message.topic == "/diagnostics").map(|message| {
-            let diagnostics: DiagnosticArray<'_> = message.decode();
-            (diagnostics.status[0].name.clone().into_owned(), diagnostics.status[0].level)
-        });
+    rig.listener.wait("the diagnostics of both", |messages| {
+        let names =
+            messages.iter().filter(|message| message.topic == "/diagnostics").map(|message| {
+                let diagnostics: DiagnosticArray<'_> = message.decode();
+                (diagnostics.status[0].name.clone().into_owned(), diagnostics.status[0].level)
+            });
         let names: Vec<_> = names.collect();
         names.iter().any(|(name, _)| name == "laser_profiler: left stream")
             && names
@@ -69,7 +70,7 @@ fn each_camera_has_its_topics_and_parameters_and_a_bad_one_disturbs_no_other() {
 }
 
 #[test]
-fn a_scan_of_one_camera_is_not_one_of_the_other() {
+fn a_scan_of_one_camera_does_not_affect_the_other() {
     let rig = two_cameras();
     let (mut left, mut right) =
         (rig.camera_on("/left/image_raw"), rig.camera_on("/right/image_raw"));

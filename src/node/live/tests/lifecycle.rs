@@ -1,4 +1,4 @@
-//! The node's life, as a manager leads it.
+//! Tests the lifecycle as a manager controls it.
 
 use super::{
     rig::{Rig, Setup, text},
@@ -37,12 +37,12 @@ fn a_node_without_autostart_waits_for_its_manager() {
         .collect();
     let expected = ["configuring", "inactive", "activating", "active", "shuttingdown", "finalized"];
     assert_eq!(labels, expected);
-    // Shut down from outside, the program ends by itself.
-    assert_eq!(counts(rig.ended()).received, 1, "what came before was for nobody");
+    // The program ends after a shutdown from outside.
+    assert_eq!(counts(rig.ended()).received, 1, "earlier frames were not received");
 }
 
 #[test]
-fn an_inactive_node_is_silent_and_goes_on_with_another_session() {
+fn an_inactive_node_publishes_nothing_and_continues_with_a_new_session() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     for number in 1..=3 {
@@ -55,7 +55,7 @@ fn an_inactive_node_is_silent_and_goes_on_with_another_session() {
     rig.results("height_map", 1);
     camera.shoot_times(5);
     assert!(rig.change_state("activate"));
-    // Older than before: another session.
+    // Older than before: a new session.
     camera.at_ms = 0;
     camera.shoot();
     rig.results("centerline", 4);
@@ -64,10 +64,13 @@ fn an_inactive_node_is_silent_and_goes_on_with_another_session() {
     assert_eq!((counts.received, counts.processed, counts.lost()), (4, 4, 0));
     let infos = listener.received("/laser_profiler/slice_info");
     assert_eq!(infos.len(), 2);
-    assert!(infos[1].decode::<SliceInfo<'_>>().frames_missing == 0, "nobody missed them");
+    assert!(
+        infos[1].decode::<SliceInfo<'_>>().frames_missing == 0,
+        "frames before activation are not missing"
+    );
     let statuses = listener.received("/laser_profiler/stream_status");
     let last: StreamStatus<'_> = statuses.last().unwrap().decode();
-    assert_eq!(last.frames_received, 4, "counters go on");
+    assert_eq!(last.frames_received, 4, "counters continue");
 }
 
 #[test]
@@ -77,7 +80,7 @@ fn queued_frames_are_measured_before_the_node_is_inactive() {
     for round in 1..=20 {
         camera.shoot_times(3);
         assert!(rig.change_state("deactivate"));
-        // The scan's end is sent behind the last frame, and before the answer.
+        // The end of the scan is published after the last frame and before the response.
         rig.results("centerline", round * 3);
         assert_eq!(rig.results("height_map", round).len(), round);
         assert!(rig.change_state("activate"));
@@ -86,7 +89,7 @@ fn queued_frames_are_measured_before_the_node_is_inactive() {
 }
 
 #[test]
-fn another_calibration_is_taken_between_cleanup_and_configure() {
+fn another_calibration_is_loaded_between_cleanup_and_configure() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     camera.shoot();

@@ -1,4 +1,4 @@
-//! What is heard on the loopback, and the wait for it.
+//! Receives messages on the loopback and waits for them.
 
 use std::{
     sync::{Arc, Condvar, Mutex},
@@ -13,10 +13,10 @@ use crate::{
     ros::transport::OnArrival,
 };
 
-/// However slow the machine is.
+/// Timeout, long enough for slow machines.
 const PATIENCE: Duration = Duration::from_mins(1);
 
-/// A message as it was heard.
+/// A received message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Received {
     pub(super) topic: String,
@@ -29,7 +29,7 @@ impl Received {
     }
 }
 
-/// Keeps what it hears, in order.
+/// Stores received messages in order.
 #[derive(Clone, Default)]
 pub(super) struct Listener(Arc<(Mutex<Vec<Received>>, Condvar)>);
 
@@ -43,7 +43,7 @@ impl Listener {
         })
     }
 
-    /// Waits until what was heard is as it should be.
+    /// Waits until the received messages meet a condition.
     pub(super) fn wait(
         &self,
         what: &str,
@@ -51,20 +51,20 @@ impl Listener {
     ) -> Vec<Received> {
         let guard = self.0.0.lock().unwrap();
         let (guard, timeout) =
-            self.0.1.wait_timeout_while(guard, PATIENCE, |heard| !is_so(heard)).unwrap();
-        assert!(!timeout.timed_out(), "not heard in time: {what}; heard {}", guard.len());
+            self.0.1.wait_timeout_while(guard, PATIENCE, |messages| !is_so(messages)).unwrap();
+        assert!(!timeout.timed_out(), "timeout: {what}; received {} messages", guard.len());
         guard.clone()
     }
 
     /// Waits for that many messages of a topic, and returns them.
     pub(super) fn wait_for(&self, topic: &str, num: usize) -> Vec<Received> {
-        let heard = self.wait(&format!("{num} of {topic}"), |heard| {
-            heard.iter().filter(|message| message.topic == topic).count() >= num
+        let messages = self.wait(&format!("{num} of {topic}"), |messages| {
+            messages.iter().filter(|message| message.topic == topic).count() >= num
         });
-        heard.into_iter().filter(|message| message.topic == topic).collect()
+        messages.into_iter().filter(|message| message.topic == topic).collect()
     }
 
-    /// Waits for a message that says something, the last one first.
+    /// Waits for a message from which a value can be found, trying the last one first.
     pub(super) fn wait_until<T>(
         &self,
         what: &str,
@@ -72,26 +72,26 @@ impl Listener {
         mut read: impl FnMut(&Received) -> Option<T>,
     ) -> T {
         let mut found = None;
-        self.wait(what, |heard| {
-            let of_topic = heard.iter().rev().filter(|message| message.topic == topic);
+        self.wait(what, |messages| {
+            let of_topic = messages.iter().rev().filter(|message| message.topic == topic);
             found = of_topic.take(1).find_map(&mut read);
             found.is_some()
         });
         found.unwrap()
     }
 
-    /// What was heard of a topic so far.
+    /// Returns the messages received on a topic so far.
     pub(super) fn received(&self, topic: &str) -> Vec<Received> {
-        let heard = self.0.0.lock().unwrap();
-        heard.iter().filter(|message| message.topic == topic).cloned().collect()
+        let messages = self.0.0.lock().unwrap();
+        messages.iter().filter(|message| message.topic == topic).cloned().collect()
     }
 }
 
-/// Waits for what a thread brings about.
+/// Waits until a condition that another thread causes is true.
 pub(super) fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
     let deadline = Instant::now() + PATIENCE;
     while !is_so() {
-        assert!(Instant::now() < deadline, "not in time: {what}");
+        assert!(Instant::now() < deadline, "timeout: {what}");
         thread::sleep(Duration::from_millis(2));
     }
 }

@@ -1,4 +1,4 @@
-//! Tests time, frames, log and quality of service on the network.
+//! Tests time, transforms, log and quality of service on the network.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Parameters that change between two frames.
+//! Tests parameters that change between two frames.
 
 use std::thread;
 
@@ -33,11 +33,11 @@ fn changes_by_this_process_are_published_like_those_by_a_service() {
         let event: ParameterEvent<'_> = message.decode();
         event.changed_parameters.iter().any(|changed| changed.name == name)
     };
-    listener.wait("the change", |heard| heard.iter().any(is_change));
+    listener.wait("the change", |messages| messages.iter().any(is_change));
 }
 
 #[test]
-fn a_change_counts_from_the_next_frame_on_and_a_refused_one_never() {
+fn a_change_applies_from_the_next_frame_on_and_a_refused_one_never() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     let mut methods = Vec::new();
@@ -81,7 +81,7 @@ fn a_change_counts_from_the_next_frame_on_and_a_refused_one_never() {
         methods.iter().map(|(method, ..)| method.split('/').next().unwrap()).collect();
     assert_eq!(names[..3], ["improved_gravity", "gray_gravity", "gray_gravity"]);
     let methods: Vec<_> = methods.iter().map(|(method, x, num)| (method, *x, *num)).collect();
-    assert!(methods[1] != methods[2] && methods[2] == methods[3], "the hash tells");
+    assert!(methods[1] != methods[2] && methods[2] == methods[3], "the hash differs");
     assert_eq!([methods[3].1, methods[4].1], [0, 8]);
     assert_eq!([methods[3].2, methods[4].2], [64, 56]);
     let infos = listener.received("/laser_profiler/slice_info");
@@ -90,12 +90,12 @@ fn a_change_counts_from_the_next_frame_on_and_a_refused_one_never() {
         .map(Received::decode::<SliceInfo<'_>>)
         .map(|info| (info.first_frame, info.last_frame, (info.last_position * 1e3).round() as i32))
         .collect();
-    // Neither another region nor another step is mixed into a scan.
+    // A scan does not mix different regions or steps.
     assert_eq!(slices, [(0, 3, 3), (4, 4, 0), (5, 6, 2), (7, 7, 4)]);
 }
 
 #[test]
-fn ten_thousand_sets_cost_no_frame_and_the_last_one_counts() {
+fn ten_thousand_sets_drop_no_frame_and_the_last_one_applies() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     let done = Stop::default();
@@ -141,7 +141,7 @@ fn hammer(network: &Loopback) {
 #[test]
 fn the_limit_of_the_middleware_limits_slices_and_is_recorded() {
     let mut setup = Setup::new().with("recording.enabled", Value::Bool(true));
-    // Three profiles of 64 points of 16 bytes, and what is around them.
+    // Three profiles of 64 points of 16 bytes, and the rest of the message.
     setup.network = Loopback::carrying(3 * 64 * 16 + 400);
     let rig = setup.start().unwrap();
     let mut camera = rig.camera();
@@ -161,7 +161,7 @@ fn the_limit_of_the_middleware_limits_slices_and_is_recorded() {
         let own = records.filter(|record| record.name == "laser_profiler");
         own.map(|record| record.entries["parameters"].clone()).collect()
     };
-    super::listener::wait_until("the change stands in the bag", || {
+    super::listener::wait_until("the change is in the bag", || {
         parameters(&BagReader::open(&directory, &ReadOptions::default()).unwrap()).len() == 2
     });
     let (_, _place) = rig.end_and_keep();
@@ -171,7 +171,7 @@ fn the_limit_of_the_middleware_limits_slices_and_is_recorded() {
         .map(|cloud| cloud.decode::<PointCloud2<'_>>().height)
         .collect();
     assert_eq!(heights, [3, 3, 2, 1, 1]);
-    let told = parameters(&BagReader::open(&directory, &ReadOptions::default()).unwrap());
-    assert!(told[0].contains("points.max_bytes: 3472"), "{}", told[0]);
-    assert!(told[1].contains("points.max_bytes: 1424"), "{}", told[1]);
+    let recorded = parameters(&BagReader::open(&directory, &ReadOptions::default()).unwrap());
+    assert!(recorded[0].contains("points.max_bytes: 3472"), "{}", recorded[0]);
+    assert!(recorded[1].contains("points.max_bytes: 1424"), "{}", recorded[1]);
 }

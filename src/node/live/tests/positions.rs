@@ -1,4 +1,4 @@
-//! Where frames were taken, live: samples on their own topic, frames that wait for them, and the same in a replay.
+//! Tests positions live: samples on their own topic, frames that wait for them, and the same results in a replay.
 
 use super::{
     driver::{MS, START_NS, encoded},
@@ -27,8 +27,8 @@ fn setup() -> Setup {
         .with("motion.joint", text("table"))
 }
 
-/// A sample of that time, received at once: a millimetre in 10 ms.
-fn say(rig: &Rig, at_ms: i64) {
+/// Publishes a sample of that time, received at once: a millimetre in 10 ms.
+fn publish_sample(rig: &Rig, at_ms: i64) {
     let header = Header { stamp: Time::from_ns(START_NS + at_ms * MS), frame_id: "".into() };
     let state = JointState {
         header,
@@ -50,7 +50,8 @@ fn say(rig: &Rig, at_ms: i64) {
 }
 
 fn traces(rig: &Rig, num: usize) -> Vec<FrameTrace> {
-    let trace = |heard: &super::Received| cdr::decode::<Centerline<'_>>(&heard.data).unwrap().trace;
+    let trace =
+        |received: &super::Received| cdr::decode::<Centerline<'_>>(&received.data).unwrap().trace;
     rig.results("centerline", num).iter().map(trace).collect()
 }
 
@@ -62,7 +63,7 @@ fn positions_are_the_same_live_and_in_a_replay_of_the_recording() {
         .start()
         .unwrap();
     let mut camera = rig.camera();
-    say(&rig, 5);
+    publish_sample(&rig, 5);
     for number in 0..40_i64 {
         camera.picture.row = 8 + (number % 7) as u32;
         camera.picture.height = if number < 30 { 32 } else { 36 };
@@ -70,9 +71,9 @@ fn positions_are_the_same_live_and_in_a_replay_of_the_recording() {
             camera.at_ms += 100;
         }
         camera.shoot();
-        // The axis is silent for a while: frames wait for what it says then. No more of them than the queue holds.
+        // The axis publishes nothing for a while: frames wait for its next sample, no more than the queue holds.
         if !(20..23).contains(&number) && number != 39 {
-            say(&rig, camera.at_ms + 3);
+            publish_sample(&rig, camera.at_ms + 3);
             traces(&rig, number as usize + 1);
         }
     }
@@ -107,7 +108,7 @@ fn a_frame_stops_waiting_although_no_message_arrives() {
     let rig = setup().start().unwrap();
     let mut camera = rig.camera();
     for at_ms in [1, 4, 7] {
-        say(&rig, at_ms);
+        publish_sample(&rig, at_ms);
     }
     camera.shoot();
     let trace = traces(&rig, 1)[0];
@@ -118,14 +119,14 @@ fn a_frame_stops_waiting_although_no_message_arrives() {
 }
 
 #[test]
-fn many_samples_displace_no_image_and_faults_end_nothing() {
+fn many_samples_displace_no_image_and_faults_do_not_end_the_node() {
     let rig = setup().start().unwrap();
     let mut camera = rig.camera();
     for number in 0..4 {
         camera.shoot();
         rig.network.deliver("/joint_states", &Err(Fault::Foreign("odd".into())));
         for at_ms in 0..10 {
-            say(&rig, number * 10 + at_ms + 3);
+            publish_sample(&rig, number * 10 + at_ms + 3);
         }
     }
     let found = traces(&rig, 4);
@@ -135,7 +136,7 @@ fn many_samples_displace_no_image_and_faults_end_nothing() {
 }
 
 #[test]
-fn the_source_of_positions_stands_fast_while_configured() {
+fn the_source_of_positions_cannot_change_while_configured() {
     let rig = setup().start().unwrap();
     let refused = rig.set("motion.source", &text("encoder")).unwrap_err();
     assert!(

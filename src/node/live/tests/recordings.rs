@@ -1,4 +1,4 @@
-//! What a live node records, and what it says when it cannot.
+//! Tests the recordings of a live node and their errors.
 
 use std::{
     collections::BTreeMap,
@@ -42,7 +42,7 @@ pub(super) fn bags(place: &Path) -> Vec<PathBuf> {
 fn shoot(rig: &Rig, camera: &mut TestCamera, numbers: impl IntoIterator<Item = usize>) {
     for number in numbers {
         camera.shoot();
-        // The last that a frame gives: then all of it is out.
+        // The last result of a frame: all of its results are published.
         rig.results("profile", number);
     }
 }
@@ -77,8 +77,8 @@ fn a_bag_has_the_published_bytes_from_start_to_stop() {
         ("slice_info", 0..3),
         ("height_map", 0..1),
     ] {
-        let heard = listener.received(&format!("/laser_profiler/{name}"));
-        let published: Vec<&[u8]> = heard[range].iter().map(|m| m.data.as_slice()).collect();
+        let received = listener.received(&format!("/laser_profiler/{name}"));
+        let published: Vec<&[u8]> = received[range].iter().map(|m| m.data.as_slice()).collect();
         assert!(bytes_of(name) == published, "{name}");
     }
     assert!(!recorded.contains_key("/image_raw"));
@@ -103,8 +103,8 @@ fn with_images_there_is_a_bag_of_them_and_a_signal_closes_both() {
     let recorded = messages(&results);
     for name in ["centerline", "slice_info", "height_map", "stream_status"] {
         let topic = format!("/laser_profiler/{name}");
-        let heard = listener.received(&topic);
-        let published: Vec<_> = heard.iter().map(|Received { data, .. }| data).collect();
+        let received = listener.received(&topic);
+        let published: Vec<_> = received.iter().map(|Received { data, .. }| data).collect();
         let recorded: Vec<_> = recorded[&topic].iter().map(|m| &m.data).collect();
         // The first report may have come before the recording.
         assert!(published.ends_with(&recorded) && !recorded.is_empty(), "{name}");
@@ -136,10 +136,10 @@ fn recordings_follow_the_parameter_and_the_lifecycle() {
 }
 
 #[test]
-fn a_snapshot_is_the_past() {
+fn a_snapshot_contains_the_recent_past() {
     let rig = Rig::start();
     let mut camera = rig.camera();
-    assert!(!rig.trigger("snapshot").0, "nothing is kept until it is asked for");
+    assert!(!rig.trigger("snapshot").0, "nothing is buffered until it is enabled");
     rig.set("recording.snapshot_seconds", &Value::Integer(600)).unwrap();
     shoot(&rig, &mut camera, 1..=3);
     let (success, directory) = rig.trigger("snapshot");
@@ -149,28 +149,28 @@ fn a_snapshot_is_the_past() {
     let (_, _place) = rig.end_and_keep();
     let recorded = messages(Path::new(&directory));
     let lines = &recorded["/laser_profiler/centerline"];
-    let heard = listener.received("/laser_profiler/centerline");
-    assert!(lines.iter().map(|line| &line.data).eq(heard[..3].iter().map(|line| &line.data)));
+    let received = listener.received("/laser_profiler/centerline");
+    assert!(lines.iter().map(|line| &line.data).eq(received[..3].iter().map(|line| &line.data)));
 }
 
 #[test]
-fn a_directory_that_cannot_be_written_costs_no_result_and_is_reported() {
+fn a_directory_that_cannot_be_written_is_reported_and_drops_no_result() {
     let setup = Setup::new()
         .with("recording.enabled", Value::Bool(true))
-        // Nobody makes directories in it, not even root.
+        // No directory can be created in it, not even by root.
         .with("recording.directory", text("/dev/null/bags"));
     let rig = setup.start().unwrap();
     let mut camera = rig.camera();
     shoot(&rig, &mut camera, 1..=5);
-    let level = rig.listener.wait_until("the fault is told", "/diagnostics", |heard| {
-        let diagnostics: DiagnosticArray<'_> = heard.decode();
+    let level = rig.listener.wait_until("the fault is reported", "/diagnostics", |received| {
+        let diagnostics: DiagnosticArray<'_> = received.decode();
         let status = &diagnostics.status[0];
         status.message.contains("/dev/null/bags").then_some(status.level)
     });
     assert_eq!(level, 2);
     let (success, message) = rig.start_recording();
     assert!(!success && message.contains("/dev/null/bags"), "{message}");
-    // Elsewhere it works.
+    // Another directory works.
     let good = rig.place.path().join("bags");
     rig.set("recording.directory", &text(good.to_str().unwrap())).unwrap();
     assert!(rig.start_recording().0);

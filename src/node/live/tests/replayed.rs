@@ -1,4 +1,4 @@
-//! Live equals replay: what was published for a stream is what a replay makes of its recording.
+//! Tests that a replay of a recording gives the results that were published live.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
@@ -39,7 +39,7 @@ fn a_replay_of_the_recording_gives_the_published_results() {
             9 => camera.sequence += 3,
             14 => camera.send(Picture::default().message(START_NS)[..500].to_vec()),
             19 => camera.send(camera.picture.message(START_NS + camera.at_ms * MS)),
-            // It counts anew, too: a bag does not say who sent an image.
+            // Its counter restarts, too: a bag does not identify the publisher of an image.
             25 => (camera.publisher, camera.sequence) = ([8; 16], 0),
             _ => {}
         }
@@ -60,8 +60,8 @@ fn a_replay_of_the_recording_gives_the_published_results() {
 /// Messages of a bag by topic.
 type Messages = BTreeMap<String, Vec<RawMessage>>;
 
-/// What was recorded there, and what a replay of the recorded images makes of the parameters and the calibration that lie
-/// in the bag of results.
+/// Returns the recorded results, and the results of a replay of the recorded images with the parameters and the
+/// calibration in the results bag.
 pub(super) fn replayed(place: &Path) -> (Summary, Messages, Messages) {
     let [results, images] = <[_; 2]>::try_from(bags(place)).unwrap();
     let replayed = place.join("replayed");
@@ -81,7 +81,7 @@ pub(super) fn replayed(place: &Path) -> (Summary, Messages, Messages) {
     (summary, messages(&results), messages(&replayed))
 }
 
-/// Every result is in both bags with the same bytes and times, and was heard so.
+/// Asserts that every result is in both bags with the same bytes and times, and was published so.
 pub(super) fn same(recorded: &Messages, replayed: &Messages, listener: &Listener) {
     for name in TOPICS {
         let topic = format!("/laser_profiler/{name}");
@@ -90,12 +90,15 @@ pub(super) fn same(recorded: &Messages, replayed: &Messages, listener: &Listener
         };
         let (live, again) = (of(recorded), of(replayed));
         assert!(live.len() >= 2 && live == again, "{name}: {} and {}", live.len(), again.len());
-        let heard = listener.received(&topic);
-        assert!(heard.iter().map(|m| &m.data).eq(again.iter().map(|(_, _, data)| data)), "{name}");
+        let received = listener.received(&topic);
+        assert!(
+            received.iter().map(|m| &m.data).eq(again.iter().map(|(_, _, data)| data)),
+            "{name}"
+        );
     }
 }
 
-/// A fault has no bytes to record: the replay knows only that something is missing.
+/// A fault has no bytes to record, so the replay only detects a gap.
 #[test]
 fn after_a_fault_of_the_middleware_the_measurements_are_the_same() {
     let setup = Setup::new()

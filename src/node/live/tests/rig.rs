@@ -1,4 +1,4 @@
-//! A node on the loopback, what it sends, and who speaks to it.
+//! A node on the loopback, with its publishers and clients.
 
 use std::{
     borrow::Cow,
@@ -45,7 +45,7 @@ use crate::{
 pub(super) const CALIBRATION: &str = "type: vertical_incidence\nframe_id: laser\nimage_distance_m: 0.05\nobject_distance_m: 0.5\n\
      beta_rad: 0.6\npixel_pitch_m: 5.0e-6\nbase_row_px: 16.0\ncenter_column_px: 32.0\nheight_sign: -1\n";
 
-/// A node that runs, and its network.
+/// A running node and its network.
 pub(super) struct Rig {
     pub(super) network: Loopback,
     pub(super) listener: Listener,
@@ -56,7 +56,7 @@ pub(super) struct Rig {
     _subscriptions: Vec<Box<dyn Subscription>>,
 }
 
-/// What a node is made of.
+/// The setup of a node.
 pub(super) struct Setup {
     pub(super) network: Loopback,
     pub(super) place: TempDir,
@@ -112,7 +112,7 @@ impl Setup {
         self.place.path().join(name)
     }
 
-    /// Starts it, or says why it does not.
+    /// Starts the node, or returns the error.
     pub(super) fn start(self) -> Result<Rig, LiveError> {
         let Self { network, place, values, slot, through } = self;
         let names = NodeNames::new("laser_profiler", &[]).unwrap();
@@ -122,7 +122,7 @@ impl Setup {
         let outputs = cameras
             .flat_map(|camera| topics::published(&names, camera, Some(&calibration)).unwrap());
         let mut endpoints: Vec<TopicEndpoint> = outputs.collect();
-        // Every camera has its own publisher of the diagnostics; one subscription hears all.
+        // Every camera has its own publisher of the diagnostics; one subscription receives all.
         endpoints.dedup_by(|a, b| a.name == b.name);
         let mut is_first = true;
         endpoints.retain(|endpoint| {
@@ -189,13 +189,13 @@ impl Rig {
         self.listener.wait_for(&format!("/laser_profiler/{name}"), num)
     }
 
-    /// Ends it as a signal does.
+    /// Ends the node as a signal does.
     pub(super) fn end(mut self) -> Vec<CameraSummary> {
         self.stop.raise();
         self.thread.take().unwrap().join().unwrap()
     }
 
-    /// Ends it, and keeps what it has written.
+    /// Ends the node and keeps its files.
     pub(super) fn end_and_keep(mut self) -> (Vec<CameraSummary>, TempDir) {
         self.stop.raise();
         (self.thread.take().unwrap().join().unwrap(), self.place)
@@ -245,7 +245,7 @@ impl Rig {
         cdr::decode::<ChangeStateResponse>(&bytes).unwrap().success
     }
 
-    /// Why not; `Ok` when it counts.
+    /// Returns `Ok`, or the reason for refusal.
     pub(super) fn set(&self, name: &str, value: &Value) -> Result<(), String> {
         set(&self.network, name, value)
     }

@@ -1,4 +1,4 @@
-//! Scans that people and machines ask for.
+//! Tests scans started by service calls.
 
 use nalgebra::{Point3, Unit, Vector3};
 
@@ -17,7 +17,8 @@ use crate::{
     },
 };
 
-/// What the last slice of the only camera says: identity, part, first and last frame, whether its scan ends with it.
+/// Returns from the last slice of the only camera: scan identity, part, first and last frame, and true if the scan ends
+/// with it.
 fn last_slice(rig: &Rig, num: usize) -> ([u8; 16], String, u64, u64, bool) {
     let infos = rig.results("slice_info", num);
     assert_eq!(infos.len(), num);
@@ -151,7 +152,7 @@ fn buttons_start_stop_and_reset() {
 }
 
 #[test]
-fn a_request_that_cannot_be_followed_says_why() {
+fn a_refused_request_gives_the_reason() {
     let rig = Rig::start();
     for length in [-1.0, f64::NAN, f64::INFINITY] {
         let (success, message, scan_id) = rig.scan("", length);

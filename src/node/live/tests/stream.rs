@@ -1,4 +1,4 @@
-//! A camera's frames and what becomes of them.
+//! Tests the processing of a camera's frames.
 
 use super::{
     driver::{MS, Picture, START_NS},
@@ -86,14 +86,14 @@ fn gaps_are_distinguished_from_frames_of_another_publisher() {
 }
 
 #[test]
-fn odd_frames_are_counted_by_kind_and_the_stream_goes_on() {
+fn faulty_frames_are_counted_by_kind_and_the_stream_continues() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     let stamped = |ms: i64| Ok(Picture::default().message(START_NS + ms * MS));
     // A driver without a clock stamps with 0.
     let unstamped = || Ok(Picture::default().message(0));
     let foreign = "an attachment of 17 bytes";
-    // The queue is short: behind every few odd frames a good one is waited for.
+    // The queue is short, so the test waits for a good frame after every few faulty ones.
     let groups: [Vec<Result<Vec<u8>, Fault>>; 7] = [
         vec![stamped(10)],
         // A duplicate, one from the past, and one from far ahead,
@@ -120,18 +120,18 @@ fn odd_frames_are_counted_by_kind_and_the_stream_goes_on() {
         }
         rig.results("centerline", num_measured);
     }
-    rig.listener.wait("the last rejection in the diagnostics", |heard| {
-        let mut told = heard.iter().filter(|message| message.topic == "/diagnostics");
-        told.any(|message| String::from_utf8_lossy(&message.data).contains(foreign))
+    rig.listener.wait("the last rejection in the diagnostics", |messages| {
+        let mut diagnostics = messages.iter().filter(|message| message.topic == "/diagnostics");
+        diagnostics.any(|message| String::from_utf8_lossy(&message.data).contains(foreign))
     });
     let counts = counts(rig.end());
     assert_eq!((counts.received, counts.processed), (19, 8));
     assert_eq!((counts.duplicate, counts.out_of_order, counts.malformed), (1, 4, 6));
-    assert_eq!(counts.lost(), 0, "what arrived is not lost, whatever it was");
+    assert_eq!(counts.lost(), 0, "faulty frames that arrived are not lost");
 }
 
 #[test]
-fn a_camera_that_returns_with_another_size_begins_another_scan() {
+fn a_camera_that_returns_with_another_size_starts_a_new_scan() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     let pictures = [
@@ -155,7 +155,7 @@ fn a_camera_that_returns_with_another_size_begins_another_scan() {
     let infos: Vec<SliceInfo<'_>> = infos.iter().map(super::Received::decode).collect();
     let slices: Vec<_> =
         infos.iter().map(|info| (info.first_frame, info.last_frame, info.last_slice)).collect();
-    // The size decides where a pixel lies; how it is encoded does not.
+    // The size determines the pixel positions; the encoding does not.
     assert_eq!(slices, [(0, 2, true), (3, 5, true), (6, 9, false), (10, 11, true)]);
     assert!(infos[0].scan_id != infos[1].scan_id && infos[1].scan_id != infos[2].scan_id);
 }
@@ -167,9 +167,9 @@ fn a_flood_is_counted_to_the_last_frame_and_reported_within_a_second() {
     camera.picture = Picture { width: 1024, height: 768, row: 300, encoding: "mono8" };
     let data = camera.picture.message(START_NS);
     let mut num_sent = 0;
-    let begun = std::time::Instant::now();
+    let started = std::time::Instant::now();
     // Frames with stamps of zero are all good.
-    while begun.elapsed() < std::time::Duration::from_millis(1500) {
+    while started.elapsed() < std::time::Duration::from_millis(1500) {
         camera.sequence += 1;
         num_sent += 1;
         camera.deliver(&Ok(Arrival {
@@ -184,10 +184,14 @@ fn a_flood_is_counted_to_the_last_frame_and_reported_within_a_second() {
             receive_time_ns: START_NS + num_sent * MS,
         }));
     }
-    let told = rig.listener.received("/laser_profiler/stream_status");
-    let told = told.iter().map(super::Received::decode::<StreamStatus<'_>>);
-    assert!(told.clone().any(|status| status.dropped_overload > 0), "within a second");
-    assert!(told.clone().count() <= 4, "once a second, and at the first fault: {}", told.count());
+    let statuses = rig.listener.received("/laser_profiler/stream_status");
+    let statuses = statuses.iter().map(super::Received::decode::<StreamStatus<'_>>);
+    assert!(statuses.clone().any(|status| status.dropped_overload > 0), "within a second");
+    assert!(
+        statuses.clone().count() <= 4,
+        "once a second, and at the first fault: {}",
+        statuses.count()
+    );
     let listener = rig.listener.clone();
     let counts = counts(rig.end());
     assert_eq!(counts.received, num_sent as u64);

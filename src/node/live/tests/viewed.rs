@@ -1,4 +1,4 @@
-//! A live node that is looked at.
+//! Tests a live node with viewers.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ use crate::{
 const LINE: &str = "/laser_profiler/centerline";
 const PREVIEW: &str = "/laser_profiler/preview";
 const OVERLAY: &str = "/laser_profiler/preview_annotations";
-/// More than viewers that read nothing take from the system's buffers and the server's queue.
+/// More frames than the system's buffers and the server's queue hold for a viewer that reads nothing.
 const MANY_FRAMES: usize = 40;
 
 fn viewed(images: Images) -> (Rig, Arc<LiveView>) {
@@ -39,7 +39,7 @@ fn viewed(images: Images) -> (Rig, Arc<LiveView>) {
     (rig, view)
 }
 
-/// Makes a change of subscriptions certain: what was asked before has been heard when this is answered.
+/// Waits until earlier requests are processed: the server answers in order.
 fn settle(viewer: &mut Viewer) {
     viewer.send(&json!({"op": "getParameters", "parameterNames": ["autostart"], "id": "settle"}));
     viewer.wait(|_, seen| {
@@ -76,7 +76,7 @@ fn viewers_get_the_bytes_that_are_published() {
 }
 
 #[test]
-fn viewers_who_read_nothing_cost_the_node_no_frame() {
+fn viewers_that_read_nothing_cause_no_dropped_frame() {
     let (rig, view) = viewed(Images::Full);
     let mut viewers: Vec<_> = (0..5).map(|_| Viewer::connect(view.address())).collect();
     for viewer in &mut viewers {
@@ -101,9 +101,9 @@ fn viewers_who_read_nothing_cost_the_node_no_frame() {
 }
 
 #[test]
-fn nothing_is_made_for_nobody() {
+fn nothing_is_encoded_without_a_subscriber() {
     let (rig, view) = viewed(Images::Preview);
-    // Connected, but it wants nothing.
+    // Connected, but without a subscription.
     let mut viewer = Viewer::connect(view.address());
     settle(&mut viewer);
     rig.camera().shoot_times(3);
@@ -137,7 +137,7 @@ fn parameters_and_services_are_those_of_the_node() {
     let lines = rig.results("centerline", 1);
     let line: Centerline<'_> = lines[0].decode();
     assert!(line.method.contains("gray_gravity"), "{}", line.method);
-    // What ROS sets, viewers see.
+    // Viewers see parameters set over ROS.
     rig.set(method, &text("gaussian_fit")).unwrap();
     while in_force(&mut viewer) != "gaussian_fit" {}
     viewer.send(&set("autostart", json!(false)));
@@ -163,7 +163,7 @@ fn parameters_and_services_are_those_of_the_node() {
 }
 
 #[test]
-fn the_graph_is_told_to_those_who_ask() {
+fn the_graph_is_sent_on_request() {
     let (rig, view) = viewed(Images::None);
     let mut viewer = Viewer::connect(view.address());
     viewer.send(&json!({"op": "subscribeConnectionGraph"}));

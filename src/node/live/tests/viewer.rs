@@ -9,7 +9,7 @@ use std::{
 use serde_json::{Value as Json, json};
 use tungstenite::{Message, WebSocket, client::IntoClientRequest, http::HeaderValue};
 
-/// However slow the machine is.
+/// Timeout, long enough for slow machines.
 const PATIENCE: Duration = Duration::from_mins(1);
 
 /// A connection.
