@@ -28,7 +28,7 @@ Examples:
   laser_profiler calibrate steps base.png=0mm low.png=2mm high.png=5mm top.png=9mm --lateral 22um -o calibration.yaml
                                                        known heights instead of a board
   laser_profiler calibrate level results -o level.yaml --region=-30mm,-30mm,30mm,30mm
-                                                       the part's frame laid on a flat that was scanned
+                                                       the part's frame levelled on a scanned flat
 
 Each subcommand has its own --help.";
 

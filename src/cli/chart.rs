@@ -3,11 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
-use plotters::{
-    coord::Shift,
-    prelude::*,
-    style::{colors::colormaps::ViridisRGB, register_font},
-};
+use plotters::{coord::Shift, prelude::*, style::register_font};
+
+pub(super) use crate::report::color::viridis;
 
 pub(super) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
@@ -16,11 +14,6 @@ pub(super) const TITLE: (&str, i32) = (FONT, 24);
 pub(super) const AXIS: (&str, i32) = (FONT, 19);
 pub(super) const TICK: (&str, i32) = (FONT, 17);
 pub(super) const NOT_MEASURED: RGBColor = RGBColor(208, 208, 208);
-
-/// Returns the colour of a height on a scale (from, to), metres; heights off the scale get the colour of its nearer end.
-pub(super) fn viridis(height_m: f32, [low, high]: [f32; 2]) -> RGBColor {
-    ViridisRGB.get_color_normalized(height_m.clamp(low, high), low, high)
-}
 
 /// Draws the bar that explains the colours of a scale (from, to), metres; labels are in millimetres.
 pub(super) fn draw_color_bar(area: &Area<'_>, scale_m: [f32; 2]) -> anyhow::Result<()> {

@@ -1,7 +1,6 @@
 //! `laser_profiler compare`: how two results of one recording differ, where and why.
 
-mod told;
-mod page;
+mod answer;
 
 use std::{io::Write, path::PathBuf};
 
@@ -9,10 +8,9 @@ use anyhow::{anyhow, bail};
 
 use super::{Outcome, output};
 use crate::{
-    report::difference::Differences,
-    results::{Notes, ResultsRecording, ScanSelection, for_each_pair, reasons},
+    report::{comparison::Comparison, difference::Differences},
+    results::{Notes, ResultsRecording, ScanSelection, different_inputs},
 };
-use told::Answer;
 
 const HELP: &str = "\
 Examples:
@@ -85,59 +83,24 @@ pub fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     };
     let recordings = [open(&args.before, &mut notes)?, open(&args.after, &mut notes)?];
     let recordings = [&recordings[0], &recordings[1]];
-    for told in unlike(recordings, &mut notes) {
+    for difference in different_inputs(recordings, &mut notes) {
         if !args.force {
-            bail!("{told}: --force compares them all the same");
+            bail!("{difference}: --force compares them all the same");
         }
-        notes.add(told);
+        notes.add(difference);
     }
-    let mut differences = Differences::default();
-    let mut methods = [String::new(), String::new()];
-    let alone = for_each_pair(recordings, &mut notes, |pair| {
-        for (method, line) in
-            methods.iter_mut().zip(pair.lines).filter(|(known, _)| known.is_empty())
-        {
-            *method = line.method.to_string();
-        }
-        differences.add(pair);
-    })?;
-    [differences.num_frames[1], differences.num_frames[2]] = alone;
-    if differences.num_frames[0] == 0 {
-        bail!("no frame is in both: {} frames only in A, {} only in B", alone[0], alone[1]);
-    }
-    let reasons = reasons(recordings.map(ResultsRecording::provenance));
-    let answer = Answer { recordings, methods, differences: &differences, reasons };
+    let comparison = Comparison::read(recordings, &mut notes).inspect_err(|_| notes.log())?;
     if let Some(path) = &args.output {
-        let page = page::page(&answer, &mut notes)?;
-        output::write_file(path, page.html()?)?;
+        output::write_file(path, comparison.page(&mut notes)?.html()?)?;
     }
     notes.log();
-    let text = if args.json { answer.json(&notes) } else { answer.text()? };
+    let text =
+        if args.json { answer::json(&comparison, &notes) } else { answer::text(&comparison)? };
     output::print(out, &text)?;
     if let Some(limit_px) = args.fail_above {
-        require_below(limit_px, &differences)?;
+        require_below(limit_px, &comparison.differences)?;
     }
     Ok(Outcome::with_losses(notes.num_lost()))
-}
-
-/// By what the results say that they were made from different recordings.
-fn unlike(recordings: [&ResultsRecording; 2], notes: &mut Notes) -> Vec<String> {
-    let mut found = Vec::new();
-    for key in ["input", "input_topic"] {
-        let named =
-            recordings.map(|recording| recording.provenance().recorded(key).unwrap_or_default());
-        let [a, b] = &named;
-        if named.iter().any(|name| name.is_empty()) {
-            let unnamed = usize::from(!a.is_empty());
-            notes.add(format!(
-                "{} does not say what it was made from ({key})",
-                recordings[unnamed].path().display()
-            ));
-        } else if a != b {
-            found.push(format!("A was made from {a:?}, B from {b:?} ({key})"));
-        }
-    }
-    found
 }
 
 fn require_below(limit_px: f64, differences: &Differences) -> anyhow::Result<()> {

@@ -23,14 +23,14 @@ use plots::Plot;
 
 const HELP: &str = "\
 Examples:
-  laser_profiler evaluate truth                        every method on rendered stripes whose centres are known
+  laser_profiler evaluate truth                        every method on rendered stripes with known centres
   laser_profiler evaluate truth bags/film_defects --params-file bags/film_defects.params.yaml
-                                                       on a recording of `simulate`, which carries its truth
-  laser_profiler evaluate paper                        Table 3 of the paper, and what its Table 4 should say
+                                                       on a recording of `simulate`, with its ground truth
+  laser_profiler evaluate paper                        Table 3 of the paper, and the correct Table 4
   laser_profiler evaluate paper my_recording --columns 500..900
-                                                       the paper's protocol on a recording of your own
+                                                       the paper's protocol on your own recording
 
-Each has --help of its own. The same command gives the same bytes.";
+Each subcommand has its own --help. The same command gives the same bytes.";
 
 /// Measures the accuracy of the methods, against ground truth and by the paper's protocol.
 #[derive(Debug, clap::Args)]

@@ -5,12 +5,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{
-    Outcome, output,
-    units::{bytes, date},
-};
+use super::{Outcome, output, units::bytes};
 use crate::bag::info::{BagInfo, Depth, TopicInfo, describe};
 use crate::bag::{BagReader, ReadOptions};
+use crate::report::date::date;
 
 /// Tells what a bag holds: topics, types, counts, rates, gaps, sizes, calibration, parameters.
 ///

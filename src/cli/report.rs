@@ -1,23 +1,19 @@
 //! `laser_profiler report`: a scan as one page for people.
 
-mod gathered;
-mod status;
-pub(super) mod map;
-mod frames;
-mod images;
-pub(super) mod described;
 mod plots;
 
 use std::{io::Write, path::PathBuf};
 
 use serde_json::json;
 
-use super::{Outcome, output, results_args::ResultsArgs};
+use super::{Outcome, output, progress::progress_bar, results_args::ResultsArgs};
 use crate::{
-    report::page::Page,
+    report::{
+        frames::FrameSelection,
+        scan_report::{ReportSelection, ScanReport},
+    },
     results::{Notes, ResultsRecording},
 };
-use gathered::Gathered;
 
 const HELP: &str = "\
 Examples:
@@ -76,57 +72,45 @@ pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         output::refuse_existing(path)?;
     }
     let mut notes = Notes::default();
-    let source = ResultsRecording::open(&args.results.selection(), &mut notes)?;
-    let gathered = Gathered::read(&source, &mut notes);
-    let overlays = frames::overlays(args, &source, &gathered, &mut notes);
-    let measured = map::read(args, &source, &mut notes)?;
-    let mut charts = gathered.quality.charts();
-    charts.extend(gathered.charts());
-    charts.retain(|chart| chart.curves.iter().any(crate::report::chart::Curve::is_something));
+    let recording = ResultsRecording::open(&args.results.selection(), &mut notes)?;
+    let topic = recording.topic("centerline");
+    let bar = progress_bar(topic.and_then(|topic| recording.num_messages(&topic)), "frames");
+    let frames = FrameSelection { numbers: args.frames.clone(), images: args.images.clone() };
+    let selection = ReportSelection { scan: &args.results.selection(), frames: &frames };
+    let report = ScanReport::read(&recording, selection, &mut notes, || bar.inc(1));
+    bar.finish_and_clear();
+    let report = report?;
     notes.log();
-    let mut plots = Vec::new();
-    if let Some(directory) = &args.plots {
-        plots = plots::write(directory, &charts, &overlays, measured.as_ref())?;
-    }
-    let (map, size) = match measured {
-        Some(measured) => (Some(measured.map), Some(measured.size)),
-        None => (None, None),
-    };
-    let page = Page {
-        title: described::title(&source),
-        subtitle: described::subtitle(&source, &gathered),
-        facts: described::facts(&gathered, size.as_ref()),
-        notes: notes.texts().to_vec(),
-        map,
-        overlays,
-        charts,
-        tables: described::tables(&source, &gathered),
-        documents: described::documents(&source),
-        program: concat!("laser_profiler ", env!("CARGO_PKG_VERSION")).to_owned(),
-    };
+    let plots = args.plots.as_ref().map(|directory| plots::write(directory, &report));
+    let plots = plots.transpose()?.unwrap_or_default();
+    let text = answer(args, &plots, &report, &notes);
     if let Some(path) = &args.output {
-        output::write_file(path, page.html()?)?;
+        output::write_file(path, report.page(&notes).html()?)?;
     }
-    let text = if args.json {
+    output::print(out, &text)?;
+    Ok(Outcome::with_losses(notes.num_lost()))
+}
+
+fn answer(args: &ReportArgs, plots: &[PathBuf], report: &ScanReport<'_>, notes: &Notes) -> String {
+    let (quality, extent) = (report.quality(), report.extent());
+    if args.json {
         let object = json!({
             "output": args.output,
             "plots": plots,
-            "frames": gathered.quality.num_frames,
-            "points": gathered.quality.num_points,
-            "missing": gathered.quality.missing(),
-            "sigma_px": gathered.quality.sigma_px(),
-            "width_px": gathered.quality.width_px(),
-            "lost_frames": gathered.quality.num_lost,
-            "rows": size.as_ref().map(|size| size.rows),
-            "columns": size.as_ref().map(|size| size.columns),
+            "frames": quality.num_frames,
+            "points": quality.num_points,
+            "missing": quality.missing(),
+            "sigma_px": quality.sigma_px(),
+            "width_px": quality.width_px(),
+            "lost_frames": quality.num_lost,
+            "rows": extent.map(|extent| extent.rows),
+            "columns": extent.map(|extent| extent.columns),
             "notes": notes.texts(),
             "lost": notes.num_lost(),
         });
         format!("{object}\n")
     } else {
-        let files = args.output.iter().chain(&plots).map(|path| format!("{}\n", path.display()));
+        let files = args.output.iter().chain(plots).map(|path| format!("{}\n", path.display()));
         files.collect()
-    };
-    output::print(out, &text)?;
-    Ok(Outcome::with_losses(notes.num_lost()))
+    }
 }

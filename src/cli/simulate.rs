@@ -26,11 +26,11 @@ const HELP: &str = "\
 Example:
   laser_profiler simulate bags/film_defects.scenario.yaml -o film --force
 
-OUT becomes a rosbag2 directory with the topics /camera/image_raw, /axis/joint_states and /truth/centerline, and beside
-the recording the calibration.yaml of its camera. The same scenario gives the same bytes.
+OUT becomes a rosbag2 directory with the topics /camera/image_raw, /axis/joint_states and /truth/centerline. It also
+contains the calibration.yaml of the camera. The same scenario gives the same bytes.
 
 A scenario describes a part under the camera of formula 6; or, with the key rig, a gauge (flat, groove, stairs, spheres)
-or checkerboards before any camera and plane of light, and then /camera/camera_info is recorded too.
+or checkerboards in front of any camera and laser plane; then /camera/camera_info is recorded too.
 
 --json prints one object: frames (taken), images (recorded), dropped, output, bytes";
 

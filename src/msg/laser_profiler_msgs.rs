@@ -103,6 +103,8 @@ pub struct Centerline<'a> {
     pub image_height: u32,
     /// Searched part of the image.
     pub roi: RegionOfInterest,
+    /// Direction of the stripe in the image, one of the `STRIPE_` constants.
+    pub stripe_direction: u8,
     /// Method, `/` and a hash of its parameters.
     #[serde(borrow, with = "text")]
     pub method: Cow<'a, str>,
@@ -121,6 +123,15 @@ pub struct Centerline<'a> {
     /// Bits of [`stripe::flag`](crate::scanner::stripe::flag).
     #[serde(borrow, with = "serde_bytes")]
     pub flags: Cow<'a, [u8]>,
+}
+
+impl Centerline<'_> {
+    /// Not stated: written before the field existed.
+    pub const STRIPE_UNKNOWN: u8 = 0;
+    /// One centre per column: `u` is an integer.
+    pub const STRIPE_HORIZONTAL: u8 = 1;
+    /// One centre per row: `v` is an integer.
+    pub const STRIPE_VERTICAL: u8 = 2;
 }
 
 /// One metric cross-section; see [`profile::Profile`](crate::scanner::profile::Profile).
@@ -303,7 +314,7 @@ message!(
     Centerline<'_>,
     "laser_profiler_msgs/msg/Centerline",
     include_str!("../../msgs/laser_profiler_msgs/msg/Centerline.msg"),
-    "RIHS01_eafe1b149cb3fd484d32b1f3d09b1224978420c17b5d5257dd9a2d83e2452799",
+    "RIHS01_ff3b478f46d354f91382d435d1c00766fa1abf3715ca431834c3b699e60b2090",
     [Header<'_>, FrameTrace, RegionOfInterest]
 );
 message!(

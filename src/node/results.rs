@@ -13,7 +13,7 @@ use crate::{
         frame_index::FrameIndex,
         image::Image,
         motion::{Position, doubt},
-        params::{MotionSource, Params, RegionOfInterest},
+        params::{MotionSource, Params, RegionOfInterest, StripeDirection},
         pipeline::Output as Measurement,
         scan::{Completed, Point},
     },
@@ -39,6 +39,7 @@ pub(super) struct Measured<'a> {
 /// Values repeated in every result, and buffers.
 pub struct Results {
     roi: RegionOfInterest,
+    stripe_direction: StripeDirection,
     method: String,
     motion_source: MotionSource,
     /// Frame of the profiles.
@@ -60,6 +61,7 @@ impl Results {
     ) -> Self {
         let mut results = Self {
             roi: params.roi,
+            stripe_direction: params.stripe_direction,
             method: String::new(),
             motion_source: params.motion.source,
             frame_id: calibration.map(|c| c.frame_id().to_owned()).unwrap_or_default(),
@@ -77,6 +79,7 @@ impl Results {
     pub fn reconfigure(&mut self, params: &Params, parameters_sha256: &str) {
         let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
         self.roi = params.roi;
+        self.stripe_direction = params.stripe_direction;
         self.method = format!("{}/{hash}", params.extraction.method.name());
         self.motion_source = params.motion.source;
     }
@@ -107,6 +110,7 @@ impl Results {
             image_width: image.width(),
             image_height: image.height(),
             roi: self.roi,
+            stripe_direction: self.stripe_direction,
         };
         let centerline = results::centerline(&source, &self.method, output.centerline);
         out.publish(Output::Centerline, time_ns, &centerline)?;

@@ -1,11 +1,13 @@
 //! How two centrelines of one image differ, and two profiles: B minus A, where both have a point.
 
 use super::{
-    quality::{FLAGS, is_vertical},
+    quality::FLAGS,
     series::{Merge, Series},
     spread::Spread,
 };
-use crate::{msg::laser_profiler_msgs::Centerline, results::FramePair};
+use crate::{
+    msg::laser_profiler_msgs::Centerline, results::FramePair, scanner::params::StripeDirection,
+};
 
 /// Width of a bin of differences in the image, pixels: 1/4096.
 const BIN_PX: f64 = 1.0 / 4096.0;
@@ -58,12 +60,40 @@ pub struct SectionDifference {
 }
 
 impl SectionDifference {
-    /// Number of points in both, mean and root mean square of their differences, pixels; NaN without any.
+    /// Number of points in both, mean and root mean square of their differences.
     #[must_use]
-    pub fn figures(&self) -> (u64, f64, f64) {
+    pub fn figures(&self) -> SectionFigures {
         let num = self.num as f64;
-        (self.num, self.sum / num, (self.squares / num).sqrt())
+        SectionFigures {
+            num: self.num,
+            bias_px: self.sum / num,
+            rms_px: (self.squares / num).sqrt(),
+        }
     }
+}
+
+/// Figures of one cross-section.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SectionFigures {
+    /// Points in both.
+    pub num: u64,
+    /// Mean difference, pixels; NaN without points.
+    pub bias_px: f64,
+    /// Root mean square difference, pixels; NaN without points.
+    pub rms_px: f64,
+}
+
+/// Figures over the frames, possibly several frames an entry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameSeries {
+    /// First frame of every entry.
+    pub frames: Vec<f64>,
+    /// Mean difference, pixels.
+    pub bias_px: Vec<f64>,
+    /// Root mean square difference, pixels.
+    pub rms_px: Vec<f64>,
+    /// Points only in A, and only in B.
+    pub only: [Vec<f64>; 2],
 }
 
 /// Differences of two results, taken together frame by frame.
@@ -109,7 +139,7 @@ impl Differences {
         let mut only = [0; 2];
         let mut matched = std::mem::take(&mut self.matched);
         matched.clear();
-        let sections = pair.lines.map(sorted);
+        let sections = [0, 1].map(|which| sorted(pair.lines[which], pair.directions[which]));
         for_each_section(&sections, |section, points| {
             let before = matched.len();
             match_points(section, points, &mut matched);
@@ -177,9 +207,13 @@ impl Differences {
 
     fn take_heights(&mut self, pair: &FramePair<'_>) {
         let Some(profiles) = pair.profiles else { return };
-        let offsets = pair
-            .lines
-            .map(|line| if is_vertical(line) { line.roi.y_offset } else { line.roi.x_offset });
+        let offsets = [0, 1].map(|which| {
+            let roi = &pair.lines[which].roi;
+            match pair.directions[which] {
+                StripeDirection::Horizontal => roi.x_offset,
+                StripeDirection::Vertical => roi.y_offset,
+            }
+        });
         let first = offsets[0].max(offsets[1]);
         let from = offsets.map(|offset| (first - offset) as usize);
         let [a, b] = [0, 1].map(|which| profiles[which].z.get(from[which]..).unwrap_or(&[]));
@@ -191,7 +225,7 @@ impl Differences {
     /// The cross-sections that differ most, the worst first.
     #[must_use]
     pub fn worst_sections(&self) -> Vec<usize> {
-        let rms = |at: usize| self.sections[at].figures().2;
+        let rms = |at: usize| self.sections[at].figures().rms_px;
         let mut differing: Vec<usize> =
             (0..self.sections.len()).filter(|at| rms(*at) > 0.0).collect();
         differing.sort_by(|a, b| rms(*b).total_cmp(&rms(*a)));
@@ -199,34 +233,52 @@ impl Differences {
         differing
     }
 
-    /// First frame of every entry, then bias, RMS, and points only in A and only in B of it.
+    /// Figures over the frames.
     #[must_use]
-    pub fn series(&self) -> (Vec<f64>, [Vec<f64>; 4]) {
-        (self.series.frames(), std::array::from_fn(|at| self.series.figure(at)))
+    pub fn series(&self) -> FrameSeries {
+        let figure = |at| self.series.figure(at);
+        FrameSeries {
+            frames: self.series.frames(),
+            bias_px: figure(0),
+            rms_px: figure(1),
+            only: [figure(2), figure(3)],
+        }
     }
 }
 
-/// A point: cross-section, place across the stripe, flags.
-type Point = (i64, f32, u8);
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    section: i64,
+    across_px: f32,
+    flags: u8,
+}
 
-fn sorted(line: &Centerline<'_>) -> Vec<Point> {
-    let (along, across) = if is_vertical(line) { (&line.v, &line.u) } else { (&line.u, &line.v) };
+fn sorted(line: &Centerline<'_>, direction: StripeDirection) -> Vec<Point> {
+    let (along, across) = match direction {
+        StripeDirection::Horizontal => (&line.u, &line.v),
+        StripeDirection::Vertical => (&line.v, &line.u),
+    };
     let points = along.iter().zip(across.iter()).enumerate();
     let mut points: Vec<Point> = points
         .filter(|(_, (along, across))| **along >= 0.0 && across.is_finite())
-        .map(|(at, (along, across))| {
-            (along.round() as i64, *across, line.flags.get(at).copied().unwrap_or(0))
+        .map(|(at, (along, across))| Point {
+            section: along.round() as i64,
+            across_px: *across,
+            flags: line.flags.get(at).copied().unwrap_or(0),
         })
         .collect();
-    points.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    points.sort_by(|a, b| a.section.cmp(&b.section).then(a.across_px.total_cmp(&b.across_px)));
     points
 }
 
 /// Hands on the points of every cross-section that has any.
 fn for_each_section(lines: &[Vec<Point>; 2], mut take: impl FnMut(usize, [&[Point]; 2])) {
     let [mut a, mut b] = [0, 1].map(|which| lines[which].as_slice());
-    while let Some(section) = a.first().into_iter().chain(b.first()).map(|point| point.0).min() {
-        let split = |points: &[Point]| points.iter().take_while(|point| point.0 == section).count();
+    while let Some(section) =
+        a.first().into_iter().chain(b.first()).map(|point| point.section).min()
+    {
+        let split =
+            |points: &[Point]| points.iter().take_while(|point| point.section == section).count();
         let (now_a, rest_a) = a.split_at(split(a));
         let (now_b, rest_b) = b.split_at(split(b));
         take(section as usize, [now_a, now_b]);
@@ -242,13 +294,17 @@ fn match_points(section: usize, [a, b]: [&[Point]; 2], matched: &mut Vec<Matched
     for (at, point) in few.iter().enumerate() {
         // In order across the stripe; every one that follows keeps one to be joined with.
         let last = many.len() - (few.len() - at);
-        let distance = |other: usize| (many[other].1 - point.1).abs();
+        let distance = |other: usize| (many[other].across_px - point.across_px).abs();
         let Some(best) = (from..=last).min_by(|p, q| distance(*p).total_cmp(&distance(*q))) else {
             return;
         };
         from = best + 1;
-        let difference = f64::from(many[best].1) - f64::from(point.1);
-        let flags = if sign > 0.0 { [point.2, many[best].2] } else { [many[best].2, point.2] };
+        let difference = f64::from(many[best].across_px) - f64::from(point.across_px);
+        let flags = if sign > 0.0 {
+            [point.flags, many[best].flags]
+        } else {
+            [many[best].flags, point.flags]
+        };
         matched.push(Matched { section, difference_px: sign * difference, flags });
     }
 }
@@ -268,7 +324,8 @@ mod tests {
     }
 
     fn pair<'a>(a: &'a Centerline<'a>, b: &'a Centerline<'a>) -> FramePair<'a> {
-        FramePair { frame: 0, lines: [a, b], profiles: None }
+        let directions = [StripeDirection::Horizontal; 2];
+        FramePair { frame: 0, lines: [a, b], directions, profiles: None }
     }
 
     #[test]

@@ -15,6 +15,8 @@
 //! The drawing of curves in the page is uPlot's (`src/report/uplot`, MIT licence, unchanged).
 
 pub mod pack;
+pub(crate) mod date;
+pub(crate) mod color;
 pub mod grid;
 pub mod series;
 pub mod quality;
@@ -23,3 +25,15 @@ pub mod overlay;
 pub mod spread;
 pub mod difference;
 pub mod page;
+mod status;
+mod gathered;
+mod described;
+mod images;
+pub(crate) mod frames;
+pub(crate) mod map;
+pub(crate) mod scan_report;
+pub(crate) mod comparison;
+mod comparison_page;
+
+/// Name and version of the program, as pages state them.
+const PROGRAM: &str = concat!("laser_profiler ", env!("CARGO_PKG_VERSION"));

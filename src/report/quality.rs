@@ -4,7 +4,13 @@ use super::{
     chart::{Chart, Curve},
     series::{Merge, Series},
 };
-use crate::{msg::laser_profiler_msgs::Centerline, scanner::stripe::flag};
+use crate::{
+    msg::{
+        convert::results::{UnknownDirection, stripe_direction},
+        laser_profiler_msgs::Centerline,
+    },
+    scanner::{params::StripeDirection, stripe::flag},
+};
 
 /// Bits of a point's flags and how they are called.
 pub const FLAGS: [(u8, &str); 5] = [
@@ -64,9 +70,12 @@ impl Default for Quality {
 }
 
 impl Quality {
-    /// Takes the next frame into account.
-    pub fn add(&mut self, line: &Centerline<'_>) {
-        let [sections, found] = self.sections(line);
+    /// Adds the next frame.
+    ///
+    /// # Errors
+    /// A centreline that does not state the direction of the stripe; it is not added.
+    pub fn add(&mut self, line: &Centerline<'_>) -> Result<(), UnknownDirection> {
+        let [sections, found] = self.sections(line, stripe_direction(line)?);
         let num_points = line.u.len() as u64;
         let mut figures = [f64::NAN; NUM];
         [figures[SIGMA], figures[SIGMA_95]] = self.quantiles(&line.sigma, [0.5, 0.95]);
@@ -85,15 +94,15 @@ impl Quality {
         self.num_sections += sections;
         self.num_found += found;
         self.num_lost += u64::from(line.trace.frames_missing);
+        Ok(())
     }
 
     /// Cross-sections searched, and those with a point.
-    fn sections(&mut self, line: &Centerline<'_>) -> [u64; 2] {
+    fn sections(&mut self, line: &Centerline<'_>, direction: StripeDirection) -> [u64; 2] {
         let roi = &line.roi;
-        let (along, offset, length) = if is_vertical(line) {
-            (&line.v, roi.y_offset, roi.height.min(line.image_height))
-        } else {
-            (&line.u, roi.x_offset, roi.width.min(line.image_width))
+        let (along, offset, length) = match direction {
+            StripeDirection::Horizontal => (&line.u, roi.x_offset, roi.width.min(line.image_width)),
+            StripeDirection::Vertical => (&line.v, roi.y_offset, roi.height.min(line.image_height)),
         };
         // No more memory than the points take, whatever size the message states.
         self.found.clear();
@@ -188,13 +197,6 @@ impl Quality {
     }
 }
 
-/// Whether the points have one a row: columns are not integers, rows are.
-#[must_use]
-pub fn is_vertical(line: &Centerline<'_>) -> bool {
-    let is_whole = |values: &[f32]| values.iter().all(|value| value.fract() == 0.0);
-    !is_whole(&line.u) && is_whole(&line.v)
-}
-
 fn share(part: u64, whole: u64) -> f64 {
     if whole == 0 { f64::NAN } else { part as f64 / whole as f64 }
 }
@@ -218,6 +220,7 @@ mod tests {
         Centerline {
             image_width: 20,
             image_height: 10,
+            stripe_direction: Centerline::STRIPE_HORIZONTAL,
             roi: RegionOfInterest { x_offset: 10, width: 8, height: 10, ..Default::default() },
             // Two points in column 11, none in 10, 13, 15, 16 and 17.
             u: vec![11.0, 12.0, 14.0, 11.0].into(),
@@ -233,7 +236,7 @@ mod tests {
     #[test]
     fn a_frame_is_counted_by_its_cross_sections() {
         let mut quality = Quality::default();
-        quality.add(&line());
+        quality.add(&line()).unwrap();
         assert_eq!((quality.num_sections, quality.num_found, quality.num_points), (8, 3, 4));
         assert_eq!(quality.num_flagged, [2, 0, 1, 0, 0]);
         assert_eq!((quality.sigma_px(), quality.width_px()), (0.5, 4.0));
@@ -248,12 +251,24 @@ mod tests {
     #[test]
     fn a_vertical_stripe_is_counted_by_rows() {
         let line = line();
-        let vertical = Centerline { u: line.v.clone(), v: line.u.clone(), ..line };
-        assert!(is_vertical(&vertical));
+        let vertical = Centerline {
+            stripe_direction: Centerline::STRIPE_VERTICAL,
+            u: line.v.clone(),
+            v: line.u.clone(),
+            ..line
+        };
         let mut quality = Quality::default();
-        quality.add(&vertical);
+        quality.add(&vertical).unwrap();
         // Rows 0 to 9 are searched; those of the points lie beyond.
         assert_eq!((quality.num_sections, quality.num_found), (10, 0));
+    }
+
+    #[test]
+    fn a_frame_of_an_older_version_is_rejected() {
+        let old = Centerline { stripe_direction: Centerline::STRIPE_UNKNOWN, ..line() };
+        let mut quality = Quality::default();
+        let error = quality.add(&old).unwrap_err();
+        assert!(error.to_string().contains("older version") && quality.num_frames == 0, "{error}");
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub fn calibration_share<const N: usize>(
     if provenance.is_posed() {
         return Err("profiles were placed by poses, through which it is not propagated".to_owned());
     }
-    let all = perturbations(&calibration, provenance.stripe_direction())?;
+    let all = perturbations(&calibration, results.stripe_direction()?)?;
     let positions = positions(results, &calibration, scanned)?;
     let of = |surfaces: &[Surface]| measure(surfaces).map_err(|error| error.to_string());
     let surfaces: Vec<_> = scanned.iter().map(|scanned| scanned.surface.clone()).collect();

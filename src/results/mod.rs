@@ -23,7 +23,7 @@ pub use notes::Notes;
 pub use outline::{Outline, Placing, color_scale_m};
 pub use pairs::{FramePair, NumUnpaired, for_each_pair};
 pub use provenance::Provenance;
-pub use reasons::{Reason, reasons};
+pub use reasons::{Reason, different_inputs, reasons};
 pub use recording::ResultsRecording;
 pub(crate) use recording::add_error;
 pub use scan::{ANY_HEIGHT_M, ReadCounts, Results, Scanned};

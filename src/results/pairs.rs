@@ -9,8 +9,10 @@ use crate::{
     bag::{BagError, Filter, Messages, RawMessage},
     msg::{
         cdr,
+        convert::results::stripe_direction,
         laser_profiler_msgs::{Centerline, Profile},
     },
+    scanner::params::StripeDirection,
 };
 
 /// One frame as both results have it.
@@ -20,6 +22,8 @@ pub struct FramePair<'a> {
     pub frame: u64,
     /// The centrelines of A and B.
     pub lines: [&'a Centerline<'a>; 2],
+    /// Directions of the stripe in A and B.
+    pub directions: [StripeDirection; 2],
     /// The profiles of A and B; none unless both have a calibration.
     pub profiles: Option<[&'a Profile<'a>; 2]>,
 }
@@ -30,6 +34,7 @@ pub type NumUnpaired = [u64; 2];
 /// One frame of a results bag, not decoded.
 struct Frame {
     stamp_ns: i64,
+    direction: StripeDirection,
     line: RawMessage,
     profile: Option<RawMessage>,
 }
@@ -63,8 +68,8 @@ impl Frames {
                     continue;
                 }
             };
-            let stamp_ns = match cdr::decode::<Centerline<'_>>(&line.data) {
-                Ok(decoded) => decoded.header.stamp.to_ns(),
+            let (stamp_ns, direction) = match stamp_and_direction(&line) {
+                Ok(found) => found,
                 Err(error) => {
                     self.rejected.push(format!("{}: {error}", self.line_topic));
                     continue;
@@ -75,7 +80,7 @@ impl Frames {
                 found.as_ref().is_ok_and(|message| message.topic.name != *topic)
             };
             let profile = self.messages.next_if(is_profile).and_then(Result::ok);
-            return Some(Frame { stamp_ns, line, profile });
+            return Some(Frame { stamp_ns, direction, line, profile });
         }
     }
 
@@ -83,6 +88,11 @@ impl Frames {
         self.errors.drain(..).for_each(|error| add_error(notes, &error));
         self.rejected.drain(..).for_each(|error| notes.add_loss(error));
     }
+}
+
+fn stamp_and_direction(line: &RawMessage) -> anyhow::Result<(i64, StripeDirection)> {
+    let line: Centerline<'_> = cdr::decode(&line.data)?;
+    Ok((line.header.stamp.to_ns(), stripe_direction(&line)?))
 }
 
 /// Calls `take` with every frame that both results have.
@@ -151,5 +161,6 @@ fn take_pair(
         }
         None
     };
-    take(&FramePair { frame, lines: [a, b], profiles: both });
+    let directions = frames.map(|frame| frame.direction);
+    take(&FramePair { frame, lines: [a, b], directions, profiles: both });
 }

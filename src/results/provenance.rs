@@ -4,10 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value as Json;
 
-use crate::{
-    bag::{BagError, BagReader},
-    scanner::params::StripeDirection,
-};
+use crate::bag::{BagError, BagReader};
 
 /// Leaves of a YAML text by their path, as in `extraction.blur_radius`.
 pub(super) type Entries = BTreeMap<String, String>;
@@ -58,16 +55,6 @@ impl Provenance {
         let all = yaml_leaves(self.recorded("parameters").unwrap_or_default()).into_iter();
         all.map(|(key, value)| (key.strip_prefix(PREFIX).unwrap_or(&key).to_owned(), value))
             .collect()
-    }
-
-    /// Direction of the stripe, by the recorded parameters.
-    #[must_use]
-    pub fn stripe_direction(&self) -> StripeDirection {
-        let parameters = self.parameters();
-        let is_vertical = parameters
-            .iter()
-            .any(|(name, value)| name.ends_with("stripe_direction") && value == "vertical");
-        if is_vertical { StripeDirection::Vertical } else { StripeDirection::Horizontal }
     }
 
     /// True if profiles were placed by poses of tf, by the recorded parameters.

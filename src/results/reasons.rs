@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
-    Provenance,
+    Notes, Provenance, ResultsRecording,
     provenance::{Entries, yaml_leaves},
 };
 
@@ -38,6 +38,27 @@ fn differing(prefix: &str, entries: &[Entries; 2]) -> Vec<Reason> {
     let reasons =
         keys.into_iter().map(|key| Reason { name: format!("{prefix}{key}"), values: values(key) });
     reasons.filter(|reason| reason.values[0] != reason.values[1]).collect()
+}
+
+/// Returns in which inputs two results differ: the recording that they were made from, or its topic. Notes an input that is
+/// not stated.
+#[must_use]
+pub fn different_inputs(recordings: [&ResultsRecording; 2], notes: &mut Notes) -> Vec<String> {
+    let mut found = Vec::new();
+    for key in ["input", "input_topic"] {
+        let inputs = recordings.map(|recording| recording.provenance().recorded(key));
+        match inputs {
+            [Some(a), Some(b)] if a == b => {}
+            [Some(a), Some(b)] => {
+                found.push(format!("A was made from {a:?}, B from {b:?} ({key})"));
+            }
+            [a, _] => {
+                let path = recordings[usize::from(a.is_some())].path().display();
+                notes.add(format!("{path} does not state its input ({key})"));
+            }
+        }
+    }
+    found
 }
 
 #[cfg(test)]

@@ -12,8 +12,13 @@ use super::{
 use crate::{
     bag::{BagReader, Filter, RawMessage},
     metrology::surface::{Region, Surface},
-    msg::{cdr, laser_profiler_msgs::SliceInfo, sensor_msgs::PointCloud2},
-    scanner::scan::Point,
+    msg::{
+        cdr,
+        convert::results::stripe_direction,
+        laser_profiler_msgs::{Centerline, SliceInfo},
+        sensor_msgs::PointCloud2,
+    },
+    scanner::{params::StripeDirection, scan::Point},
 };
 
 /// Heights without limits, metres.
@@ -83,8 +88,24 @@ impl Results {
     /// Topic of the profiles beside the clouds; none without.
     #[must_use]
     pub fn profile_topic(&self) -> Option<String> {
-        let name = format!("{}profile", self.topic.strip_suffix("points")?);
+        self.topic_beside("profile")
+    }
+
+    fn topic_beside(&self, name: &str) -> Option<String> {
+        let name = format!("{}{name}", self.topic.strip_suffix("points")?);
         self.bag.topics().iter().any(|topic| topic.name == name).then_some(name)
+    }
+
+    /// Returns the direction of the stripe, by the first centreline beside the clouds.
+    ///
+    /// # Errors
+    /// The reason why it is unknown: no centrelines, or those of a version that did not state it.
+    pub fn stripe_direction(&self) -> Result<StripeDirection, String> {
+        let missing = "the recording has no centrelines, which state the direction of the stripe";
+        let topic = self.topic_beside("centerline").ok_or(missing)?;
+        let first = self.messages(&topic).flatten().next().ok_or(missing)?;
+        let line: Centerline<'_> = cdr::decode(&first.data).map_err(|error| error.to_string())?;
+        stripe_direction(&line).map_err(|error| error.to_string())
     }
 
     /// The scan's messages on a topic of its bag, in the order of time.

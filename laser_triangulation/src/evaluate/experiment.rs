@@ -1,4 +1,4 @@
-//! The experiments: noise, width, saturation, slope and speckle are varied one at a time; five reference scenes compare
+//! The experiments: noise, width, saturation, slope and speckle are varied one at a time; six reference scenes compare
 //! the methods.
 
 use serde::Serialize;
@@ -17,7 +17,7 @@ use crate::{
 named_enum! {
     /// An experiment on rendered scenes.
     Experiment {
-        /// Five scenes from quiet to saturated.
+        /// Six scenes from quiet to saturated.
         Reference = "reference",
         /// Read noise.
         Noise = "noise",

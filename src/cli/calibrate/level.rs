@@ -22,9 +22,9 @@ use crate::{
 };
 
 const HELP: &str = "\
-Scan a flat (the empty table, a plate, a flat of the part), then lay the part's frame on it: scans with the new file come out
-level, with the flat at height 0 and x and y where they were. The calibration is the one that the results carry; a level
-that it already has is refined. Outliers do not affect the flat; --region and --heights exclude objects that stand on it.
+Scan a flat (the empty table, a plate, a flat of the part), then level the part's frame on it: scans with the new file come out
+level, with the flat at height 0 and x and y unchanged. The calibration is taken from the results; an existing level is
+refined. Outliers do not affect the flat; --region and --heights exclude objects that stand on it.
 
 Examples:
   laser_profiler calibrate level results -o level.yaml

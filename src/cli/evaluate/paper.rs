@@ -32,8 +32,8 @@ Examples:
       the first 20 frames of a recording, columns 500 to 900, and the noise test
   laser_profiler evaluate paper my_recording --params-file rig.yaml --ros-args -r image_raw:=/left/image_raw
 
-The protocol takes gray_gravity, gaussian_fit and improved_gravity, calls the mean of the three the true centre and reports
-each one's deviations from it: it tells how far they agree, not how far they are right. For that, see `evaluate truth`.
+The protocol runs gray_gravity, gaussian_fit and improved_gravity, takes the mean of the three as the true centre and reports
+each one's deviations from it. It measures agreement, not accuracy: for accuracy, see `evaluate truth`.
 
 --json prints one object: source, points, methods: [{method, mean_absolute_px, standard_error_px, without_root}]; of a
 recording also frames, rejected, columns and noise: [{gamma, points, methods: [... found, from_own_rms_px]}]";

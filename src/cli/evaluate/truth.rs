@@ -18,9 +18,9 @@ Examples:
       every method, every experiment: some ten seconds
   laser_profiler evaluate truth --methods gaussian_ml,steger --experiments reference,edge
   laser_profiler evaluate truth --experiments reference --ros-args -p extraction.smoothing_columns:=5
-      with parameters of your own; the camera's noise is told to the methods scene by scene
+      with your own parameters; each scene sets the camera's noise
   laser_profiler evaluate truth bags/film_defects --params-file bags/film_defects.params.yaml
-      a recording that `laser_profiler simulate` has made: its topic /truth/centerline is the truth
+      a recording of `laser_profiler simulate`: its topic /truth/centerline is the ground truth
 
 Experiments: reference (six scenes), noise, width, saturation, slope, speckle, locking (error over the sub-pixel phase), edge
 (columns that a step along the stripe spoils), smoothing (noise against resolution).
@@ -29,7 +29,7 @@ Experiments: reference (six scenes), noise, width, saturation, slope, speckle, l
 value, amplitude, sigma_px, read_noise, bound_px, simple_bound_px, speckle_centroid_px, methods: [{method, columns, points,
 false_points, missing, wrong, bias_px, rms_px, median_px, p95_px, within_1_sigma, within_2_sigma, columns_averaged, over_bound,
 over_simple_bound}]}]}], locking, edge, smoothing. With BAG: source, topic, frames, rejected, unpaired, extraction, methods.
-Shares are 0 to 1; null is what there is not.";
+Shares are 0 to 1; missing values are null.";
 
 /// Compares the methods with ground truth: rendered stripes, or a recording with ground truth.
 #[derive(Debug, clap::Args)]

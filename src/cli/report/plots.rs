@@ -7,25 +7,21 @@ use std::{
 
 use anyhow::Context;
 
-use super::map::Measured;
 use crate::{
     cli::{
         height_picture,
         plots::{Curve, Plot},
     },
-    report::{chart::Chart, grid::Place, overlay::Overlay},
+    report::{chart::Chart, grid::Place, map::Measured, scan_report::ScanReport},
 };
 
 /// Writes them, replacing those of an earlier report, and names them.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub(super) fn write(
-    directory: &Path,
-    charts: &[Chart],
-    overlays: &[Overlay],
-    measured: Option<&Measured>,
-) -> anyhow::Result<Vec<PathBuf>> {
+pub(super) fn write(directory: &Path, report: &ScanReport<'_>) -> anyhow::Result<Vec<PathBuf>> {
+    let ScanReport { charts, overlays, .. } = report;
+    let measured = report.measured.as_ref();
     fs::create_dir_all(directory)
         .with_context(|| format!("cannot create {}", directory.display()))?;
     let mut files = Vec::new();

@@ -205,6 +205,10 @@ impl<'a> Writer<'a> {
             },
             image_width: picture.width_px,
             image_height: picture.height_px,
+            stripe_direction: match picture.stripe_direction {
+                StripeDirection::Horizontal => Centerline::STRIPE_HORIZONTAL,
+                StripeDirection::Vertical => Centerline::STRIPE_VERTICAL,
+            },
             method: "truth".into(),
             u: u.into(),
             v: v.into(),

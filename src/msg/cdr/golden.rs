@@ -51,6 +51,7 @@ fn centerline() {
         image_width: 640,
         image_height: 480,
         roi: ROI,
+        stripe_direction: Centerline::STRIPE_VERTICAL,
         method: "gray_gravity/0a".into(),
         u: vec![10.0, 11.0, 12.0].into(),
         v: vec![20.25, 20.5, 30.75].into(),

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use thiserror::Error;
+
 use crate::{
     msg::{
         builtin_interfaces::Time,
@@ -10,7 +12,10 @@ use crate::{
         std_msgs::Header,
         unique_identifier_msgs::Uuid,
     },
-    scanner::{params, profile, scan, stripe},
+    scanner::{
+        params::{self, StripeDirection},
+        profile, scan, stripe,
+    },
 };
 
 /// What results repeat of the frame that they came from.
@@ -26,6 +31,8 @@ pub struct FrameSource<'a> {
     pub image_height: u32,
     /// Searched part of the image.
     pub roi: params::RegionOfInterest,
+    /// Direction of the stripe.
+    pub stripe_direction: StripeDirection,
 }
 
 /// The centreline of a frame; `method` is the extraction's name, `/` and a hash of its parameters.
@@ -40,6 +47,10 @@ pub fn centerline<'a>(
         image_width: source.image_width,
         image_height: source.image_height,
         roi: region(source),
+        stripe_direction: match source.stripe_direction {
+            StripeDirection::Horizontal => laser_profiler_msgs::Centerline::STRIPE_HORIZONTAL,
+            StripeDirection::Vertical => laser_profiler_msgs::Centerline::STRIPE_VERTICAL,
+        },
         method: Cow::Borrowed(method),
         u: Cow::Borrowed(&line.u_px),
         v: Cow::Borrowed(&line.v_px),
@@ -48,6 +59,28 @@ pub fn centerline<'a>(
         intensity: Cow::Borrowed(&line.intensity),
         sigma: Cow::Borrowed(&line.sigma_px),
         flags: Cow::Borrowed(&line.flags),
+    }
+}
+
+/// A centreline that does not state the direction of the stripe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error(
+    "the centreline does not state the direction of the stripe (stripe_direction is {0}): results of an older version, replay the \
+     recording again"
+)]
+pub struct UnknownDirection(pub u8);
+
+/// Returns the direction of the stripe.
+///
+/// # Errors
+/// No valid direction, as in messages of versions without the field.
+pub const fn stripe_direction(
+    line: &laser_profiler_msgs::Centerline<'_>,
+) -> Result<StripeDirection, UnknownDirection> {
+    match line.stripe_direction {
+        laser_profiler_msgs::Centerline::STRIPE_HORIZONTAL => Ok(StripeDirection::Horizontal),
+        laser_profiler_msgs::Centerline::STRIPE_VERTICAL => Ok(StripeDirection::Vertical),
+        value => Err(UnknownDirection(value)),
     }
 }
 
@@ -133,6 +166,7 @@ mod tests {
                 width: None,
                 height: Some(100),
             },
+            stripe_direction: StripeDirection::Vertical,
         }
     }
 
@@ -154,6 +188,7 @@ mod tests {
         assert_eq!((message.image_width, message.image_height), (640, 480));
         let roi = message.roi;
         assert_eq!((roi.x_offset, roi.y_offset, roi.width, roi.height), (10, 20, 630, 100));
+        assert_eq!(stripe_direction(&message), Ok(StripeDirection::Vertical));
         assert_eq!(message.method, "gray_gravity/0123abcd");
         assert_eq!((&*message.u, &*message.v), (&[10.0, 11.0][..], &[30.5, 31.25][..]));
         assert!(message.width[0] == 4.0 && message.width[1].is_nan());

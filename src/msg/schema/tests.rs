@@ -135,7 +135,7 @@ fn hashes_are_the_published_ones() {
         ),
         (
             <laser_profiler_msgs::Centerline<'_>>::TYPE,
-            "eafe1b149cb3fd484d32b1f3d09b1224978420c17b5d5257dd9a2d83e2452799",
+            "ff3b478f46d354f91382d435d1c00766fa1abf3715ca431834c3b699e60b2090",
         ),
         (
             <laser_profiler_msgs::Profile<'_>>::TYPE,

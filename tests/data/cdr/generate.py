@@ -54,6 +54,7 @@ write(
         image_width=640,
         image_height=480,
         roi=roi,
+        stripe_direction=2,
         method="gray_gravity/0a",
         u=floats(10, 11, 12),
         v=floats(20.25, 20.5, 30.75),

@@ -49,6 +49,7 @@ fn record(
             header: header(),
             image_width: COLUMNS as u32,
             image_height: 100,
+            stripe_direction: Centerline::STRIPE_HORIZONTAL,
             v: v.into(),
             u: u.into(),
             stripe_start: vec![0].into(),

@@ -36,14 +36,14 @@ pub(in super::super) fn table_3_section() -> Section {
         paragraphs: vec![
             format!(
                 "Yao et al., Appl. Sci. 2023, 13(17), 9831 (doi 10.3390/app13179831), compare three methods on {} \
-                 columns, u = {} to {}: the mean of the three stands for the truth, v is a method's deviation from it.",
+                 columns, u = {} to {}: the mean of the three is the reference, v is a method's deviation from it.",
                 protocol.points(),
                 table3::FIRST_COLUMN,
                 u64::from(table3::FIRST_COLUMN) + protocol.points() - 1
             ),
             "The printed mean absolute deviations follow from Table 3. The printed standard errors do not: the formula \
              √(Σv²/(n−1)) that the paper states gives 0.078, 0.063 and 0.034 px; Table 4 shows Σv²/√(n−1). A square root \
-             was forgotten: the often quoted 0.005 px is 0.034 px, and no measure of accuracy, because the three methods share \
+             was forgotten: the often quoted 0.005 px is 0.034 px, and not a measure of accuracy, because the three methods share \
              their errors with the mean that they are compared to."
                 .to_owned(),
         ],
@@ -63,8 +63,8 @@ pub(super) fn recording_sections(name: &str, topic: &str, measured: &Measured) -
     let protocol = Section {
         title: format!("The paper's protocol on {name}"),
         paragraphs: vec![format!(
-            "{} frames of {topic}, columns {first} to {last}; all three methods found {} points. The mean of the three stands \
-             for the truth: this tells how far they agree, not how far they are right.{rejected}",
+            "{} frames of {topic}, columns {first} to {last}; all three methods found {} points. The mean of the three is \
+             the reference: the deviations measure agreement, not accuracy.{rejected}",
             read.frames, plain.points
         )],
         tables: vec![Table {

@@ -2,9 +2,9 @@
 
 use super::status::Status;
 use crate::{
-    cli::progress::progress_bar,
     msg::{
         cdr,
+        convert::results::UnknownDirection,
         laser_profiler_msgs::{Centerline, StreamStatus},
     },
     report::{
@@ -16,23 +16,27 @@ use crate::{
 };
 
 /// The frames and the stream, from afar.
-pub(super) struct Gathered {
-    pub(super) quality: Quality,
-    pub(super) status: Status,
+pub(crate) struct Gathered {
+    pub(crate) quality: Quality,
+    pub(crate) status: Status,
     /// Stamps of the first and the last frame, nanoseconds.
-    pub(super) stamps_ns: Option<[i64; 2]>,
+    pub(crate) stamps_ns: Option<[i64; 2]>,
     /// Method and hash of the first frame; later ones differ when parameters were changed.
-    pub(super) method: String,
-    pub(super) num_methods: u64,
+    pub(crate) method: String,
+    pub(crate) num_methods: u64,
     /// Columns and rows of the last image.
-    pub(super) size_px: [u32; 2],
+    pub(crate) size_px: [u32; 2],
     /// From the stamp to the reception, milliseconds.
     delays: Series<1>,
 }
 
 impl Gathered {
-    /// Reads centrelines and counters.
-    pub(super) fn read(source: &ResultsRecording, notes: &mut Notes) -> Self {
+    /// Reads centrelines and counters. Calls `on_frame` after each centreline.
+    pub(crate) fn read(
+        recording: &ResultsRecording,
+        notes: &mut Notes,
+        mut on_frame: impl FnMut(),
+    ) -> Self {
         let mut gathered = Self {
             quality: Quality::default(),
             status: Status::default(),
@@ -42,23 +46,20 @@ impl Gathered {
             size_px: [0, 0],
             delays: Series::new([Merge::Mean]),
         };
-        let [lines, states] = ["centerline", "stream_status"].map(|name| source.topic(name));
+        let [lines, states] = ["centerline", "stream_status"].map(|name| recording.topic(name));
         let topics: Vec<_> = lines.iter().chain(&states).collect();
         if topics.is_empty() {
             return gathered;
         }
-        let length = lines.as_ref().and_then(|topic| source.num_messages(topic));
-        let progress = progress_bar(length, "frames");
-        source.for_each_message(&topics, notes, |message| {
+        recording.for_each_message(&topics, notes, |message| {
             if Some(&message.topic.name) == lines.as_ref() {
-                gathered.add(&cdr::decode(&message.data)?);
-                progress.inc(1);
+                gathered.add(&cdr::decode(&message.data)?)?;
+                on_frame();
             } else {
                 gathered.status.add(&cdr::decode::<StreamStatus<'_>>(&message.data)?);
             }
             Ok(())
         });
-        progress.finish_and_clear();
         if states.is_none() {
             notes.add("the recording has no stream_status: drops and latency are not known");
         }
@@ -71,7 +72,8 @@ impl Gathered {
         gathered
     }
 
-    fn add(&mut self, line: &Centerline<'_>) {
+    fn add(&mut self, line: &Centerline<'_>) -> Result<(), UnknownDirection> {
+        self.quality.add(line)?;
         let stamp_ns = line.header.stamp.to_ns();
         self.stamps_ns = Some([self.stamps_ns.map_or(stamp_ns, |[first, _]| first), stamp_ns]);
         if self.method != line.method {
@@ -81,11 +83,11 @@ impl Gathered {
         self.size_px = [line.image_width, line.image_height];
         let received_ns = line.trace.receive_stamp.to_ns();
         self.delays.push([received_ns.saturating_sub(stamp_ns) as f64 / 1e6]);
-        self.quality.add(line);
+        Ok(())
     }
 
     /// Times of frames and of the stream.
-    pub(super) fn charts(&self) -> Vec<Chart> {
+    pub(crate) fn charts(&self) -> Vec<Chart> {
         let delays = Chart {
             id: "delay",
             title: "From the image's stamp to its reception",

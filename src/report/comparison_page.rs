@@ -1,20 +1,17 @@
-//! What a comparison says, as a page.
+//! The page of a comparison.
 
-use super::told::Answer;
-use crate::{
-    cli::report::{
-        described,
-        map::{colors, laid_out, thinned},
-    },
-    report::{
-        chart::{Chart, Curve},
-        difference::{Differences, SectionDifference},
-        grid::Place,
-        page::{Axis, Document, Fact, Map, Page, Table},
-        quality::FLAGS,
-    },
-    results::{Notes, Reason, for_each_pair},
+use super::{
+    chart::{Chart, Curve},
+    color,
+    comparison::Comparison,
+    described,
+    difference::{Differences, FrameSeries, SectionDifference, SectionFigures},
+    grid::Place,
+    map::{Mapped, mapped, thinned},
+    page::{Axis, Document, Fact, Map, Page, Table},
+    quality::FLAGS,
 };
+use crate::results::{Notes, Reason, for_each_pair};
 
 const AXES: [Axis; 3] = [
     Axis { label: "section", unit: "px", factor: 1.0, digits: 0 },
@@ -26,31 +23,31 @@ const AXES: [Axis; 3] = [
 ///
 /// # Errors
 /// Those of joining the frames once more.
-pub(super) fn page(answer: &Answer<'_>, notes: &mut Notes) -> anyhow::Result<Page> {
-    let [a, b] = [0, 1].map(|which| described::title(answer.recordings[which]));
-    let map = map(answer, notes)?;
+pub(super) fn page(comparison: &Comparison<'_>, notes: &mut Notes) -> anyhow::Result<Page> {
+    let [a, b] = [0, 1].map(|which| described::title(comparison.recordings[which]));
+    let map = map(comparison, notes)?;
     Ok(Page {
         title: format!("{a} and {b}"),
         subtitle: format!(
             "A: {a}, version {}, {} · B: {b}, version {}, {}",
-            answer.recorded(0, "version"),
-            answer.methods[0],
-            answer.recorded(1, "version"),
-            answer.methods[1]
+            comparison.recorded(0, "version"),
+            comparison.methods[0],
+            comparison.recorded(1, "version"),
+            comparison.methods[1]
         ),
-        facts: facts(answer),
+        facts: facts(comparison),
         notes: notes.texts().to_vec(),
         map,
         overlays: Vec::new(),
-        charts: charts(answer.differences),
-        tables: tables(answer),
-        documents: documents(answer),
-        program: concat!("laser_profiler ", env!("CARGO_PKG_VERSION")).to_owned(),
+        charts: charts(&comparison.differences),
+        tables: tables(comparison),
+        documents: documents(comparison),
+        program: super::PROGRAM.to_owned(),
     })
 }
 
-fn facts(answer: &Answer<'_>) -> Vec<Fact> {
-    let differences = answer.differences;
+fn facts(comparison: &Comparison<'_>) -> Vec<Fact> {
+    let differences = &comparison.differences;
     let only = |[both, a, b]: [u64; 3]| format!("{both} in both, {a} only in A, {b} only in B");
     let figures = differences.pixels.figures();
     let mut facts = vec![
@@ -72,13 +69,13 @@ fn facts(answer: &Answer<'_>) -> Vec<Fact> {
 }
 
 /// Where the differences are: frames up, cross-sections across.
-fn map(answer: &Answer<'_>, notes: &mut Notes) -> anyhow::Result<Option<Map>> {
-    let width = answer.differences.sections.len();
+fn map(comparison: &Comparison<'_>, notes: &mut Notes) -> anyhow::Result<Option<Map>> {
+    let width = comparison.differences.sections.len();
     let mut joined = Ok([0, 0]);
     let mut rows = |take: &mut dyn FnMut(&[Place])| {
         let mut again = Differences::default();
         let mut row = Vec::new();
-        joined = for_each_pair(answer.recordings, notes, |pair| {
+        joined = for_each_pair(comparison.recordings, notes, |pair| {
             row.clear();
             row.resize(width, [f32::NAN; 3]);
             for point in again.add(pair) {
@@ -90,13 +87,13 @@ fn map(answer: &Answer<'_>, notes: &mut Notes) -> anyhow::Result<Option<Map>> {
             take(&row);
         });
     };
-    let found = laid_out(&mut rows);
+    let found = mapped(&mut rows);
     joined?;
-    Ok(found.map(|(size, grid, _)| {
+    Ok(found.map(|Mapped { extent, grid, .. }| {
         let caption = format!(
             "B minus A across the stripe: {} frames, {} points that both have.{} Grey: not in both.",
-            size.rows,
-            size.num_measured,
+            extent.rows,
+            extent.num_measured,
             thinned(&grid)
         );
         let (about, packed) = grid.finish();
@@ -106,7 +103,7 @@ fn map(answer: &Answer<'_>, notes: &mut Notes) -> anyhow::Result<Option<Map>> {
             sections: ["One frame", "One cross-section over the frames"],
             axes: AXES,
             is_metric: false,
-            colors: colors(),
+            colors: color::scale(),
             about: about.about_zero(),
             packed,
         }
@@ -114,7 +111,7 @@ fn map(answer: &Answer<'_>, notes: &mut Notes) -> anyhow::Result<Option<Map>> {
 }
 
 fn charts(differences: &Differences) -> Vec<Chart> {
-    let (frames, [bias, rms, only_a, only_b]) = differences.series();
+    let FrameSeries { frames, bias_px, rms_px, only: [only_a, only_b] } = differences.series();
     let over_frames = |id, title, y_label, curves| Chart {
         id,
         title,
@@ -124,7 +121,7 @@ fn charts(differences: &Differences) -> Vec<Chart> {
         curves,
     };
     let figures: Vec<_> = differences.sections.iter().map(SectionDifference::figures).collect();
-    let column = |of: fn(&(u64, f64, f64)) -> f64| figures.iter().map(of).collect();
+    let column = |of: fn(&SectionFigures) -> f64| figures.iter().map(of).collect();
     let sections = Chart {
         id: "sections",
         title: "By cross-section",
@@ -132,8 +129,8 @@ fn charts(differences: &Differences) -> Vec<Chart> {
         y_label: "B − A [px]",
         x: (0..figures.len()).map(|at| at as f64).collect(),
         curves: vec![
-            Curve::new("bias", column(|figures| figures.1)),
-            Curve::new("RMS", column(|figures| figures.2)),
+            Curve::new("bias", column(|figures| figures.bias_px)),
+            Curve::new("RMS", column(|figures| figures.rms_px)),
         ],
     };
     let mut charts = vec![
@@ -141,7 +138,7 @@ fn charts(differences: &Differences) -> Vec<Chart> {
             "frames",
             "By frame",
             "B − A [px]",
-            vec![Curve::new("bias", bias), Curve::new("RMS", rms)],
+            vec![Curve::new("bias", bias_px), Curve::new("RMS", rms_px)],
         ),
         sections,
         over_frames(
@@ -155,18 +152,18 @@ fn charts(differences: &Differences) -> Vec<Chart> {
     charts
 }
 
-fn tables(answer: &Answer<'_>) -> Vec<Table> {
+fn tables(comparison: &Comparison<'_>) -> Vec<Table> {
     let table = |title: &str, heads: &[&str], rows: Vec<Vec<String>>| Table {
         title: title.to_owned(),
         heads: heads.iter().map(|head| (*head).to_owned()).collect(),
         rows,
     };
     let px = |value: f64| format!("{value:.4}");
-    let why = answer
+    let why = comparison
         .reasons
         .iter()
         .map(|Reason { name, values: [a, b] }| vec![name.clone(), a.clone(), b.clone()]);
-    let worst = answer.differences.worst.iter().map(|frame| {
+    let worst = comparison.differences.worst.iter().map(|frame| {
         vec![
             frame.frame.to_string(),
             px(frame.rms_px),
@@ -175,11 +172,12 @@ fn tables(answer: &Answer<'_>) -> Vec<Table> {
             frame.worst_section.to_string(),
         ]
     });
-    let sections = answer.differences.worst_sections().into_iter().map(|section| {
-        let (num, bias, rms) = answer.differences.sections[section].figures();
-        vec![section.to_string(), px(rms), px(bias), num.to_string()]
+    let sections = comparison.differences.worst_sections().into_iter().map(|section| {
+        let SectionFigures { num, bias_px, rms_px } =
+            comparison.differences.sections[section].figures();
+        vec![section.to_string(), px(rms_px), px(bias_px), num.to_string()]
     });
-    let flags = FLAGS.iter().zip(answer.differences.num_flagged);
+    let flags = FLAGS.iter().zip(comparison.differences.num_flagged);
     let flags = flags.filter(|(_, [a, b])| a + b > 0);
     let flags =
         flags.map(|((_, name), [a, b])| vec![(*name).to_owned(), a.to_string(), b.to_string()]);
@@ -204,12 +202,12 @@ fn tables(answer: &Answer<'_>) -> Vec<Table> {
     tables.into_iter().filter(|table| !table.rows.is_empty()).collect()
 }
 
-fn documents(answer: &Answer<'_>) -> Vec<Document> {
+fn documents(comparison: &Comparison<'_>) -> Vec<Document> {
     let of = |(recording, letter)| {
         described::documents(recording).into_iter().map(move |document| Document {
             title: format!("{letter}: {}", document.title),
             ..document
         })
     };
-    answer.recordings.into_iter().zip(["A", "B"]).flat_map(of).collect()
+    comparison.recordings.into_iter().zip(["A", "B"]).flat_map(of).collect()
 }

@@ -1,8 +1,8 @@
 //! The frames of a report that are shown with their centrelines.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, path::PathBuf};
 
-use super::{ReportArgs, gathered::Gathered, images};
+use super::{gathered::Gathered, images};
 use crate::{
     bag::Filter,
     msg::{cdr, laser_profiler_msgs::Centerline},
@@ -13,34 +13,43 @@ use crate::{
 /// How many frames are shown when nobody chose.
 const DEFAULT: u64 = 4;
 
-/// The chosen frames, with their images where there are any.
-pub(super) fn overlays(
-    args: &ReportArgs,
-    source: &ResultsRecording,
+/// Frames that are shown with their centrelines.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FrameSelection {
+    /// Numbers of the frames, from 0; a few over the recording, when empty.
+    pub(crate) numbers: Vec<u64>,
+    /// The recording with the images; without it they are looked for in the results.
+    pub(crate) images: Option<PathBuf>,
+}
+
+/// The selected frames, with their images where there are any.
+pub(crate) fn overlays(
+    selection: &FrameSelection,
+    recording: &ResultsRecording,
     gathered: &Gathered,
     notes: &mut Notes,
 ) -> Vec<Overlay> {
     let num = gathered.quality.num_frames;
-    let (Some(topic), 1..) = (source.topic("centerline"), num) else { return Vec::new() };
-    let mut wanted: BTreeSet<u64> = args.frames.iter().copied().collect();
+    let (Some(topic), 1..) = (recording.topic("centerline"), num) else { return Vec::new() };
+    let mut wanted: BTreeSet<u64> = selection.numbers.iter().copied().collect();
     for beyond in wanted.split_off(&num) {
         notes
             .add(format!("frame {beyond} is not there: the recording has {num}, 0 to {}", num - 1));
     }
-    if args.frames.is_empty() {
+    if selection.numbers.is_empty() {
         // In the middle of equal parts: the first and the last frame often show nothing.
         wanted.extend((0..DEFAULT).map(|part| (2 * part + 1) * num / (2 * DEFAULT)));
     }
-    let mut overlays = centerlines(source, &topic, &wanted);
-    if let Err(error) = add_images(args, source, &mut overlays, notes) {
+    let mut overlays = centerlines(recording, &topic, &wanted);
+    if let Err(error) = add_images(selection.images.as_ref(), recording, &mut overlays, notes) {
         notes.add(format!("without images: {error:#}"));
     }
     overlays
 }
 
 /// The centrelines of frames by their number among those that can be read.
-fn centerlines(source: &ResultsRecording, topic: &str, wanted: &BTreeSet<u64>) -> Vec<Overlay> {
-    let messages = source.bag().messages(&Filter::topics([topic]));
+fn centerlines(recording: &ResultsRecording, topic: &str, wanted: &BTreeSet<u64>) -> Vec<Overlay> {
+    let messages = recording.bag().messages(&Filter::topics([topic]));
     // What cannot be read was told when it was read first.
     let good =
         messages.flatten().filter(|message| cdr::decode::<Centerline<'_>>(&message.data).is_ok());
@@ -55,17 +64,17 @@ fn centerlines(source: &ResultsRecording, topic: &str, wanted: &BTreeSet<u64>) -
 
 /// Puts images under the centrelines, by their stamps.
 fn add_images(
-    args: &ReportArgs,
-    source: &ResultsRecording,
+    images: Option<&PathBuf>,
+    recording: &ResultsRecording,
     overlays: &mut [Overlay],
     notes: &mut Notes,
 ) -> anyhow::Result<()> {
     if overlays.is_empty() {
         return Ok(());
     }
-    let input = source.provenance().record.get("input_topic").map(String::as_str);
-    match &args.images {
-        None => images::add(source, input, overlays, notes),
+    let input = recording.provenance().record.get("input_topic").map(String::as_str);
+    match images {
+        None => images::add(recording, input, overlays, notes),
         Some(path) => {
             let selection = ScanSelection { bag: path.clone(), ..ScanSelection::default() };
             // What is missing beside the images is of no interest here.

@@ -38,7 +38,7 @@ const MAX_FRAME_BYTES: u64 = 1 << 28;
 ///
 /// # Errors
 /// A recording without images.
-pub(super) fn add(
+pub(crate) fn add(
     recording: &ResultsRecording,
     input: Option<&str>,
     overlays: &mut [Overlay],

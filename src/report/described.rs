@@ -1,8 +1,7 @@
 //! What a recording is, in facts, tables and texts.
 
-use super::gathered::Gathered;
+use super::{date::date, gathered::Gathered};
 use crate::{
-    cli::units::date,
     report::{
         grid::Extent,
         page::{Document, Fact, Table},
@@ -12,19 +11,19 @@ use crate::{
 };
 
 /// The recording's name.
-pub(in crate::cli) fn title(source: &ResultsRecording) -> String {
-    let name = source.path().file_name().map(|name| name.to_string_lossy().into_owned());
-    name.unwrap_or_else(|| source.path().display().to_string())
+pub(crate) fn title(recording: &ResultsRecording) -> String {
+    let name = recording.path().file_name().map(|name| name.to_string_lossy().into_owned());
+    name.unwrap_or_else(|| recording.path().display().to_string())
 }
 
 /// When, how long, from what and how.
-pub(super) fn subtitle(source: &ResultsRecording, gathered: &Gathered) -> String {
+pub(crate) fn subtitle(recording: &ResultsRecording, gathered: &Gathered) -> String {
     let mut parts = Vec::new();
     if let Some([first_ns, last_ns]) = gathered.stamps_ns {
         parts.push(date(first_ns));
         parts.push(format!("{:.3} s", last_ns.saturating_sub(first_ns) as f64 / 1e9));
     }
-    let recorded = |key: &str| source.provenance().recorded(key);
+    let recorded = |key: &str| recording.provenance().recorded(key);
     if let Some(input) = recorded("input") {
         parts.push(format!("from {}", input.replace('\n', ", ")));
     }
@@ -38,7 +37,7 @@ pub(super) fn subtitle(source: &ResultsRecording, gathered: &Gathered) -> String
 }
 
 /// The figures that are looked at first.
-pub(super) fn facts(gathered: &Gathered, size: Option<&Extent>) -> Vec<Fact> {
+pub(crate) fn facts(gathered: &Gathered, size: Option<&Extent>) -> Vec<Fact> {
     let quality = &gathered.quality;
     let mut facts = Vec::new();
     if quality.num_frames > 0 {
@@ -67,7 +66,7 @@ pub(super) fn facts(gathered: &Gathered, size: Option<&Extent>) -> Vec<Fact> {
 }
 
 /// Counters, flags and topics.
-pub(super) fn tables(source: &ResultsRecording, gathered: &Gathered) -> Vec<Table> {
+pub(crate) fn tables(recording: &ResultsRecording, gathered: &Gathered) -> Vec<Table> {
     let quality = &gathered.quality;
     let flags = FLAGS.iter().zip(quality.num_flagged).map(|((_, name), num)| {
         vec![(*name).to_owned(), num.to_string(), percent(num, quality.num_points)]
@@ -77,7 +76,7 @@ pub(super) fn tables(source: &ResultsRecording, gathered: &Gathered) -> Vec<Tabl
         heads: ["Flag", "Points", "Share"].map(str::to_owned).into(),
         rows: flags.collect(),
     });
-    let counts = source.bag().message_counts().unwrap_or_default();
+    let counts = recording.bag().message_counts().unwrap_or_default();
     let row = |topic: &std::sync::Arc<crate::bag::Topic>| {
         let count = counts.get(topic.name.as_str()).map_or("–".to_owned(), u64::to_string);
         vec![topic.name.clone(), topic.type_name.clone(), count]
@@ -85,22 +84,22 @@ pub(super) fn tables(source: &ResultsRecording, gathered: &Gathered) -> Vec<Tabl
     let topics = Table {
         title: "Topics of the recording".to_owned(),
         heads: ["Topic", "Type", "Messages"].map(str::to_owned).into(),
-        rows: source.bag().topics().iter().map(row).collect(),
+        rows: recording.bag().topics().iter().map(row).collect(),
     };
     gathered.status.table().into_iter().chain(flags).chain([topics]).collect()
 }
 
 /// Calibration and parameters as they were recorded.
-pub(in crate::cli) fn documents(source: &ResultsRecording) -> Vec<Document> {
+pub(crate) fn documents(recording: &ResultsRecording) -> Vec<Document> {
     let mut documents = Vec::new();
     let mut add = |title: &str, text: Option<&String>| {
         if let Some(text) = text.filter(|text| !text.is_empty()) {
             documents.push(Document { title: title.to_owned(), text: text.clone() });
         }
     };
-    add("Calibration (calibration.yaml)", source.provenance().calibration.as_ref());
-    add("Parameters", source.provenance().record.get("parameters"));
-    let rest = source.provenance().record.iter().filter(|(key, _)| *key != "parameters");
+    add("Calibration (calibration.yaml)", recording.provenance().calibration.as_ref());
+    add("Parameters", recording.provenance().record.get("parameters"));
+    let rest = recording.provenance().record.iter().filter(|(key, _)| *key != "parameters");
     let rest: Vec<_> =
         rest.map(|(key, text)| format!("{key}: {}", text.replace('\n', ", "))).collect();
     add("Version and origin", Some(&rest.join("\n")));

@@ -13,7 +13,7 @@ const MERGES: [Merge; 6] =
     [Merge::Mean, Merge::Mean, Merge::Mean, Merge::Max, Merge::Max, Merge::Max];
 
 /// The counters, and the figures of each second.
-pub(super) struct Status {
+pub(crate) struct Status {
     /// Seconds since the first, rate, latencies (median, 99 %, maximum), queue.
     series: Series<6>,
     first_ns: Option<i64>,
@@ -29,7 +29,7 @@ impl Default for Status {
 
 impl Status {
     /// Takes the next message into account.
-    pub(super) fn add(&mut self, status: &StreamStatus<'_>) {
+    pub(crate) fn add(&mut self, status: &StreamStatus<'_>) {
         let stamp_ns = status.header.stamp.to_ns();
         let first_ns = *self.first_ns.get_or_insert(stamp_ns);
         let ms = |seconds: f32| 1e3 * f64::from(seconds);
@@ -56,7 +56,7 @@ impl Status {
     }
 
     /// The last counters; none without a message.
-    pub(super) fn table(&self) -> Option<Table> {
+    pub(crate) fn table(&self) -> Option<Table> {
         let row = |(name, value): &(&str, u64)| vec![(*name).to_owned(), value.to_string()];
         (!self.counters.is_empty()).then(|| Table {
             title: "Frames and drops".to_owned(),
@@ -66,13 +66,13 @@ impl Status {
     }
 
     /// Frames that are missing or were not used.
-    pub(super) fn num_lost(&self) -> Option<u64> {
+    pub(crate) fn num_lost(&self) -> Option<u64> {
         let counters = self.counters.get(3..)?;
         (!counters.is_empty()).then(|| counters.iter().map(|(_, value)| value).sum())
     }
 
     /// Rate, latency and queue over time.
-    pub(super) fn charts(&self) -> Vec<Chart> {
+    pub(crate) fn charts(&self) -> Vec<Chart> {
         let x = self.series.figure(0);
         let chart = |id, title, y_label, curves: &[(&str, usize)]| Chart {
             id,
