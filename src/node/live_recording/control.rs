@@ -45,8 +45,7 @@ pub struct RecordedTopics {
     pub images: Vec<(usize, Topic)>,
 }
 
-/// A sink that records while it is told to. It never waits and never fails: what the disk does concerns the recording
-/// alone.
+/// A sink that records on command. It never blocks and never fails: what the disk does concerns the recording alone.
 pub struct LiveRecorder {
     pub(super) shared: Arc<RecorderState>,
     places: BTreeMap<usize, (Stream, usize)>,

@@ -32,9 +32,9 @@ use super::{
 
 /// Period at which an idle player checks for a stop request.
 const IDLE: Duration = Duration::from_millis(50);
-/// What came so long before a frame may tell where it was taken; what comes so long after it, too. Nanoseconds.
+/// Time before and after a frame within which messages may determine its position, nanoseconds.
 const AROUND_NS: i64 = 500_000_000;
-/// Viewers forget what they show when they hear of a jump. They hear of it on another way than of messages.
+/// Viewers clear their display after a jump. The notification of a jump may overtake messages.
 const JUMP_PAUSE: Duration = Duration::from_millis(20);
 /// Wishes that come so close together are one.
 const TOGETHER: Duration = Duration::from_millis(10);
@@ -227,7 +227,7 @@ impl Player {
         }
     }
 
-    /// Who opens a layout wants a dozen topics at once: one look at the frame is enough for all.
+    /// A viewer that opens a layout subscribes to a dozen topics at once; the frame is shown once for all of them.
     fn await_others(&mut self) {
         while let Ok(order) = self.orders.recv_timeout(TOGETHER) {
             if !matches!(order, Order::Refresh) {
@@ -237,7 +237,7 @@ impl Player {
         }
     }
 
-    /// How long until the next message is due; `None`: it is. Paused, for ever.
+    /// Returns the time until the next message is due; `None` if it is due now. Infinite while paused.
     fn wait(act: &mut Act<'_>) -> Option<Duration> {
         let (Some(pacer), Some(next)) = (&mut act.pacer, act.reader.peek()) else {
             return Some(IDLE);
@@ -263,7 +263,7 @@ impl Player {
         }
     }
 
-    /// Follows an order; the time from which to play anew, where that is needed.
+    /// Carries out a command. Returns the time from which to restart playback, if needed.
     fn obey(&mut self, order: Order, act: &mut Act<'_>) -> Option<i64> {
         match order {
             Order::Control { status, speed, seek_ns } => {
