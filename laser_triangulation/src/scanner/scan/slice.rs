@@ -2,7 +2,7 @@
 
 use crate::scanner::axis::RawPosition;
 
-/// A point of the part: x, y, z, metres in the part's frame ([`Placement`](super::motion::placement::Placement)); then the
+/// A point of the part: x, y, z, metres in the part's frame ([`Placement`](crate::scanner::motion::placement::Placement)); then the
 /// grey level at the centreline as a share of full scale, 0 to 1. NaN in all four: not measured.
 pub type Point = [f32; 4];
 
