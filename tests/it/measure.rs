@@ -3,9 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use laser_profiler::{
-    bag::{Attachment, Compression, RecordOptions, Recorder, Times},
+    bag::{Attachment, Compression, RecordOptions, Recorder, Times, Topic},
     msg::convert::cloud,
-    msg::{cdr, qos::QosProfile, schema::Message as _, sensor_msgs::PointCloud2},
+    msg::{
+        cdr, laser_profiler_msgs::Centerline, qos::QosProfile, schema::Message as _,
+        sensor_msgs::PointCloud2,
+    },
     scanner::{
         calibration::{Calibration, Projective, StepsQuality},
         scan::{Point, Slice},
@@ -42,12 +45,11 @@ fn record_with(
     let bag = directory.join("results");
     let options = RecordOptions { compression: Compression::None, force: false };
     let mut recorder = Recorder::create(&bag, &options).unwrap();
-    let topic = laser_profiler::bag::Topic::new(
-        "/laser_profiler/points",
-        PointCloud2::TYPE,
-        QosProfile::reliable(10),
-    );
+    let qos = QosProfile::reliable(10);
+    let topic = Topic::new("/laser_profiler/points", PointCloud2::TYPE, qos);
     let id = recorder.add_topic(&topic).unwrap();
+    let topic = Topic::new("/laser_profiler/centerline", Centerline::TYPE, qos);
+    let line_id = recorder.add_topic(&topic).unwrap();
     if let Some(calibration) = calibration {
         let attachment = Attachment {
             name: "calibration.yaml".into(),
@@ -59,6 +61,10 @@ fn record_with(
         recorder.attach(&attachment).unwrap();
     }
     let mut data = Vec::new();
+    let line =
+        Centerline { stripe_direction: Centerline::STRIPE_HORIZONTAL, ..Centerline::default() };
+    cdr::encode(&line, &mut data).unwrap();
+    recorder.write(line_id, Times { log_ns: 0, publish_ns: 0, sequence: 1 }, &data).unwrap();
     for number in 0..3 {
         let points = (0..50 * WIDTH).map(|at| -> Point {
             let x = (at % WIDTH) as f64 * PITCH_M;

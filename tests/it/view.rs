@@ -192,7 +192,7 @@ fn a_port_that_is_taken_is_named() {
     let arguments = [FILM[0], &format!("--view={port}")];
     let ended = end(laser_profiler(&["replay"]).args(arguments));
     assert_eq!(ended.code, Some(1), "{ended:?}");
-    let words = format!("port {port} of 127.0.0.1 is taken");
+    let words = format!("port {port} of 127.0.0.1 is already in use");
     assert!(ended.stderr.contains(&words) && ended.stderr.contains("--view="), "{ended:?}");
 }
 
