@@ -1,6 +1,6 @@
 //! The worker of a camera: the one thread that checks and measures every frame and publishes its results.
 //!
-//! The [`Ledger`] counts and orders frames, the [`Measurer`] measures and publishes them; the worker joins the two.
+//! The ledger counts and orders frames, the measurer measures and publishes them; the worker joins the two.
 
 mod axis;
 mod frame;
