@@ -109,7 +109,7 @@
 //!
 //! # Guarantees and limits
 //!
-//! - The same images give the same bits on every machine and with every level of vector instructions.
+//! - The same images give the same bits with every level of vector instructions that the machine has.
 //! - Every centre has a standard deviation, and tests compare it with the scatter about the ground truth.
 //! - The crate has no I/O: no file, socket, thread or clock, and no `unsafe` code. It does not decode PNG or JPEG and does
 //!   not write point clouds; the examples show both.
@@ -129,3 +129,8 @@ pub mod metrology;
 pub mod simulate;
 pub mod evaluate;
 pub mod calibrate;
+
+/// Runs the example of the README as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
