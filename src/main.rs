@@ -1,4 +1,4 @@
-//! The `laser_profiler` executable: see `laser_profiler --help`. Here alone exit codes are decided.
+//! The `laser_profiler` executable: see `laser_profiler --help`. The only place that chooses exit codes.
 
 use std::{
     io::{self, Write},
@@ -17,17 +17,17 @@ fn main() -> ExitCode {
         Ok(Outcome::DataLost) => return DATA_LOST.into(),
         Err(error) => error,
     };
-    // A terminal that is gone cannot be told anything: errors of printing are dropped here.
+    // Printing fails if the terminal is gone; there is nowhere to report that.
     if let Some(clap) = error.downcast_ref::<clap::Error>() {
         drop(clap.print());
         return if clap.use_stderr() { USAGE.into() } else { ExitCode::SUCCESS };
     }
-    drop(writeln!(io::stderr(), "error: {}", told(&error)));
+    drop(writeln!(io::stderr(), "error: {}", chain(&error)));
     if error.is::<Usage>() { USAGE.into() } else { FAILED.into() }
 }
 
-/// The error and its causes, each once: some errors quote their cause, some leave it to be asked for.
-fn told(error: &anyhow::Error) -> String {
+/// Returns the error and its causes as one line. Some errors quote their cause: each cause appears once.
+fn chain(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
         if !text.contains(&cause) {

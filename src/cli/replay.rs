@@ -1,4 +1,4 @@
-//! `laser_profiler replay`: recordings through the node, offline and deterministic.
+//! `laser_profiler replay`: measures recordings, offline and deterministic.
 
 use std::{io::Write, path::PathBuf};
 
@@ -18,43 +18,42 @@ use crate::{
 const HELP: &str = "\
 Examples:
   laser_profiler replay my_recording -o results
-      takes the recording's only image topic, raw or compressed, with the default parameters
+      the only image topic, raw or compressed, with default parameters
   laser_profiler replay day1 day2.mcap -o results --params-file rig.yaml --force
-      one after another, into one results bag
+      two recordings in sequence, into one results bag
   laser_profiler replay my_recording -o results --ros-args -r image_raw:=/left/image_raw -p stripe_direction:=vertical
-      the named topic; a vertical stripe
+      a named topic, a vertical stripe
   laser_profiler replay both -o results --ros-args -p 'cameras:=[left, right]'
-      every camera that was recorded, side by side, into results/left and results/right
+      all recorded cameras in parallel, into results/left and results/right
   laser_profiler replay my_recording -o results --json | jq .frames
   laser_profiler replay my_recording --view --params-file rig.yaml
-      nothing is written: look at it in Foxglove, play, jump, and turn parameters; the paused frame follows at once
+      writes nothing: play and seek in Foxglove and change parameters; the paused frame is updated at once
 
-The results are a rosbag2 directory with ~/centerline and ~/annotations for every frame and, with a calibration_file,
-~/profile, ~/points, ~/points_dense, ~/slice_info and ~/height_map. The same recording and parameters give the same bytes.
+The results bag is a rosbag2 directory with ~/centerline and ~/annotations for every frame and, with a calibration_file,
+~/profile, ~/points, ~/points_dense, ~/slice_info and ~/height_map. The same recording and parameters produce identical bytes.
 
 --json prints one object:
   frames: {received, processed, rejected, dropped, lost}; received = processed + rejected + dropped,
   points (of all centrelines), slices, seconds, frames_per_second,
   stages_ms: {decode, extract, triangulate, encode: each {p50, p99}}, output";
 
-/// Replays recordings through the node, as fast as possible, into a bag of results.
+/// Measures recordings as fast as possible and writes a results bag.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct ReplayArgs {
-    /// rosbag2 directories or .mcap files, replayed one after another.
+    /// rosbag2 directories or .mcap files, replayed in sequence.
     #[arg(required = true, value_name = "BAG")]
     pub bags: Vec<PathBuf>,
-    /// Directory of the results' bag; of several cameras the directory of their bags.
+    /// Directory of the results bag; with several cameras, the directory of their bags.
     #[arg(short, long, value_name = "OUT", required_unless_present = "view")]
     pub output: Option<PathBuf>,
-    /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
+    /// ROS 2 parameter file. Several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
     pub params_file: Vec<PathBuf>,
-    /// The only camera whose images are replayed, where the parameter `cameras` names several. Without it all are whose
-    /// images are recorded.
+    /// Replay only this camera of the parameter `cameras`. Default: every camera that was recorded.
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// Times the speed of the recording, instead of as fast as possible.
+    /// Replay at R times the speed of the recording. Default: as fast as possible.
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub rate: Option<f64>,
     /// Print a machine-readable summary on standard output.
@@ -63,10 +62,10 @@ pub struct ReplayArgs {
     /// Replace an existing results bag.
     #[arg(long)]
     pub force: bool,
-    /// Store the input images beside the results.
+    /// Store the input images with the results.
     #[arg(long)]
     pub with_images: bool,
-    /// How to look at it meanwhile.
+    /// Options of the live view.
     #[command(flatten)]
     pub view: ReplayViewArgs,
 }
@@ -74,7 +73,7 @@ pub struct ReplayArgs {
 /// Replays and prints the summary on `out`.
 ///
 /// # Errors
-/// [`Usage`] when the request cannot be followed, else whatever cannot be read or written.
+/// [`Usage`](super::Usage) for wrong usage; otherwise a file that cannot be read or written.
 pub fn run(args: ReplayArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let stop = Stop::default();
     interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
@@ -90,7 +89,7 @@ pub fn run(args: ReplayArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::
     view::replay(&view, request.clone(), &stop, &mut write)
 }
 
-/// How the summary is printed.
+/// Format of the summary.
 #[derive(Clone, Copy)]
 enum Form {
     Text,
@@ -148,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn the_own_parameter_files_come_before_those_of_ros() {
+    fn parameter_files_of_the_option_come_before_those_of_ros_args() {
         let ros =
             RosArguments { parameter_files: vec!["ros.yaml".into()], ..RosArguments::default() };
         let request = request(args("bag", "out"), ros);
