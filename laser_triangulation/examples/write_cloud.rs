@@ -1,4 +1,4 @@
-//! Scans a simulated part and writes the points as a PLY file, which CloudCompare, MeshLab and Open3D open.
+//! Scans a simulated part and writes the points as a PLY file, which `CloudCompare`, `MeshLab` and `Open3D` open.
 //!
 //! ```sh
 //! cargo run -p laser_triangulation --example write_cloud              # writes into the temporary directory

@@ -53,8 +53,8 @@ pub struct SimulateArgs {
 
 /// Renders and prints the summary on `out`.
 ///
-/// [`Usage`] for an invalid scenario; an input that cannot be read, an output that exists or cannot be written.
-/// [`Usage`] for a file that is no scenario; an input that cannot be read, an output that exists or cannot be written.
+/// # Errors
+/// [`Usage`] for an invalid scenario; an input that cannot be read; an output that exists or cannot be written.
 pub fn run(args: &SimulateArgs, out: &mut dyn Write) -> Result<Outcome> {
     let text = read_scenario(&args.scenario)?;
     let scene = scene_from_yaml(&text)

@@ -67,7 +67,7 @@ impl RosoutSlot {
     fn push(&self, event: &Event<'_>) {
         let connected = self.0.queue.read().unwrap_or_else(PoisonError::into_inner).clone();
         let Some(queue) = connected else { return };
-        // Where nobody reads any more, the line is for standard error alone.
+        // If the reader has ended, the line only goes to standard error.
         if let Err(TrySendError::Full(_)) = queue.try_send(Line::of(event)) {
             self.0.num_dropped.fetch_add(1, Ordering::Relaxed);
         }
@@ -96,7 +96,7 @@ fn is_own(target: &str) -> bool {
     target.strip_prefix(OWN_TARGET).is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
 }
 
-/// Why there is no `/rosout`.
+/// The reason that `/rosout` cannot be started.
 #[derive(Debug, Error)]
 pub enum RosoutError {
     /// The middleware refuses the topic.
@@ -138,7 +138,7 @@ impl Drop for Rosout {
     fn drop(&mut self) {
         self.slot.set(None);
         if let Some(thread) = self.thread.take() {
-            // A thread that panicked has told so already.
+            // A thread that panicked has reported it already.
             drop(thread.join());
         }
     }
@@ -154,7 +154,7 @@ fn publish_all(
     IS_PUBLISHING.set(true);
     let mut publish = |line: &Line| {
         let log = line.message(name);
-        // There is no place to tell of it: standard error has the line itself.
+        // Logging this failure would recurse; standard error has the line itself.
         drop(endpoints::send(&mut *publication, &log, line.stamp_ns));
     };
     for line in lines {

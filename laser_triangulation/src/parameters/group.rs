@@ -45,6 +45,7 @@ macro_rules! parameter_group {
 
         impl $group {
             /// Returns the table: one row a parameter, in order of declaration.
+            #[allow(clippy::vec_init_then_push, reason = "a row may add any number of entries")]
             pub fn parameters() -> Vec<$crate::parameters::Parameter> {
                 let default = Self::default();
                 let mut rows = Vec::new();

@@ -3,6 +3,7 @@
 //! [`Pipeline`] is the whole measurement; the other modules are its steps, in the order in which a frame passes them.
 
 pub mod image;
+mod plane;
 pub mod channel;
 pub mod ambient;
 pub mod coverage;

@@ -42,15 +42,17 @@ pub(super) fn run(
     let scale = scale(args, &gauge, &result, geometry.as_ref())?;
     if let (Some(path), Some(scale)) = (&args.output, scale) {
         let frame_id = &args.frame_id;
-        let calibration = match (&geometry, args.pixel_pitch) {
-            (Some(geometry), Some(pitch_m)) => Calibration::VerticalIncidence(
-                result.vertical_incidence(geometry, pitch_m, &gauge.picture, frame_id),
-            ),
-            _ => {
-                let mut projective = result.projective(&gauge.picture, scale, frame_id);
-                projective.calibrated_at = Some(now());
-                Calibration::Projective(Box::new(projective))
-            }
+        let calibration = if let (Some(geometry), Some(pitch_m)) = (&geometry, args.pixel_pitch) {
+            Calibration::VerticalIncidence(result.vertical_incidence(
+                geometry,
+                pitch_m,
+                &gauge.picture,
+                frame_id,
+            ))
+        } else {
+            let mut projective = result.projective(&gauge.picture, scale, frame_id);
+            projective.calibrated_at = Some(now());
+            Calibration::Projective(Box::new(projective))
         };
         output::write_file(path, calibration.to_yaml())?;
     }

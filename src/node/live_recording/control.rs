@@ -1,4 +1,4 @@
-//! The recorder as a sink, and the handle that starts, stops and asks it.
+//! The recorder as a sink, and the handle that starts, stops and queries it.
 
 use std::{
     collections::BTreeMap,
@@ -29,7 +29,7 @@ use super::{
     writer::{self, Settings},
 };
 
-/// How long an order waits for a bag to be closed before it answers that this still goes on.
+/// Time that a command waits for a bag to close before it reports that closing continues.
 const STOP_WAIT: Duration = Duration::from_secs(2);
 /// At the end of the node: after so long, what waits for a slow disk is left out.
 const END_HURRY: Duration = Duration::from_secs(1);
@@ -39,20 +39,19 @@ const END_WAIT: Duration = Duration::from_millis(700);
 /// What is recorded: topics by the number that their messages carry ([`Outgoing::topic`]).
 #[derive(Clone, Debug, Default)]
 pub struct RecordedTopics {
-    /// What the node publishes.
+    /// Results that the node publishes.
     pub results: Vec<(usize, Topic)>,
     /// The raw images.
     pub images: Vec<(usize, Topic)>,
 }
 
-/// A sink that records while it is told to. It never waits and never fails: what the disk does concerns the recording
-/// alone.
+/// A sink that records on command. It never blocks and never fails: what the disk does concerns the recording alone.
 pub struct LiveRecorder {
     pub(super) shared: Arc<RecorderState>,
     places: BTreeMap<usize, (Stream, usize)>,
 }
 
-/// Starts and stops recordings and tells how they are doing. Clones order the same recorder.
+/// Starts and stops recordings and reports their status. Clones control the same recorder.
 #[derive(Clone)]
 pub struct RecordingControl(Arc<RecorderState>);
 
@@ -172,7 +171,7 @@ impl RecordingControl {
         snapshot::take(&self.0)
     }
 
-    /// How everything is doing. Never waits for a disk.
+    /// Returns the status. Never waits for a disk.
     pub fn status(&self) -> RecordingStatus {
         let [results, images] = lock(&self.0.recordings).each_ref().map(Recording::status);
         RecordingStatus { results, images, snapshot: lock(&self.0.snapshots).status() }

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::bag::RecordError;
 
-/// What stands in the way of a recording. The text names the file, the reason and what to do.
+/// The reason that recording failed. The text names the file, the reason and the remedy.
 #[derive(Debug, Error)]
 pub enum RecordingError {
     /// The disk refuses.
@@ -24,9 +24,9 @@ pub enum RecordingError {
     LowSpace {
         /// Where it records.
         directory: PathBuf,
-        /// What is free, bytes.
+        /// Free space, bytes.
         free_bytes: u64,
-        /// What must stay free, bytes.
+        /// Space that must stay free, bytes.
         min_free_bytes: u64,
     },
     /// The operating system refuses something else.
@@ -37,7 +37,7 @@ pub enum RecordingError {
         /// Its reason.
         source: io::Error,
     },
-    /// What was asked for is still being done.
+    /// The command is still in progress.
     #[error("{}: is still being written; ask for the status and wait", .0.display())]
     StillWriting(PathBuf),
     /// Nothing is kept for a snapshot.

@@ -1,4 +1,4 @@
-//! What can be set of a live recording.
+//! Parameters of a live recording.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ const MIB: u64 = 1 << 20;
 pub struct RecordingParams {
     /// Where bags are put; made when it is missing.
     pub directory: PathBuf,
-    /// Whether the raw images are recorded too, in a bag of their own.
+    /// True if the raw images are also recorded, in a separate bag.
     pub images: bool,
     /// Compression of the results.
     pub compression: Compression,
@@ -24,11 +24,11 @@ pub struct RecordingParams {
     pub split_seconds: u32,
     /// Free space at which a recording ends in good order, and below which none begins, bytes.
     pub min_free_bytes: u64,
-    /// What may wait for the disk, bytes of each recording. When more comes, the oldest is dropped and counted.
+    /// Maximum queue for the disk, bytes per recording. Beyond it, the oldest messages are dropped and counted.
     pub queue_bytes: usize,
-    /// How far back a snapshot reaches, seconds; 0: nothing is kept for one.
+    /// Duration of a snapshot, seconds; 0: no snapshot buffer.
     pub snapshot_seconds: u32,
-    /// What is kept for a snapshot at most, bytes; 0: nothing.
+    /// Maximum size of the snapshot buffer, bytes; 0: no snapshot buffer.
     pub snapshot_bytes: usize,
 }
 

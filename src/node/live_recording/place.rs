@@ -54,7 +54,7 @@ pub(super) fn create(
 /// The space that a user without privileges can still write, bytes.
 ///
 /// # Errors
-/// A directory that is gone; a disk that does not say.
+/// The directory is missing, or the file system does not report its free space.
 pub fn free_bytes(directory: &Path) -> io::Result<u64> {
     let found = rustix::fs::statvfs(directory)?;
     Ok(found.f_bavail.saturating_mul(found.f_frsize))

@@ -25,7 +25,7 @@ impl Ring {
         self.forget(0);
     }
 
-    /// Whether nothing is ever kept.
+    /// True if the buffer never stores a message.
     pub(super) const fn is_off(&self) -> bool {
         self.max_bytes == 0
     }
@@ -42,7 +42,7 @@ impl Ring {
         self.messages.push_back((now, message));
     }
 
-    /// What was sent in the last seconds, in order. The bytes are shared.
+    /// Returns the messages of the last seconds in order. The bytes are shared.
     pub(super) fn messages(&mut self, now: Instant) -> Vec<Tapped> {
         self.forget_before(now);
         self.messages.iter().map(|(_, message)| message.clone()).collect()

@@ -1,4 +1,4 @@
-//! How recordings are doing, for diagnostics and services.
+//! Status of recordings for diagnostics and services.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub struct RecordingStatus {
 }
 
 impl RecordingStatus {
-    /// Whether anything is being recorded, a snapshot aside.
+    /// True if anything except a snapshot is being recorded.
     pub const fn is_recording(&self) -> bool {
         self.results.is_recording || self.images.is_recording
     }
@@ -23,9 +23,9 @@ impl RecordingStatus {
 /// A bag that is being recorded, or was the last one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BagStatus {
-    /// Whether it takes messages.
+    /// True if it accepts messages.
     pub is_recording: bool,
-    /// Whether it ended, but waits for the disk to take its last messages or its index.
+    /// True if it has ended but its last messages or its index are not yet written.
     pub is_ending: bool,
     /// Its directory; `None` before the first one.
     pub directory: Option<PathBuf>,

@@ -43,7 +43,7 @@ impl Syncer {
         let _num_dropped = self.files.push(file, 0);
     }
 
-    /// What the disk has refused since the last call.
+    /// Returns the disk error since the last call, if any.
     pub(super) fn take_fault(&self) -> Option<io::Error> {
         lock(&self.fault).take()
     }

@@ -1,4 +1,4 @@
-//! What every sent message passes: it never waits, neither for a disk nor for who gives orders.
+//! The entry point of every message to the recorder. It never blocks, neither on a disk nor on a command.
 
 use std::{sync::Arc, time::Instant};
 
@@ -6,11 +6,11 @@ use crate::{bag::Topic, node::sink::Outgoing};
 
 use super::{params::RecordingParams, ring::Ring, session::Session};
 
-/// What is recorded into one bag.
+/// The content of one bag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub(super) enum Stream {
-    /// What the node publishes.
+    /// Results that the node publishes.
     Results,
     /// The raw images: other sizes, another compression, another disk's worth of bytes.
     Images,

@@ -1,4 +1,4 @@
-//! Recording from the node's side: what is sent, what stands in the bags, and what is told of the rest.
+//! Tests recording from the node: messages sent, contents of the bags, and reports of losses.
 
 mod faults;
 mod process;

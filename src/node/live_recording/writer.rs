@@ -26,7 +26,7 @@ const TICKS_PER_SYNC: u32 = 10;
 /// A fast stream has the free space looked at more often.
 const SPACE_CHECK_BYTES: u64 = 8 << 20;
 
-/// What may change while recordings are on.
+/// Settings that may change during a recording.
 pub(super) struct Settings {
     pub(super) params: Mutex<RecordingParams>,
     pub(super) description: Mutex<Arc<Description>>,
@@ -83,7 +83,7 @@ fn explain(bag: &mut SplitRecorder, description: &Description) -> Result<(), Rec
     bag.explain(description.record(), description.calibration_file(now_ns.max(0)))
 }
 
-/// Lets nobody wait for a writer that is gone, not even after a panic.
+/// Closes the queue, even after a panic, so that no thread waits for a terminated writer.
 struct EndOnDrop(Arc<Session>);
 
 impl Drop for EndOnDrop {
@@ -102,7 +102,7 @@ impl BagWriter {
             session.fail(error);
         }
         let finished = self.finish(&recorded);
-        // A disk that failed has been told of, and fails again.
+        // The disk error was reported before and occurs again.
         if let (Ok(()), Err(error)) = (recorded, finished) {
             session.fail(&error.into());
         }

@@ -36,7 +36,8 @@ pub(super) struct Events {
 }
 
 impl Events {
-    /// Creates a publisher on `topic`, the absolute name after remapping, with the QoS overrides in these values.
+    /// Creates a publisher on `topic`, the absolute name after remapping, with the quality-of-service overrides in
+    /// these values.
     pub(super) fn new(
         transport: &dyn Transport,
         topic: String,

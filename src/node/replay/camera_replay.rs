@@ -34,9 +34,9 @@ pub(super) struct CameraReplay {
     calibration: Option<(Calibration, String)>,
     ambient: Option<OwnedImage>,
     pub(super) image_topic: ImageTopic,
-    /// Where the frames were taken is told on these.
+    /// Topics with the positions of the frames.
     pub(super) position_topics: Vec<String>,
-    /// What describes the camera, where that matters and is recorded.
+    /// Topic of the camera's description, if needed and recorded.
     info_topic: Option<String>,
     /// Its bag of results.
     output: PathBuf,

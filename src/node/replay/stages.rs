@@ -1,4 +1,4 @@
-//! What measures a recording without writing it down: for who looks at it.
+//! Measures a recording without storing results, for a viewer.
 
 use crate::{
     bag::BagReader,
@@ -8,7 +8,7 @@ use crate::{
 
 use super::{Replay, ReplayError};
 
-/// What measures the images of one camera, and has not seen any yet.
+/// The unused worker and metadata of one camera.
 pub struct Stage {
     /// Its name among several; empty: the only one.
     pub camera: String,
@@ -16,7 +16,7 @@ pub struct Stage {
     pub images: ImageTopic,
     /// The topics of its results, in the order of [`Output`](topics::Output).
     pub topics: Vec<TopicEndpoint>,
-    /// Who measures.
+    /// The worker that measures.
     pub worker: Worker,
 }
 

@@ -17,7 +17,7 @@ use crate::{
 
 const DEADLINE: Duration = Duration::from_secs(30);
 
-/// A line as a subscriber hears it.
+/// A line as a subscriber receives it.
 #[derive(Debug, PartialEq, Eq)]
 struct Heard {
     level: u8,
@@ -128,7 +128,7 @@ fn whoever_logs_never_waits_and_what_is_missing_is_told() {
     let num_lines = 3 * DEPTH as u64;
     let rosout = rig.start(&slot);
     with_default(registry().with(layer), || {
-        // The subscriber is stuck in the first line; nobody waits for it.
+        // The subscriber is stuck in the first line; no thread waits for it.
         for number in 0..num_lines {
             tracing::info!("{number}");
         }

@@ -35,13 +35,13 @@ const MAX_CHOSEN: usize = 16;
 pub(super) struct CameraImage<'a> {
     /// CDR bytes with their header.
     pub(super) data: &'a [u8],
-    /// How it is packed.
+    /// Its transport.
     pub(super) transport: ImageTransport,
     /// When it was received, nanoseconds since the epoch.
     pub(super) time_ns: i64,
 }
 
-/// What viewers see of a camera.
+/// The channels of a camera for viewers.
 pub(super) struct CameraView {
     /// Small pictures, and the drawings over them.
     small: Option<[Arc<Channel>; 2]>,
@@ -78,7 +78,7 @@ impl CameraView {
     ) -> Result<Self, ViewError> {
         let open = |name: &str, kind| {
             let name = of_camera(camera, name);
-            // A rule that gives the preview a bad name gives the results one, too, which is told there.
+            // A rule that gives the preview an invalid name also gives one to the results, which report it.
             let name = names.resolve(&name).unwrap_or(name);
             serve_type(server, &name, kind, 0)
         };
@@ -103,7 +103,7 @@ impl CameraView {
         Ok(())
     }
 
-    /// Whether an image is to be shown: somebody wants it, and the last picture is `min_gap` ago.
+    /// True if an image should be shown: a viewer has subscribed, and the last image was shown at least `min_gap` ago.
     pub(super) fn choose(&self, image: &CameraImage<'_>, min_gap: Duration) -> bool {
         if let Some(full) = &self.full {
             return lock(full).as_ref().is_some_and(|channel| channel.is_wanted());
@@ -129,7 +129,7 @@ impl CameraView {
         true
     }
 
-    /// Shows an image that was chosen. One that is no image is told by who measures it.
+    /// Shows a chosen image. The worker reports an invalid image.
     pub(super) fn show(&self, image: &CameraImage<'_>) {
         if let Some(full) = &self.full {
             if let Some(channel) = &*lock(full) {

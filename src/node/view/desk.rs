@@ -15,7 +15,7 @@ use crate::{
 
 use super::playback::Playback;
 
-/// The parameters of whoever is looked at.
+/// The parameters of the viewed node or replay.
 pub(super) trait Settable: Send + Sync {
     /// Shows the values in force.
     fn read(&self, look: &mut dyn FnMut(&Parameters));

@@ -23,7 +23,7 @@ use super::{
     serve,
 };
 
-/// What leads from a camera's images to viewers, but for the channels anew after every jump.
+/// The path from a camera's images to viewers; all except the channels is recreated after every jump.
 pub(super) struct Camera {
     /// Its pictures.
     pub(super) view: Arc<CameraView>,
@@ -45,12 +45,12 @@ impl Camera {
         Ok(())
     }
 
-    /// Whether it publishes that.
+    /// True if it publishes that output.
     pub(super) const fn has(&self, output: Output) -> bool {
         self.channels.len() > output as usize
     }
 
-    /// Whether it publishes on that topic itself.
+    /// True if it publishes on that topic.
     pub(super) fn publishes(&self, topic: &str) -> bool {
         self.channels.iter().any(|(name, _)| name == topic)
     }
@@ -127,27 +127,27 @@ impl<'a> Lanes<'a> {
         Self { lanes, spare }
     }
 
-    /// Whether nothing is measured.
+    /// True if nothing is measured.
     pub(super) fn is_empty(&self) -> bool {
         self.lanes.is_empty()
     }
 
-    /// Whether every camera has had an image.
+    /// True if every camera has received an image.
     pub(super) fn have_images(&self) -> bool {
         self.lanes.iter().all(|lane| lane.has_image)
     }
 
-    /// Whether a camera measures what comes on that topic.
+    /// True if a camera measures the messages on that topic.
     pub(super) fn is_image(&self, topic: &str) -> bool {
         self.lanes.iter().any(|lane| lane.images == topic)
     }
 
-    /// Whether frames may wait for something else to come.
+    /// True if frames may wait for other messages.
     pub(super) fn has_side_topics(&self) -> bool {
         self.lanes.iter().any(|lane| !lane.worker.position_topics().is_empty())
     }
 
-    /// Takes what tells where images were taken, and of which camera they are.
+    /// Processes messages about positions and cameras.
     pub(super) fn take_side(&mut self, message: &RawMessage) {
         for lane in &mut self.lanes {
             if lane.worker.position_topics().contains(&message.topic.name) {

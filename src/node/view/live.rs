@@ -35,7 +35,7 @@ use super::{
     transport::Viewed,
 };
 
-/// How often viewers are told who speaks to whom.
+/// Period of updates of the connection graph.
 const GRAPH_PERIOD: Duration = Duration::from_secs(1);
 /// Images that wait to be shown: one that comes while another is being made is not shown.
 const IMAGES_WAITING: usize = 1;
@@ -55,7 +55,7 @@ pub enum LiveViewError {
 }
 
 impl LiveViewError {
-    /// Whether what was asked for is to blame.
+    /// True if the request is wrong.
     pub const fn is_usage(&self) -> bool {
         match self {
             Self::Name(_) | Self::Parameter(_) => true,
@@ -128,7 +128,7 @@ impl LiveView {
     }
 }
 
-/// What a live camera shows.
+/// The channels of a live camera.
 pub(super) struct LiveCamera {
     /// The topics of its images, raw and compressed.
     images: [String; 2],
@@ -152,7 +152,7 @@ impl LiveCamera {
         Ok(Self { images: [raw, compressed], annotations, view })
     }
 
-    /// Whether its images come on that topic.
+    /// True if its images arrive on that topic.
     pub(super) fn takes(&self, topic: &str) -> bool {
         self.images.iter().any(|name| name == topic)
     }
@@ -205,7 +205,7 @@ fn publish_graph(transport: &Weak<dyn Transport>, server: &Weak<Server>) {
 
 fn graph(transport: &dyn Transport) -> ConnectionGraph {
     let mut graph = ConnectionGraph::new();
-    // A middleware tells how many there are, not who.
+    // A middleware reports the number of peers, not their identity.
     let ids = |kind: &str, num: usize| (1..=num).map(|id| format!("{kind} {id}")).collect();
     for topic in transport.topics() {
         let publishers: Vec<String> = ids("publisher", topic.num_publishers);

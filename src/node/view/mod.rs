@@ -27,7 +27,7 @@ use crate::{
 /// Messages of a latched topic of a recording that late viewers get: every publisher of `/tf_static` sends its own.
 const MAX_LATCHED: usize = 64;
 
-/// How the camera's images are shown.
+/// Display of the camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Images {
     /// As they came, on their own topic.
@@ -52,12 +52,12 @@ impl Images {
     }
 }
 
-/// What to serve, and where.
+/// Options of the server.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewRequest {
     /// Where to listen.
     pub address: Address,
-    /// How images are shown.
+    /// Display of images.
     pub images: Images,
 }
 

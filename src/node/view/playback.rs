@@ -1,4 +1,4 @@
-//! What viewers want of the player, and what they are told at once.
+//! Requests of viewers to the player, and the state reported to them.
 
 use std::sync::{
     Arc, Mutex, MutexGuard, PoisonError,
@@ -13,19 +13,19 @@ use crate::{
 /// Orders that may wait; a slider that is dragged over the time line sends some sixty a second.
 const MAX_WAITING: usize = 256;
 
-/// What the player is to do.
+/// A request to the player.
 pub(super) enum Order {
     /// Plays or pauses, at a speed, perhaps from another time.
     Control { status: PlaybackStatus, speed: f32, seek_ns: Option<i64> },
-    /// Measures by other parameters; the answer says why it cannot.
+    /// Applies new parameters; the answer holds the reason for refusal.
     Set(Box<Parameters>, SyncSender<Result<(), String>>),
-    /// Shows the frame again: somebody has come who has not seen it.
+    /// Shows the current frame again, for a new viewer.
     Refresh,
     /// Somebody looks: begins to play, where it has not begun yet.
     Begin,
 }
 
-/// What is shown.
+/// The displayed state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shown {
     /// Playing, paused, or at the end.
@@ -37,7 +37,7 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// As viewers are told.
+    /// The state as reported to viewers.
     pub(super) fn state(self) -> PlaybackState {
         PlaybackState {
             status: self.status,
@@ -105,7 +105,7 @@ impl Playback {
         self.tell(Order::Refresh);
     }
 
-    /// A player that has so much to do shows everything anew anyhow.
+    /// If the queue is full, the player redraws everything anyway.
     fn tell(&self, order: Order) {
         match self.orders.try_send(order) {
             Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}

@@ -30,15 +30,15 @@ use super::{
     recording::{Passed, Reader, last_time_ns},
 };
 
-/// How often a player that has nothing to do looks whether it is to end.
+/// Period at which an idle player checks for a stop request.
 const IDLE: Duration = Duration::from_millis(50);
-/// What came so long before a frame may tell where it was taken; what comes so long after it, too. Nanoseconds.
+/// Time before and after a frame within which messages may determine its position, nanoseconds.
 const AROUND_NS: i64 = 500_000_000;
-/// Viewers forget what they show when they hear of a jump. They hear of it on another way than of messages.
+/// Viewers clear their display after a jump. The notification of a jump may overtake messages.
 const JUMP_PAUSE: Duration = Duration::from_millis(20);
 /// Wishes that come so close together are one.
 const TOGETHER: Duration = Duration::from_millis(10);
-/// Time is told so often at most.
+/// Minimum period between time messages.
 const TIME_GAP: Duration = Duration::from_millis(20);
 
 /// A player. It ends when its orders do, or at the wish to stop.
@@ -51,15 +51,15 @@ pub(super) struct Player {
     pub(super) shown: Arc<Mutex<Shown>>,
     pub(super) range_ns: (i64, i64),
     pub(super) stop: Stop,
-    /// Whether it ends with the recording.
+    /// True if it ends with the recording.
     pub(super) ends: bool,
-    /// Whether somebody has looked, or chosen what to see.
+    /// True if a viewer has connected or subscribed.
     pub(super) has_begun: bool,
     /// An order that came while others were awaited.
     pub(super) pending: Option<Order>,
 }
 
-/// What comes after a part was played.
+/// The action after a part was played.
 enum Next {
     /// Another part, from that time on.
     From(i64),
@@ -79,7 +79,7 @@ impl Player {
     /// Plays until it is to end.
     ///
     /// # Errors
-    /// What is to be shown cannot be measured or served.
+    /// Measuring or serving failed.
     pub(super) fn run(mut self) -> Result<(), PlayError> {
         let mut from_ns = self.range_ns.0;
         while let Next::From(next_ns) = self.play_from(from_ns)? {
@@ -227,7 +227,7 @@ impl Player {
         }
     }
 
-    /// Who opens a layout wants a dozen topics at once: one look at the frame is enough for all.
+    /// A viewer that opens a layout subscribes to a dozen topics at once; the frame is shown once for all of them.
     fn await_others(&mut self) {
         while let Ok(order) = self.orders.recv_timeout(TOGETHER) {
             if !matches!(order, Order::Refresh) {
@@ -237,7 +237,7 @@ impl Player {
         }
     }
 
-    /// How long until the next message is due; `None`: it is. Paused, for ever.
+    /// Returns the time until the next message is due; `None` if it is due now. Infinite while paused.
     fn wait(act: &mut Act<'_>) -> Option<Duration> {
         let (Some(pacer), Some(next)) = (&mut act.pacer, act.reader.peek()) else {
             return Some(IDLE);
@@ -263,7 +263,7 @@ impl Player {
         }
     }
 
-    /// Follows an order; the time from which to play anew, where that is needed.
+    /// Carries out a command. Returns the time from which to restart playback, if needed.
     fn obey(&mut self, order: Order, act: &mut Act<'_>) -> Option<i64> {
         match order {
             Order::Control { status, speed, seek_ns } => {

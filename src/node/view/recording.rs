@@ -15,9 +15,9 @@ use super::{Images, serve_recorded};
 
 /// Messages of latched topics that are looked for before anything is shown.
 const MAX_LATCHED: usize = 1000;
-/// Damaged places that are told one by one.
+/// Maximum number of damaged places that are logged individually.
 const MAX_TOLD: u64 = 10;
-/// How far back the last image is looked for at first, nanoseconds.
+/// Initial distance of the search for the last image, nanoseconds.
 const LOOK_BACK_NS: i64 = 1_000_000_000;
 
 /// Messages in order of time, the next one in sight.
@@ -82,7 +82,7 @@ pub(super) fn last_time_ns(bag: &BagReader, topics: &[String]) -> Option<i64> {
     }
 }
 
-/// What is shown as it was recorded: all but the images that are measured and the results that are made anew.
+/// Topics shown as recorded: all except the measured images and the recomputed results.
 pub(super) struct Passed(BTreeMap<String, Arc<Channel>>);
 
 impl Passed {
@@ -110,7 +110,7 @@ impl Passed {
         Ok(passed)
     }
 
-    /// What is said once, at the beginning, holds for every later time.
+    /// Latched messages from the beginning apply to every later time.
     fn begin_with_latched(&self, bag: &BagReader) {
         let latched = bag.topics().iter().filter(|topic| topic.is_latched());
         let names: Vec<_> = latched
@@ -129,7 +129,7 @@ impl Passed {
         self.0.keys()
     }
 
-    /// Shows a message, when somebody wants it.
+    /// Shows a message if a viewer has subscribed to it.
     pub(super) fn pass(&self, message: &RawMessage) {
         let Some(channel) = self.0.get(&message.topic.name) else { return };
         if message.topic.is_latched() {

@@ -31,7 +31,7 @@ use super::{
     recording::Passed,
 };
 
-/// How long a viewer who sets a parameter waits for the player.
+/// Time that setting a parameter waits for the player.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Why a recording cannot be seen.
@@ -58,7 +58,7 @@ pub enum ReplayViewError {
 }
 
 impl ReplayViewError {
-    /// Whether what was asked for is to blame.
+    /// True if the request is wrong.
     pub const fn is_usage(&self) -> bool {
         match self {
             Self::Replay(error) => error.is_usage(),
@@ -69,7 +69,7 @@ impl ReplayViewError {
     }
 }
 
-/// Whether the view ends with the recording.
+/// True if the view ends with the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AtEnd {
     /// It stays: viewers may play again.
@@ -154,7 +154,7 @@ impl ReplayView {
         self.server.address()
     }
 
-    /// Whether it has ended by itself.
+    /// True if it has ended by itself.
     pub fn is_finished(&self) -> bool {
         self.player.is_finished()
     }

@@ -28,7 +28,7 @@ pub(super) struct Viewed {
 }
 
 impl Viewed {
-    /// Serves a topic, or tells why viewers lack it: that keeps nothing from being published.
+    /// Serves a topic, or logs the reason that viewers cannot receive it. An error does not prevent publication.
     fn channel(&self, topic: &TopicEndpoint) -> Option<Arc<Channel>> {
         let served = serve(&self.server, topic);
         served.inspect_err(|error| tracing::warn!("{} is not viewed: {error}", topic.name)).ok()
@@ -106,7 +106,7 @@ impl Transport for Viewed {
     }
 }
 
-/// A publisher that viewers hear, too.
+/// A publisher whose messages also reach viewers.
 struct ViewedPublication {
     inner: Box<dyn Publication>,
     channel: Option<Arc<Channel>>,

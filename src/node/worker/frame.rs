@@ -137,7 +137,7 @@ impl Worker {
         let place = self.ledger.place(message.sequence);
         calibrated?;
         let (index, time_ns) = (self.ledger.index(place), message.log_time_ns);
-        self.measurer.measure(Job { started, header, image, place, index, time_ns }, out)
+        self.measurer.measure(&Job { started, header, image, place, index, time_ns }, out)
     }
 }
 

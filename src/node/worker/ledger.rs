@@ -152,9 +152,9 @@ impl Ledger {
         self.count_doubtful(outcome.stamp_ns, outcome.position);
     }
 
-    /// Counts a slice that ended without a subsequent frame.
-    pub(super) fn count_last_slice(&mut self, has_slice: bool) {
-        self.counts.slices += u64::from(has_slice);
+    /// Counts slices that ended without a subsequent frame.
+    pub(super) fn count_last_slices(&mut self, num_slices: usize) {
+        self.counts.slices += num_slices as u64;
     }
 
     /// Counts a rejected frame in the bin of its reason. Warns about the first of each bin.

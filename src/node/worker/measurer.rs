@@ -86,10 +86,10 @@ impl Measurer {
     /// The frame does not fit the parameters, or nothing more can be published.
     pub(super) fn measure(
         &mut self,
-        job: Job<'_>,
+        job: &Job<'_>,
         out: &mut Publisher<'_>,
     ) -> Result<Outcome, NotMeasured> {
-        let Job { started, header, image, place, index, time_ns } = job;
+        let &Job { started, header, image, place, index, time_ns } = job;
         let stamp_ns = header.stamp.to_ns();
         let position = match &mut self.positions {
             None => self.pipeline.expected_position(place.frame_number, stamp_ns),

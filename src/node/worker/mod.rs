@@ -274,7 +274,7 @@ impl Worker {
     fn end_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
         let gap = self.ledger.take_gap();
         let has_slice = self.measurer.end_scan(gap, self.last_time_ns, out)?;
-        self.ledger.count_last_slice(has_slice);
+        self.ledger.count_last_slices(usize::from(has_slice));
         Ok(())
     }
 

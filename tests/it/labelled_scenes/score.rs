@@ -58,7 +58,7 @@ impl Labelled {
     /// Score with the scene's parameters after `change`.
     pub(crate) fn score(&self, change: impl Fn(ExtractionParams) -> ExtractionParams) -> Score {
         let params = Params { extraction: change(self.params.extraction), ..self.params };
-        self.measure(params, |output| {
+        self.measure(&params, |output| {
             let line = output.centerline;
             let (along, across) = match params.stripe_direction {
                 StripeDirection::Horizontal => (&line.u_px, &line.v_px),
@@ -77,10 +77,10 @@ impl Labelled {
         change: impl Fn(ExtractionParams) -> ExtractionParams,
     ) -> Option<f64> {
         let params = Params { extraction: change(self.params.extraction), ..self.params };
-        self.measure(params, |output| output.share_above_threshold)
+        self.measure(&params, |output| output.share_above_threshold)
     }
 
-    fn measure<T>(&self, params: Params, read: impl Fn(&Output<'_>) -> T) -> T {
+    fn measure<T>(&self, params: &Params, read: impl Fn(&Output<'_>) -> T) -> T {
         let (width, height) = (self.picture.width(), self.picture.height());
         let format = match self.picture.color().channel_count() {
             1 => PixelFormat::Mono8,
@@ -88,7 +88,7 @@ impl Labelled {
         };
         let step = width * format.bytes_per_pixel() as u32;
         let image = Image::new(width, height, step, format, self.picture.as_bytes()).unwrap();
-        let mut pipeline = Pipeline::new(params, None);
+        let mut pipeline = Pipeline::new(*params, None);
         let frame = Frame { stamp_ns: 0, image };
         read(&pipeline.process(&frame, FrameIndex::default(), |_| ()).unwrap())
     }
