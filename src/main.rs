@@ -17,7 +17,7 @@ fn main() -> ExitCode {
         Ok(Outcome::DataLost) => return DATA_LOST.into(),
         Err(error) => error,
     };
-    // If the terminal is gone, there is nowhere to report an error of printing.
+    // Printing fails if the terminal is gone; there is nowhere to report that.
     if let Some(clap) = error.downcast_ref::<clap::Error>() {
         drop(clap.print());
         return if clap.use_stderr() { USAGE.into() } else { ExitCode::SUCCESS };

@@ -1,4 +1,4 @@
-//! `laser_profiler ambient`: the picture without laser that `background: reference` takes off.
+//! `laser_profiler ambient`: the ambient image that `background: reference` subtracts.
 
 use std::{
     io::Write,
@@ -15,24 +15,24 @@ use crate::{
     scanner::params::Channel,
 };
 
-/// Averages a recording made with the laser off into the picture that `background: reference` takes off every frame.
+/// Averages a recording with the laser off into the ambient image that `background: reference` subtracts.
 ///
-/// Record some ten frames with the laser off and everything else as in production: camera, exposure, room light.
+/// Record about ten frames with the laser off and everything else as in production: camera, exposure, room light.
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub struct AmbientArgs {
     /// A rosbag2 directory or an .mcap file with one image topic.
     pub bag: PathBuf,
-    /// The picture, a PNG file.
+    /// Ambient image, a PNG file.
     #[arg(short, long)]
     pub output: PathBuf,
-    /// Grey level of a colour pixel, as the parameter channel; give the same one.
+    /// Conversion of colour pixels to grey levels; use the value of the parameter `channel`.
     #[arg(long, default_value = "auto")]
     pub channel: String,
-    /// Largest image accepted, bytes, decoded.
+    /// Largest accepted image, bytes after decoding.
     #[arg(long, default_value_t = 64 << 20)]
     pub max_frame_bytes: u64,
-    /// Replaces a picture that is there already.
+    /// Replace an existing file.
     #[arg(long)]
     pub force: bool,
     /// One JSON object on standard output: output, width, height, bits, frames.
@@ -46,10 +46,10 @@ Example:
   laser_profiler replay recording -o results --ros-args -p extraction.background:=reference \\
     -p extraction.background_file:=ambient.png";
 
-/// Averages, writes the picture and tells on `out` what it is.
+/// Averages the frames, writes the image and prints a summary on `out`.
 ///
 /// # Errors
-/// An input that cannot be read, an output that is there or cannot be written. A reader of `out` that goes away is none.
+/// The input cannot be read, or the output exists or cannot be written. A closed pipe is not an error.
 pub fn run(args: &AmbientArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let Some(channel) = Channel::from_name(&args.channel) else {
         let (name, names) = (&args.channel, Channel::NAMES.join(", "));

@@ -1,4 +1,4 @@
-//! `laser_profiler compare`: how two results of one recording differ, where and why.
+//! `laser_profiler compare`: differences between two results of one recording.
 
 mod answer;
 
@@ -14,45 +14,45 @@ use crate::{
 
 const HELP: &str = "\
 Examples:
-  laser_profiler compare before after                        a table: bias, RMS, worst places, what differs in the parameters
+  laser_profiler compare before after                        a table: bias, RMS, worst places, differing parameters
   laser_profiler compare before after -o compare.html        the same as a page, with a map of the differences
-  laser_profiler compare golden new --fail-above 0.01        for a test: exit code 1 when a point moved by more than 0.01 px
+  laser_profiler compare golden new --fail-above 0.01        for a test: exit code 1 if a point moved by more than 0.01 px
 
-Both are results of one recording: two sets of parameters, two calibrations, two versions. Frames are matched by their stamps,
-points by column (by row, for a vertical stripe). Differences are B minus A across the stripe, in pixels of the image; where both
-have profiles also of the heights, in micrometres. Quantiles are exact to 1/4096 px and 1/16 µm.
+A and B are results of one recording with different parameters, calibrations or versions. Frames are matched by their stamps, points by
+column (by row for a vertical stripe). Differences are B minus A: across the stripe in pixels of the image and, if both have profiles,
+in height in micrometres. Quantiles are exact to 1/4096 px and 1/16 µm.
 
-Unlike diff, results that differ are no failure: the exit code is 0, and 3 when something could not be read. With --fail-above it
-is 1 when the largest difference is above that limit, or when a frame or a point is in one of them only.
+Unlike with diff, differences are not a failure: the exit code is 0, or 3 if something could not be read. With --fail-above it is 1 if
+the largest difference exceeds the limit, or if a frame or a point is in only one of them.
 
 --json prints one object:
   a, b: {path, version, method, input, frames_only, points_only}; frames, points (in both)
   px, um: {num, bias, median, rms, robust, p95, largest}; null without points in both
-  flags:    {name: [only in A, only in B]} of the points in both
+  flags:    {name: [only in A, only in B]} for points in both
   frames_worst:   [{frame, stamp_ns, points, points_only: [A, B], bias_px, rms_px, largest_px, worst_section}]
   sections_worst: [{section, points, bias_px, rms_px, points_only: [A, B]}]
-  reasons:  [{what, a, b}]; notes: [text]; lost (places that could not be read)";
+  reasons:  [{what, a, b}]; notes: [text]; lost (number of losses)";
 
-/// Compares two results of one recording, column by column: differences in pixels and micrometres, where they are, and why.
+/// Compares two results of one recording: differences in pixels and micrometres, their places, and differing settings.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct CompareArgs {
-    /// Results that others are compared with.
+    /// Reference results.
     #[arg(value_name = "A")]
     before: PathBuf,
-    /// Results that are compared.
+    /// Results to compare with the reference.
     #[arg(value_name = "B")]
     after: PathBuf,
-    /// The point clouds of the camera that is meant, where the results have several cameras.
+    /// Point-cloud topic of the camera, if the results have several cameras.
     #[arg(long, value_name = "TOPIC")]
     topic: Option<String>,
-    /// A page to write.
+    /// Write the comparison as an HTML page.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Ends with exit code 1 when the largest difference is above so many pixels, or a point is in one of them only.
+    /// End with exit code 1 if the largest difference exceeds PX pixels, or if a point is in only one of them.
     #[arg(long, value_name = "PX", value_parser = limit)]
     fail_above: Option<f64>,
-    /// Compares results of different recordings, too, and replaces a page that is there.
+    /// Also compare results of different recordings, and replace an existing page.
     #[arg(long)]
     force: bool,
     /// One JSON object on standard output (see below).
@@ -63,15 +63,15 @@ pub struct CompareArgs {
 fn limit(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(limit) if limit >= 0.0 && limit.is_finite() => Ok(limit),
-        _ => Err(format!("{text:?} is not a number of pixels from 0")),
+        _ => Err(format!("{text:?} is not a non-negative number of pixels")),
     }
 }
 
-/// Compares and tells on `out`.
+/// Compares two results and prints the differences on `out`.
 ///
 /// # Errors
-/// A recording that cannot be opened, results of different recordings or without common frames, a page that cannot be
-/// written, a difference above the limit.
+/// A recording cannot be opened, the results are of different recordings or have no common frame, the page exists or cannot
+/// be written, a difference exceeds the limit.
 pub fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     if let (Some(path), false) = (&args.output, args.force) {
         output::refuse_existing(path)?;
@@ -85,7 +85,7 @@ pub fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let recordings = [&recordings[0], &recordings[1]];
     for difference in different_inputs(recordings, &mut notes) {
         if !args.force {
-            bail!("{difference}: --force compares them all the same");
+            bail!("{difference}: --force compares them anyway");
         }
         notes.add(difference);
     }
@@ -106,7 +106,9 @@ pub fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
 fn require_below(limit_px: f64, differences: &Differences) -> anyhow::Result<()> {
     let largest = differences.pixels.figures().largest;
     if largest > limit_px {
-        return Err(anyhow!("the largest difference is {largest:.4} px, above {limit_px} px"));
+        return Err(anyhow!(
+            "the largest difference is {largest:.4} px, above the limit of {limit_px} px"
+        ));
     }
     let [_, frames @ ..] = differences.num_frames;
     let [_, points @ ..] = differences.num_points;

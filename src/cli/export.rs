@@ -1,4 +1,4 @@
-//! `laser_profiler export`: the results of a scan as files that others read.
+//! `laser_profiler export`: a scan as files in common formats.
 
 mod cloud;
 mod csv;
@@ -32,59 +32,59 @@ use cloud::{CloudFormat, CloudWriter};
 
 const HELP: &str = "\
 Examples:
-  laser_profiler export results -o part.ply                        a point cloud, binary, with intensity
-  laser_profiler export results -o part.ply --color height         the same in colour
-  laser_profiler export results -o map.png -o map.tif --cell 50um  height maps, 16 bit and 32-bit float
-  laser_profiler export results --picture part.png --level         a picture to look at, the part laid level
+  laser_profiler export results -o part.ply                        a binary point cloud with intensity
+  laser_profiler export results -o part.ply --color height         the same with colours
+  laser_profiler export results -o map.png -o map.tif --cell 50um  height maps, 16-bit integer and 32-bit float
+  laser_profiler export results --picture part.png --level         a levelled picture
 
-Formats, by the ending:
+Formats by file extension:
   .ply   x, y, z, intensity as 32-bit floats in metres, binary little endian; with --color also red, green, blue
   .pcd   x, y, z, intensity as 32-bit floats in metres, binary (PCL 0.7)
-  .csv   one point a line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m, flags of every profile; with --region, --heights or
-         --level, or without profiles in the recording: x_m, y_m, z_m, intensity of the cloud
-  .png   heights, 16 bit: level 0 is invalid, else z = offset_m + level * metres_per_level; the numbers stand in the file (tEXt)
-         and in FILE.json beside it
-  .tif   heights in metres as 32-bit floats, NaN where invalid; the grid stands in ImageDescription and in FILE.json
-Rows of a height map begin at the smallest y. A cell holds the mean of the surface through neighbouring points over its area; where
-nothing was measured it stays invalid, unless --fill N closes gaps of at most N cells: those are flagged in FILE.mask.png
+  .csv   one point per line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m, flags of every profile; with --region, --heights or
+         --level, or if the recording has no profiles: x_m, y_m, z_m, intensity of the cloud
+  .png   16-bit heights: level 0 is invalid, otherwise z = offset_m + level * metres_per_level; the numbers are in the file (tEXt)
+         and in FILE.json
+  .tif   heights in metres as 32-bit floats, NaN if invalid; the grid is in ImageDescription and in FILE.json
+The first row of a height map has the smallest y. A cell is the mean over its area of the surface through neighbouring points. Cells
+without points are invalid; --fill N fills gaps of at most N cells and marks them in FILE.mask.png
 (0 invalid, 1 measured, 2 filled).
 
 --json prints one object: topic, profiles, points, rejected (clouds, and profiles of a .csv), from_m and to_m ([x, y, z]), files: [{path, format, …}]";
 
-/// Writes a scan as point cloud (PLY, PCD, CSV), height map (16-bit PNG, 32-bit TIFF) or picture.
+/// Exports a scan as point cloud (PLY, PCD, CSV), height map (16-bit PNG, 32-bit TIFF) or picture.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct ExportArgs {
     #[command(flatten)]
     results: ResultsArgs,
-    /// A file to write; its ending is its format: ply, pcd, csv, png, tif. May be given several times.
+    /// Output file. The extension selects the format: ply, pcd, csv, png, tif. May be repeated.
     #[arg(short, long, value_name = "FILE", required_unless_present = "picture")]
     output: Vec<PathBuf>,
-    /// A PNG file to look at: heights in colour, shaded, with axes and scale.
+    /// PNG picture: shaded heights in colour, with axes and scale.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// Only points in x0,y0,x1,y1.
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
-    /// Only heights from LOW to HIGH, before the scan is laid level.
+    /// Only heights from LOW to HIGH, before levelling.
     #[arg(long, value_name = "LOW,HIGH", value_parser = interval_m, allow_hyphen_values = true)]
     heights: Option<[f64; 2]>,
-    /// Lays the scan level: turned and lifted so that the robust plane through its points lies at height 0.
+    /// Level the scan: move the robust plane through its points to height 0.
     #[arg(long)]
     level: bool,
-    /// The same by the plane through the points of a flat, x0,y0,x1,y1.
+    /// Level the scan by the plane through the points in x0,y0,x1,y1.
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     level_on: Option<Region>,
-    /// Side of a cell of height maps and pictures; the geometric mean of the distances of the points, when not given.
+    /// Cell size of height maps and pictures. Default: the geometric mean of the point distances along x and y.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m)]
     cell: Option<f64>,
-    /// Closes gaps of at most so many cells in height maps and pictures.
+    /// Fill gaps of at most CELLS cells in height maps and pictures.
     #[arg(long, value_name = "CELLS", default_value_t = 0)]
     fill: usize,
     /// Colours of a PLY file.
     #[arg(long, value_name = "NAME", default_value = "none", value_parser = ["none", "height"])]
     color: String,
-    /// Replaces files that are there already.
+    /// Replace existing files.
     #[arg(long)]
     force: bool,
     /// One JSON object on standard output (see below).
@@ -98,7 +98,7 @@ impl ExportArgs {
     }
 }
 
-/// What a file is.
+/// Format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Cloud(CloudFormat),
@@ -117,7 +117,7 @@ impl Format {
             Some("png") => Ok(Self::Png),
             Some("tif" | "tiff") => Ok(Self::Tiff),
             _ => Err(Usage(format!(
-                "{}: the ending says the format: .ply, .pcd, .csv, .png or .tif",
+                "{}: unknown extension; use .ply, .pcd, .csv, .png or .tif",
                 path.display()
             ))),
         }
@@ -128,7 +128,7 @@ impl Format {
     }
 }
 
-/// What became of a file of points.
+/// Counts of a written point file.
 #[derive(Clone, Copy, Debug, Default)]
 struct Written {
     num_points: u64,
@@ -136,11 +136,11 @@ struct Written {
     num_lost: u64,
 }
 
-/// Exports and tells on `out` what was written.
+/// Exports a scan and lists the files on `out`.
 ///
 /// # Errors
-/// [`Usage`] for an ending that means nothing or a choice that is missing; a recording without points, a file that is there
-/// or cannot be written.
+/// [`Usage`] for an unknown extension or an ambiguous selection; a recording without points, a file that exists or cannot
+/// be written.
 pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let formats: Vec<(&Path, Format)> = args
         .output
@@ -171,7 +171,7 @@ pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     Ok(Outcome::with_losses(counts.rejected))
 }
 
-/// How the points are moved before they are written.
+/// Returns the motion that levels the scan.
 fn motion(
     args: &ExportArgs,
     results: &Results,
@@ -186,7 +186,7 @@ fn motion(
     Ok(Some(plane::leveling(&plane)))
 }
 
-/// Writes what is written point by point.
+/// Writes the point files.
 fn clouds(
     args: &ExportArgs,
     formats: &[(&Path, Format)],
@@ -217,7 +217,7 @@ fn clouds(
     Ok((files, num_lost))
 }
 
-/// Writes a file, and leaves none behind that is not whole.
+/// Writes a file; removes it on failure.
 fn write_whole<T>(
     path: &Path,
     write: impl FnOnce(&mut std::io::BufWriter<fs::File>) -> anyhow::Result<T>,
@@ -228,7 +228,7 @@ fn write_whole<T>(
         Ok(written)
     });
     if written.is_err() {
-        // The first error is the one that tells.
+        // The first error is the one to report.
         drop(fs::remove_file(path));
     }
     written
@@ -241,7 +241,7 @@ fn filled(mut map: RegularHeightMap, max_gap: usize) -> RegularHeightMap {
     map
 }
 
-/// Writes what is made of the height map.
+/// Writes height maps and picture.
 fn grids(
     args: &ExportArgs,
     formats: &[(&Path, Format)],
@@ -251,11 +251,11 @@ fn grids(
     let mut files = Vec::new();
     let about = grid::about(map, results.topic());
     for &(path, format) in formats.iter().filter(|(_, format)| format.is_grid()) {
-        let told = match format {
+        let metadata = match format {
             Format::Png => grid::write_png(path, map, &about),
             _ => grid::write_tiff(path, map, &about),
         };
-        let mut told = told.with_context(|| path.display().to_string())?;
+        let mut metadata = metadata.with_context(|| path.display().to_string())?;
         let beside = |ending: &str| {
             let mut name = path.as_os_str().to_owned();
             name.push(ending);
@@ -264,13 +264,13 @@ fn grids(
         if args.fill > 0 {
             let mask = beside(".mask.png");
             grid::write_mask(&mask, map).with_context(|| mask.display().to_string())?;
-            told["mask"] = json!(mask.file_name().map(|name| name.to_string_lossy()));
+            metadata["mask"] = json!(mask.file_name().map(|name| name.to_string_lossy()));
         }
         let sidecar = beside(".json");
-        fs::write(&sidecar, format!("{told:#}\n"))
+        fs::write(&sidecar, format!("{metadata:#}\n"))
             .with_context(|| sidecar.display().to_string())?;
-        told["path"] = json!(path);
-        files.push(told);
+        metadata["path"] = json!(path);
+        files.push(metadata);
     }
     if let Some(path) = &args.picture {
         height_picture::save(path, results.topic(), map)?;
@@ -317,7 +317,7 @@ fn report(
     }
 }
 
-/// How many cells are in each state, for sidecars and answers.
+/// Returns the numbers of measured and of filled cells.
 fn counts(map: &RegularHeightMap) -> [usize; 2] {
     [CellState::Measured, CellState::Filled].map(|state| map.count(state))
 }

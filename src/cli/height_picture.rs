@@ -83,7 +83,7 @@ fn draw_map(area: &Area<'_>, map: &RegularHeightMap, scale: [f32; 2]) -> anyhow:
     Ok(())
 }
 
-/// So many digits as neighbouring ticks need.
+/// Formats a tick label with enough digits for its neighbours to differ.
 fn label(mm: f64, range_mm: f64) -> String {
     let digits = if range_mm > 20.0 { 0 } else { 2 };
     format!("{mm:.digits$}")
@@ -96,7 +96,7 @@ fn color(map: &RegularHeightMap, column: usize, row: usize, scale: [f32; 2]) -> 
     if !here.is_finite() {
         return NOT_MEASURED;
     }
-    // Slopes to the next cells that were measured; level where there are none.
+    // Slope to the next measured cells; zero if there are none.
     let slope = |low: f32, high: f32| match (low.is_finite(), high.is_finite()) {
         (true, true) => 0.5 * (high - low),
         (true, false) => here - low,

@@ -1,4 +1,4 @@
-//! `laser_profiler info`: what a bag holds.
+//! `laser_profiler info`: contents of a bag.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -10,10 +10,10 @@ use crate::bag::info::{BagInfo, Depth, TopicInfo, describe};
 use crate::bag::{BagReader, ReadOptions};
 use crate::report::date::date;
 
-/// Tells what a bag holds: topics, types, counts, rates, gaps, sizes, calibration, parameters.
+/// Lists the contents of a bag: topics, types, counts, rates, gaps, sizes, calibration, parameters.
 ///
-/// A bag with a sound index is not read further; `--verify` reads every message and tests every checksum. A bag
-/// that was cut short or is damaged is read from end to end, and the exit code is 3.
+/// Reads only the index if it is intact; `--verify` reads every message and checks every checksum. A truncated or
+/// damaged bag is read completely, and the exit code is 3.
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub struct InfoArgs {
@@ -33,7 +33,7 @@ Examples:
   laser_profiler info results/results_0.mcap --json | jq .topics
 
 --json prints one object:
-  path, bytes, start_ns, end_ns (null without messages), duration_s, messages, verified (every message was read)
+  path, bytes, start_ns, end_ns (null without messages), duration_s, messages, verified (true if every message was read)
   files:       [{path, bytes, indexed, compression: [\"none\"|\"lz4\"|\"zstd\"]}]
   topics:      [{name, type, encoding, type_hash, messages, rate_hz, largest_gap_s, largest_gap_at_ns,
                 skipped (by the writer's counter), bytes}]; rate and gap null when there are too few messages,
@@ -46,7 +46,7 @@ Examples:
 /// Prints the description on `out`.
 ///
 /// # Errors
-/// A bag that cannot be opened. A reader of `out` that goes away is no error.
+/// The bag cannot be opened. A closed pipe is not an error.
 pub fn run(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let bag = BagReader::open(&args.bag, &ReadOptions::default())?;
     let depth = if args.verify { Depth::Messages } else { Depth::Index };
@@ -84,7 +84,7 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
         )?;
     }
     writeln!(out, "Duration    {:.3} s", info.duration_s)?;
-    let how = if info.verified { "every one read" } else { "by the index" };
+    let how = if info.verified { "all read" } else { "from the index" };
     writeln!(out, "Messages    {}  ({how})", info.messages)?;
     print_topics(&info.topics, out)?;
     for attachment in &info.attachments {
@@ -94,7 +94,7 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
     }
     for (name, entries) in &info.metadata {
         writeln!(out, "Metadata    {name}")?;
-        // Short texts first: version and origin would be lost behind a hundred parameters.
+        // Short texts first, so that version and origin are not lost behind a hundred parameters.
         let (long, short): (Vec<_>, Vec<_>) =
             entries.iter().partition(|(_, text)| text.trim_end().contains('\n'));
         for (key, text) in short.into_iter().chain(long) {

@@ -2,10 +2,10 @@
 
 use crate::metrology::surface::Region;
 
-/// A length in metres from `2.5mm`, `80um`, `0.3m` or a bare number of metres.
+/// Parses a length such as `2.5mm`, `80um`, `0.3m` or a number of metres. Returns metres.
 ///
 /// # Errors
-/// Anything else, said so that the user sees what would be right.
+/// Anything else, with valid examples.
 pub(super) fn length_m(text: &str) -> Result<f64, String> {
     let text = text.trim();
     let units = [("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6), ("nm", 1e-9), ("cm", 1e-2), ("m", 1.0)];
@@ -13,14 +13,14 @@ pub(super) fn length_m(text: &str) -> Result<f64, String> {
     let (number, factor) = found.unwrap_or((text, 1.0));
     match number.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number * factor),
-        _ => Err(format!("{text:?} is not a length as in 2.5mm, 80um, 0.3m or 0.0025 (metres)")),
+        _ => Err(format!("{text:?} is not a length: write 2.5mm, 80um, 0.3m or 0.0025 (metres)")),
     }
 }
 
-/// A length above 0, metres.
+/// Parses a length above 0. Returns metres.
 ///
 /// # Errors
-/// No length, or not above 0.
+/// Not a length, or not above 0.
 pub(super) fn positive_m(text: &str) -> Result<f64, String> {
     match length_m(text)? {
         length if length > 0.0 => Ok(length),
@@ -28,7 +28,7 @@ pub(super) fn positive_m(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A region `x0,y0,x1,y1` with `x0 < x1` and `y0 < y1`.
+/// Parses a region `x0,y0,x1,y1` with `x0 < x1` and `y0 < y1`.
 ///
 /// # Errors
 /// Anything else.
@@ -40,7 +40,7 @@ pub(super) fn region(text: &str) -> Result<Region, String> {
     }
 }
 
-/// An interval `FROM,TO` with `FROM < TO`, metres.
+/// Parses an interval `FROM,TO` with `FROM < TO`. Returns metres.
 ///
 /// # Errors
 /// Anything else.
@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_are_understood_and_nothing_else() {
+    fn lengths_need_a_known_unit() {
         for (text, metres) in
             [("2.5mm", 2.5e-3), ("80um", 8e-5), ("-3 µm", -3e-6), ("0.3", 0.3), ("1m", 1.0)]
         {

@@ -1,4 +1,4 @@
-//! Log lines go to standard error: standard output carries results only. A live node sends them to `/rosout`, too.
+//! Logging to standard error; standard output carries only results. A live node also publishes to `/rosout`.
 
 use std::{
     io::{self, IsTerminal},
@@ -25,16 +25,16 @@ use crate::{
     ros::names::NodeNames,
 };
 
-/// Where this program's own events come from.
+/// Target prefix of this program's events.
 const OWN_TARGET: &str = "laser_profiler";
-/// Other people's code that logs, by the start of its crates' names.
+/// Dependencies that log, by the prefix of their crate names.
 const DEPENDENCIES: [&str; 4] = ["rustdds", "ros2_client", "zenoh", "foxglove"];
-/// Hundreds of errors a second while fragments are lost, which the counters tell better.
+/// Logs hundreds of errors per second while fragments are lost; the counters report them.
 const NOISE: &str = "rustdds::structure";
-/// Tells of every viewer that speaks an old protocol; such a viewer tries again and again.
+/// Logs every attempt of a viewer with an old protocol; such a viewer keeps retrying.
 const VIEWERS: &str = "foxglove::websocket::server";
 
-/// Which log lines are shown.
+/// Log levels by logger.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Levels {
     own: LevelFilter,
@@ -43,8 +43,8 @@ pub(super) struct Levels {
 }
 
 impl Levels {
-    /// From `--log-level level` and `--log-level logger:=level`. A logger is the node, a namespace above it, or one of the
-    /// dependencies; a longer name beats a shorter one, and then the last one counts.
+    /// Parses `--log-level level` and `--log-level logger:=level`. A logger is the node, a namespace above it, or a
+    /// dependency. A longer name takes precedence over a shorter one, a later option over an earlier one.
     ///
     /// # Errors
     /// A logger that does not exist.
@@ -80,10 +80,10 @@ impl Levels {
     }
 
     fn targets(&self) -> Targets {
-        // It warns of every datagram that is not its own, and of each peer that wants another QoS, over and over.
+        // It repeats warnings on foreign datagrams and on peers with incompatible QoS.
         let rustdds =
             if self.others > LevelFilter::WARN { self.others } else { LevelFilter::ERROR };
-        // A viewer that is closed without a farewell is no error.
+        // A viewer that disconnects without closing the connection is not an error.
         let viewers = if self.others > LevelFilter::WARN { self.others } else { LevelFilter::OFF };
         Targets::new()
             .with_default(self.others)
@@ -96,7 +96,7 @@ impl Levels {
     }
 }
 
-/// Levels with the length of the logger's name that they were given for.
+/// Levels, with the length of the logger's name.
 fn most_specific(before: (usize, LogLevel), next: (usize, LogLevel)) -> (usize, LogLevel) {
     if next.0 >= before.0 { next } else { before }
 }
@@ -114,7 +114,7 @@ const fn filter(level: LogLevel) -> LevelFilter {
     }
 }
 
-/// Lets only the first error about viewers pass.
+/// Passes only the first error on viewers.
 fn viewers_once<S: Subscriber>() -> impl Layer<S> {
     let is_told = AtomicBool::new(false);
     dynamic_filter_fn(move |metadata, _| {
@@ -123,7 +123,7 @@ fn viewers_once<S: Subscriber>() -> impl Layer<S> {
     })
 }
 
-/// Starts logging, and returns where a node connects it to `/rosout`. A second call changes nothing.
+/// Starts logging and returns the connection for `/rosout`. A second call has no effect.
 pub(super) fn start(levels: &Levels) -> RosoutSlot {
     let (rosout, slot) = rosout::layer();
     let lines = fmt::layer()
@@ -131,9 +131,9 @@ pub(super) fn start(levels: &Levels) -> RosoutSlot {
         .without_time()
         .with_ansi(io::stderr().is_terminal())
         .with_writer(|| LogLines)
-        // It would print its own failure to standard error, and panic where that is what fails.
+        // It would report its own failure on standard error, and panic if that fails.
         .log_internal_errors(false);
-    // Also takes what dependencies tell the `log` crate. Fails only when a subscriber is there already, as in tests.
+    // Also captures the `log` crate of dependencies. Fails only if a subscriber exists already, as in tests.
     let filters = registry().with(levels.targets()).with(viewers_once());
     drop(filters.with(lines).with(rosout).try_init());
     slot

@@ -1,4 +1,4 @@
-//! `laser_profiler measure`: planes, steps, spheres and volumes in the results of a replay, with their uncertainty.
+//! `laser_profiler measure`: planes, steps, spheres and volumes of a scan, with uncertainties.
 
 mod report;
 mod tools;
@@ -15,34 +15,33 @@ use crate::metrology::surface::Region;
 
 const HELP: &str = "\
 Examples:
-  laser_profiler measure plane results --region 0,0,20mm,30mm      how flat, how inclined
-  laser_profiler measure plane results --region=-50mm,-50mm,50mm,50mm --heights=-1mm,1mm     without what stands on it
+  laser_profiler measure plane results --region 0,0,20mm,30mm      flatness and inclination
+  laser_profiler measure plane results --region=-50mm,-50mm,50mm,50mm --heights=-1mm,1mm     without objects that stand on it
   laser_profiler measure step results --region 0,0,20mm,5mm        a ridge or groove across the profiles, ISO 5436-1 type A1
   laser_profiler measure step results --edges 8mm,12mm --direction y --json
   laser_profiler measure sphere results --region 5mm,5mm,15mm,15mm
   laser_profiler measure spheres results --region 0,0,9mm,20mm --region 30mm,0,39mm,20mm
   laser_profiler measure volume results --region 5mm,5mm,9mm,9mm --reference 0,0,20mm,4mm
 
-A region is x0,y0,x1,y1 in the frame of the point cloud: x along the stripe, y along the motion; metres, or with a unit. Lengths in
-the answer are metres with --json, else as they are labelled; each has one standard deviation and a half width that contains the
-truth in 95 %. It comes from the scatter of the points and, where the
-calibration in the recording states its covariance, from that of the calibration (`sigma_calibration`): everything is measured again
-with a calibration one standard deviation off, its axis included. Neighbours that deviate together, as after smoothing or by waviness, count as so many
-independent points as the correlation of the residuals leaves (`effective`).
+A region is x0,y0,x1,y1 in the frame of the point cloud: x along the stripe, y along the motion; in metres, or with a unit. Lengths are
+in metres with --json, otherwise as labelled. Values have a standard deviation (sigma) and a half width with 95 % coverage (u95).
+The uncertainty combines the scatter of the points with that of the calibration, if the calibration in the recording states its
+covariance (`sigma_calibration`): the measurement is repeated with the calibration, its axis included, off by one standard deviation.
+Correlated neighbours, as after smoothing or on a wavy surface, count as fewer independent points (`effective`).
 
 --json prints one object:
   tool, topic, profiles, points, rejected (clouds), calibration (text of the file in the recording; null without),
-  calibration_unknown (why it has no share in the uncertainties)
+  calibration_unknown (reason why the uncertainties do not include the calibration)
   plane:   tilt_rad, normal, center_m, height_m, scatter_m, flatness_d95_m, peak_to_valley_m, outliers, effective;
-           profiles_sigma_m (scatter of the profiles' mean heights over the plane, which says how well a height repeats),
-           profiles_compared (those with half as many points as usual, or more; without two of them both are missing)
+           profiles_sigma_m (scatter of the profiles' mean heights over the plane: the repeatability of a height),
+           profiles_compared (profiles with at least half the usual number of points; with fewer than two, both are missing)
   step:    height_m, edges_m, profile_sigma_m, profiles_used, profiles_rejected, effective
   sphere:  center_x_m, center_y_m, center_z_m, radius_m, scatter_m, form_d95_m, peak_to_valley_m, outliers, effective
   spheres: distance_m, spheres: [sphere, sphere]
   volume:  volume_m3, above_m3, below_m3, area_m2, missing_m2, cell_m
-  where a figure with an uncertainty is {value, sigma, u95, sigma_calibration}";
+  a value with an uncertainty is {value, sigma, u95, sigma_calibration}";
 
-/// Measures in the point cloud of a scan: plane and flatness, step height, spheres and their distance, volume.
+/// Measures a scan: plane and flatness, step height, spheres and their distance, volume, with uncertainties.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct MeasureArgs {
@@ -52,15 +51,15 @@ pub struct MeasureArgs {
 
 #[derive(Debug, clap::Subcommand)]
 enum Tool {
-    /// A plane through the points, robust: how inclined, how flat (D95 % of ISO 10360-13, peak to valley).
+    /// Robust plane: inclination and flatness (D95 % of ISO 10360-13, peak to valley).
     Plane(PlaneArgs),
-    /// The height of a ridge or groove over the straight line beside it, ISO 5436-1 type A1, profile by profile.
+    /// Height of a ridge or groove over the straight line beside it, ISO 5436-1 type A1, profile by profile.
     Step(StepArgs),
-    /// A sphere through the points, robust: centre, radius, form (D95 %).
+    /// Robust sphere: centre, radius, form (D95 %).
     Sphere(PlaneArgs),
-    /// The distance between the centres of two spheres.
+    /// Distance between the centres of two spheres.
     Spheres(SpheresArgs),
-    /// The volume between the surface and a plane.
+    /// Volume between the surface and a plane.
     Volume(VolumeArgs),
 }
 
@@ -92,10 +91,10 @@ struct StepArgs {
     /// Only points in x0,y0,x1,y1.
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
-    /// Where the middle part begins and ends; found in the median of all profiles, when not given.
+    /// Begin and end of the ridge or groove. Default: detected in the median of all profiles.
     #[arg(long, value_name = "FROM,TO", value_parser = interval_m, allow_hyphen_values = true)]
     edges: Option<[f64; 2]>,
-    /// Along what the profiles run: x along the stripe, y along the motion.
+    /// Direction of the evaluated profiles: x along the stripe, y along the motion.
     #[arg(long, value_name = "AXIS", default_value = "x", value_parser = ["x", "y"])]
     direction: String,
 }
@@ -104,7 +103,7 @@ struct StepArgs {
 struct SpheresArgs {
     #[command(flatten)]
     common: Common,
-    /// Points of one sphere, x0,y0,x1,y1; given twice.
+    /// Points of one sphere, x0,y0,x1,y1. Give it twice.
     #[arg(long, value_name = "REGION", value_parser = region, required = true, allow_hyphen_values = true)]
     region: Vec<Region>,
 }
@@ -113,22 +112,22 @@ struct SpheresArgs {
 struct VolumeArgs {
     #[command(flatten)]
     common: Common,
-    /// The volume over x0,y0,x1,y1; over everything, when not given.
+    /// Region of the volume, x0,y0,x1,y1. Default: the whole scan.
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     region: Option<Region>,
-    /// The plane goes through the points here; through all points outside the region, when not given. May be given often.
+    /// Region of the reference plane, x0,y0,x1,y1. Default: all points outside --region. May be repeated.
     #[arg(long, value_name = "REGION", value_parser = region, allow_hyphen_values = true)]
     reference: Vec<Region>,
-    /// Side of a cell of the height map that is summed; the distance of the points, when not given.
+    /// Cell size of the height map. Default: the distance of the points.
     #[arg(long, value_name = "LENGTH", value_parser = positive_m)]
     cell: Option<f64>,
 }
 
-/// Measures and tells on `out`.
+/// Measures a scan and prints the result on `out`.
 ///
 /// # Errors
-/// [`Usage`](super::Usage) when the request cannot be followed, a recording without points there, points that do not
-/// determine the form.
+/// [`Usage`](super::Usage) for wrong usage; a recording without points in the region, points that do not determine the
+/// form.
 pub fn run(args: &MeasureArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let (common, answer) = match &args.tool {
         Tool::Plane(args) => (&args.common, tools::plane(args)?),

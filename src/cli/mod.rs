@@ -1,4 +1,4 @@
-//! The commands, one verb a file.
+//! The command line: one file per verb. Verbs share files of this folder, never each other's.
 
 mod interrupt;
 mod terminal;
@@ -11,6 +11,7 @@ mod progress;
 mod plots;
 mod height_picture;
 pub mod replaying;
+mod live_run;
 mod units;
 mod status_line;
 mod settings;
@@ -39,12 +40,12 @@ use thiserror::Error;
 
 use crate::{results::SelectionError, ros::arguments};
 
-/// How a command ended that did not fail.
+/// Outcome of a command that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// All is done. Exit code 0.
+    /// Finished. Exit code 0.
     Done,
-    /// Done, but data was lost or rejected. Exit code 3.
+    /// Finished, but data was lost or rejected. Exit code 3.
     DataLost,
 }
 
@@ -55,25 +56,25 @@ impl Outcome {
     }
 }
 
-/// A command line that cannot be followed. Exit code 2.
+/// Wrong usage. Exit code 2.
 #[derive(Debug, Error)]
 #[error("{0}")]
 pub struct Usage(pub String);
 
 const EXAMPLES: &str = "\
 Examples:
-  laser_profiler run --ros-args -r image_raw:=/camera/image_raw      the live node, on DDS or Zenoh
-  laser_profiler demo                                a bundled recording, replayed, drawn and explained
+  laser_profiler run --ros-args -r image_raw:=/camera/image_raw      the live node on DDS or Zenoh
+  laser_profiler demo                                replays a bundled recording and explains the result
   laser_profiler replay my_recording -o results
   laser_profiler replay my_recording -o results --ros-args -r image_raw:=/camera/image_raw -p stripe_direction:=vertical
-  laser_profiler parameters > my_parameters.yaml     every parameter with its meaning, to edit and to give back:
+  laser_profiler parameters > my_parameters.yaml     all parameters with descriptions, ready to edit:
   laser_profiler replay my_recording -o results --params-file my_parameters.yaml
 
-Groups `--ros-args ... [--]` are understood as by ros2 run: -r from:=to, -p name:=value, --params-file F, --log-level L.
+`--ros-args ... [--]` works as with ros2 run: -r from:=to, -p name:=value, --params-file F, --log-level L.
 
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 finished, but data was lost or rejected.";
 
-/// Laser stripe in, sub-pixel centreline and metric profile out: a ROS 2 node without a ROS installation.
+/// Measures laser stripes: sub-pixel centrelines, metric profiles and height maps. A ROS 2 node without a ROS installation.
 #[derive(Debug, Parser)]
 #[command(name = "laser_profiler", version, after_help = EXAMPLES)]
 struct CommandLine {
@@ -99,10 +100,10 @@ enum Verb {
     Parameters(parameters::ParametersArgs),
 }
 
-/// Runs the program with its command line, the program's name first.
+/// Runs the program. `arguments` begin with the program's name.
 ///
 /// # Errors
-/// [`Usage`] or [`clap::Error`] for a command line that cannot be followed, anything else for a failure.
+/// [`Usage`] or [`clap::Error`] for wrong usage, any other error for a failure.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outcome> {
     let arguments: Vec<_> = arguments
         .into_iter()
@@ -135,7 +136,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
     })
 }
 
-/// `ros2 run` and launch files give ROS arguments alone: the node is meant.
+/// Adds the verb `run` if there are only ROS arguments, as from `ros2 run` and launch files.
 fn with_verb(mut rest: Vec<String>, all: &[String]) -> Vec<String> {
     if rest.len() == 1 && all.len() > 1 {
         rest.push("run".to_owned());
@@ -154,12 +155,12 @@ mod tests {
     }
 
     #[test]
-    fn the_grammar_is_sound() {
+    fn the_command_line_is_valid() {
         CommandLine::command().debug_assert();
     }
 
     #[test]
-    fn ros_arguments_may_stand_anywhere() {
+    fn ros_arguments_are_accepted_anywhere() {
         let error = failure(
             "laser_profiler --ros-args -p a:=1 -- replay --ros-args -r b:=c -- missing -o out",
         );
@@ -182,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_usage_is_told_apart() {
+    fn wrong_usage_is_distinguished_from_failures() {
         for line in [
             "laser_profiler --ros-args --bogus",
             "laser_profiler replay missing -o out --ros-args -p slice.profiles:=0",

@@ -1,4 +1,4 @@
-//! `laser_profiler parameters`: the manual of the parameters, as a file that can be edited and loaded.
+//! `laser_profiler parameters`: the reference of the parameters, as a loadable parameter file.
 
 use std::{
     fmt::Write as _,
@@ -18,7 +18,7 @@ Examples:
   laser_profiler parameters > rig.yaml      edit it, then:
   laser_profiler replay my_recording -o results --params-file rig.yaml";
 
-/// Prints every parameter with its meaning, unit, range and default, as a parameter file.
+/// Prints all parameters with description, unit, range and default, as a parameter file.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct ParametersArgs {
@@ -32,7 +32,7 @@ const WIDTH: usize = 100;
 /// Prints the table on `out`.
 ///
 /// # Errors
-/// A failing `out`; a reader of it that goes away is no error.
+/// Standard output cannot be written. A closed pipe is not an error.
 pub fn run(args: &ParametersArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     output::printed(if args.json { print_json(out) } else { print_file(out) })?;
     Ok(Outcome::Done)
@@ -77,7 +77,7 @@ fn print_file(out: &mut dyn Write) -> io::Result<()> {
     out.write_all(parameter_file().as_bytes())
 }
 
-/// The defaults as a parameter file, commented.
+/// Writes the defaults as a parameter file with comments.
 fn parameter_file() -> String {
     let mut out = String::from("/**:\n  ros__parameters:\n");
     let mut open_group = "";

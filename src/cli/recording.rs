@@ -1,4 +1,4 @@
-//! Frames of a recording, taken as `replay` takes them.
+//! Frames of a recording, read as `replay` reads them.
 
 use std::path::Path;
 
@@ -17,22 +17,22 @@ use crate::{
     scanner::image::{Frame, Image},
 };
 
-/// What shares a record with the largest frame.
+/// Room in a record beside the largest frame, bytes.
 const RECORD_MARGIN_BYTES: usize = 16 << 20;
 
-/// A recording and the camera whose images are taken.
+/// An open recording and the camera whose images are read.
 pub(super) struct Recording {
     pub(super) bag: BagReader,
     pub(super) camera: CameraParams,
     pub(super) topic: ImageTopic,
 }
 
-/// How reading went.
+/// Counts of reading a recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Read {
     /// Frames measured.
     pub(super) frames: u64,
-    /// Frames that could not be read or measured, and damaged places.
+    /// Frames that could not be read or measured, and damaged ranges.
     pub(super) rejected: u64,
 }
 
@@ -40,7 +40,7 @@ impl Recording {
     /// Opens a recording and chooses its image topic.
     ///
     /// # Errors
-    /// No recording, no images in it; [`Usage`](crate::cli::Usage) when nobody said which of several.
+    /// No recording or no images; [`Usage`](crate::cli::Usage) if several topics match.
     pub(super) fn open(path: &Path, settings: &Settings) -> anyhow::Result<Self> {
         let largest = settings.cameras.iter().map(|camera| camera.max_frame_bytes).max();
         let options = ReadOptions {
@@ -56,13 +56,13 @@ impl Recording {
             .iter()
             .map(|topic| (topic.name.clone(), topic.type_name.clone()))
             .collect();
-        // One name and type may stand there twice, with different QoS.
+        // A topic may appear twice, with different QoS.
         topics.dedup();
         let topic =
             input::choose(&topics, &settings.names, &camera.name, camera.chosen_transport())
                 .map_err(|error| {
-                    let told = format!("{}: {error}", path.display());
-                    if error.is_usage() { usage(told) } else { anyhow!(told) }
+                    let text = format!("{}: {error}", path.display());
+                    if error.is_usage() { usage(text) } else { anyhow!(text) }
                 })?;
         for found in bag.topics().iter().filter(|found| found.name == topic.name) {
             found.require_cdr()?;
@@ -70,14 +70,15 @@ impl Recording {
         Ok(Self { bag, camera, topic })
     }
 
-    /// How many images there are, as far as the recording knows.
+    /// Number of images; none if the recording has no index.
     pub(super) fn num_images(&self) -> Option<u64> {
         self.bag.message_counts()?.get(self.topic.name.as_str()).copied()
     }
 
-    /// Hands on what lies on the image topic and on `other`, in order of time, until `take` says that it is enough.
+    /// Calls `take` with the messages of the image topic and of `other`, in the order of time, until it returns
+    /// [`Wanted::Nothing`].
     ///
-    /// A frame that cannot be decoded or that `take` refuses is counted and passed over, as in a replay.
+    /// Counts and skips a frame that cannot be decoded or that `take` rejects, as in a replay.
     pub(super) fn read(
         &self,
         other: Option<&str>,
@@ -100,11 +101,11 @@ impl Recording {
                 Ok(Wanted::Nothing) => break,
                 Err(error) => {
                     read.rejected += 1;
-                    // One is enough to act on; the answer counts the rest.
+                    // One warning is enough; the summary counts the rest.
                     if read.rejected == 1 {
-                        tracing::warn!("passed over: {error:#}; further ones are only counted");
+                        tracing::warn!("frame skipped: {error:#}; further ones are only counted");
                     } else {
-                        tracing::debug!("passed over: {error:#}");
+                        tracing::debug!("frame skipped: {error:#}");
                     }
                 }
             }
@@ -137,17 +138,17 @@ impl Recording {
 
 /// A message of a recording.
 pub(super) enum Message<'a> {
-    /// An image, decoded.
+    /// A decoded image.
     Frame(&'a Frame<'a>),
-    /// One of the other topic.
+    /// A message of the other topic.
     Other(&'a RawMessage),
 }
 
-/// Whether reading goes on.
+/// Decision of the caller after a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wanted {
-    /// The next message.
+    /// Continue.
     More,
-    /// No further one.
+    /// Stop reading.
     Nothing,
 }

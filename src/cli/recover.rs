@@ -1,4 +1,4 @@
-//! `laser_profiler recover`: everything readable of a damaged bag.
+//! `laser_profiler recover`: copies the readable part of a damaged bag.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -10,22 +10,22 @@ use super::{Outcome, output, units::bytes};
 use crate::bag::Compression;
 use crate::bag::recover::{RecoverOptions, Recovery, recover};
 
-/// Copies everything readable of a damaged bag into a new one.
+/// Copies everything readable from a damaged bag into a new bag.
 ///
-/// All topics, messages, attachments and metadata are kept. A damaged chunk is skipped; where no record begins, the
-/// search goes on for the next chunk. The exit code is 3 when anything was skipped.
+/// Keeps all topics, messages, attachments and metadata. Skips damaged chunks and continues at the next valid one. The
+/// exit code is 3 if anything was skipped.
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub struct RecoverArgs {
     /// A rosbag2 directory or an .mcap file.
     pub bag: PathBuf,
-    /// The new bag's directory.
+    /// Directory of the new bag.
     #[arg(short, long)]
     pub output: PathBuf,
-    /// Compression of the new bag; the input's when not given.
+    /// Compression of the new bag. Default: that of the input.
     #[arg(long)]
     pub compression: Option<CompressionName>,
-    /// Replaces a bag that is there already.
+    /// Replace an existing bag.
     #[arg(long)]
     pub force: bool,
     /// One JSON object on standard output (see below).
@@ -33,10 +33,10 @@ pub struct RecoverArgs {
     pub json: bool,
 }
 
-/// How the new bag's chunks are compressed.
+/// Compression of the new bag's chunks.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum CompressionName {
-    /// Not at all.
+    /// No compression.
     None,
     /// LZ4.
     Lz4,
@@ -53,10 +53,10 @@ Example:
   damaged: [{file, offset, end, what}]; offsets in bytes from the start of the file
   notes:   [text]";
 
-/// Recovers, and tells on `out` what came of it.
+/// Recovers a bag and prints a summary on `out`.
 ///
 /// # Errors
-/// An input that is no bag, an output that cannot be written. A reader of `out` that goes away is no error.
+/// The input is not a bag, or the output cannot be written. A closed pipe is not an error.
 pub fn run(args: &RecoverArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let compression = args.compression.map(|name| match name {
         CompressionName::None => Compression::None,

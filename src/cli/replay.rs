@@ -74,7 +74,7 @@ pub struct ReplayArgs {
 /// Replays and prints the summary on `out`.
 ///
 /// # Errors
-/// [`Usage`](super::Usage) when the request cannot be followed, else whatever cannot be read or written.
+/// [`Usage`](super::Usage) for wrong usage; otherwise a file that cannot be read or written.
 pub fn run(args: ReplayArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let stop = Stop::default();
     interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;

@@ -1,4 +1,4 @@
-//! A replay with a progress bar.
+//! Replay with a progress bar.
 
 use anyhow::anyhow;
 
@@ -15,17 +15,17 @@ use crate::{
 /// Replays with a progress bar when standard error is a terminal.
 ///
 /// # Errors
-/// [`Usage`] when the request cannot be followed, else whatever cannot be read or written.
+/// [`Usage`] for wrong usage; otherwise a file that cannot be read or written, or no readable frame.
 pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
-    let told = |error: ReplayError| {
+    let classified = |error: ReplayError| {
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     };
-    let replay = Replay::prepare(request).map_err(told)?;
+    let replay = Replay::prepare(request).map_err(classified)?;
     for topic in replay.image_topics() {
         let lossy = match topic.transport {
             ImageTransport::Raw => "",
             ImageTransport::Compressed => {
-                " (compressed; JPEG would move centrelines by some hundredths of a pixel)"
+                " (compressed; JPEG shifts centrelines by some hundredths of a pixel)"
             }
         };
         tracing::info!("taking images from {}{lossy}", topic.name);
@@ -37,7 +37,7 @@ pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
     let bar = progress_bar(replay.num_messages(), "frames");
     let summary = replay.run(stop, &mut |num_messages| bar.set_position(num_messages));
     bar.finish_and_clear();
-    let summary = summary.map_err(told)?;
+    let summary = summary.map_err(classified)?;
     if summary.counts.received == 0 && !summary.was_interrupted {
         return Err(anyhow!("no frame could be read from {}", topics.join(", ")));
     }
@@ -53,7 +53,7 @@ mod tests {
     };
 
     #[test]
-    fn a_recording_without_frames_is_a_failure() {
+    fn a_recording_without_frames_is_an_error() {
         let place = tempfile::tempdir().unwrap();
         let bag = place.path().join("empty");
         let mut recorder = Recorder::create(&bag, &RecordOptions::default()).unwrap();

@@ -1,4 +1,4 @@
-//! `laser_profiler report`: a scan as one page for people.
+//! `laser_profiler report`: a scan as one HTML page.
 
 mod plots;
 
@@ -18,19 +18,19 @@ use crate::{
 const HELP: &str = "\
 Examples:
   laser_profiler report results -o report.html                            one page: heights, sections, frames, quality, parameters
-  laser_profiler report results --images my_recording -o report.html      with the images that the results were made from
-  laser_profiler report results -o report.html --frames 0,50,100          these frames, by their number in the recording
-  laser_profiler report results --plots figures                           the same figures as SVG and PNG files
+  laser_profiler report results --images my_recording -o report.html      with the images of the recording
+  laser_profiler report results -o report.html --frames 0,50,100          selected frames, by their number in the recording
+  laser_profiler report results --plots figures                           the figures as SVG and PNG files
 
-The page is one file and needs no network: open it in a browser, send it, print it. The map takes the pointer and the arrow keys;
-the sections follow. Heights are shown as they were measured, in 16-bit steps of their range; of more than 2.8 million points every
-n-th is shown, and the page says so. Without a calibration it shows where the stripe was in the image instead.
-What is missing in the recording is said on the page and in the answer, and the rest is shown.
+The page is one self-contained file that needs no network. Move the pointer or use the arrow keys on the map to select the sections.
+Heights are not resampled; they are stored in 16-bit steps of their range. Of more than 2.8 million points the page shows every n-th
+and states so. Without a calibration the map shows the position of the stripe in the image. Notes on the page and in the output list
+missing data.
 
---json prints one object: output, plots (files), frames, points, missing (share of cross-sections without a stripe), sigma_px,
+--json prints one object: output, plots (files), frames, points, missing (fraction of cross-sections without a stripe), sigma_px,
   width_px (medians), lost_frames, rows and columns (of the map; null without), notes: [text], lost (places that could not be read)";
 
-/// Most frames with images in one page.
+/// Maximum number of frames with images on one page.
 const MAX_FRAMES: usize = 24;
 
 /// Writes a scan as one HTML page: height map, cross-sections, frames with their centrelines, quality, parameters.
@@ -39,19 +39,19 @@ const MAX_FRAMES: usize = 24;
 pub struct ReportArgs {
     #[command(flatten)]
     results: ResultsArgs,
-    /// The page to write.
+    /// Output file.
     #[arg(short, long, value_name = "FILE", required_unless_present = "plots")]
     output: Option<PathBuf>,
-    /// The recording with the images; when not given, images are looked for in the results.
+    /// Recording with the images. Default: the results bag.
     #[arg(long, value_name = "BAG")]
     images: Option<PathBuf>,
-    /// Numbers of frames that are shown with their centrelines, from 0; four over the recording, when not given.
+    /// Numbers of the frames to show with their centrelines, from 0. Default: four, evenly spaced.
     #[arg(long, value_name = "N,…", value_delimiter = ',')]
     frames: Vec<u64>,
-    /// A directory for the figures as files: SVG for curves and frames, PNG for the height map.
+    /// Directory for the figures: SVG for curves and frames, PNG for the height map.
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
-    /// Replaces files that are there already.
+    /// Replace an existing page.
     #[arg(long)]
     force: bool,
     /// One JSON object on standard output (see below).
@@ -59,14 +59,14 @@ pub struct ReportArgs {
     json: bool,
 }
 
-/// Reads a recording, writes its page and figures, and tells on `out` what was written.
+/// Reads a recording, writes its page and figures, and lists the files on `out`.
 ///
 /// # Errors
-/// A recording that cannot be opened, a file that is there or cannot be written.
+/// The recording cannot be opened, or a file exists or cannot be written.
 pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     if args.frames.len() > MAX_FRAMES {
-        let told = format!("--frames: at most {MAX_FRAMES} frames fit on a page");
-        return Err(super::Usage(told).into());
+        let text = format!("--frames: at most {MAX_FRAMES} frames fit on a page");
+        return Err(super::Usage(text).into());
     }
     if let (Some(path), false) = (&args.output, args.force) {
         output::refuse_existing(path)?;

@@ -2,12 +2,13 @@
 
 use std::{fmt::Write as _, io::Write, path::PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use serde::Serialize;
 
 use super::{
-    Outcome, Usage, interrupt, output,
-    status_line::StatusShow,
+    Outcome, Usage, interrupt,
+    live_run::{classified, measure},
+    output,
     summary::{self, Told},
     view::{self, ViewArgs},
 };
@@ -24,40 +25,40 @@ use crate::{
 const HELP: &str = "\
 Examples:
   laser_profiler run --ros-args -r image_raw:=/camera/image_raw
-      measures the camera's images and publishes ~/centerline; without a calibration there is nothing metric
+      measures the camera's images and publishes ~/centerline; metric results need a calibration
   laser_profiler run --params-file rig.yaml
       with parameters and calibration: ~/profile, ~/points, ~/points_dense, ~/slice_info, ~/height_map
   laser_profiler run --transport zenoh --router --params-file rig.yaml
-      on Zenoh, as rmw_zenoh speaks it, and as its own router
+      on Zenoh, compatible with rmw_zenoh, acting as the router
   laser_profiler run --view --params-file rig.yaml
-      beside that a live view for Foxglove at ws://127.0.0.1:8765
+      with a live view for Foxglove at ws://127.0.0.1:8765
   ros2 param set /laser_profiler extraction.segment_threshold 45.0
   ros2 service call /laser_profiler/record std_srvs/srv/SetBool '{data: true}'
 
-Without --transport, RMW_IMPLEMENTATION decides: zenoh where it is rmw_zenoh_cpp, else dds. DDS follows ROS_DOMAIN_ID,
-ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and ROS_STATIC_PEERS; Zenoh follows ROS_DOMAIN_ID,
+Without --transport, RMW_IMPLEMENTATION selects the middleware: zenoh if it is rmw_zenoh_cpp, otherwise dds. DDS uses ROS_DOMAIN_ID,
+ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and ROS_STATIC_PEERS; Zenoh uses ROS_DOMAIN_ID,
 ZENOH_SESSION_CONFIG_URI, ZENOH_CONFIG_OVERRIDE and ZENOH_ROUTER_CHECK_ATTEMPTS.
 
 Ctrl-C or SIGTERM ends it in good order: recordings are closed, and the last words say what became of the frames.
 --json prints them as `replay --json` does; of several cameras as {\"cameras\": {NAME: ...}}.";
 
-/// Measures a camera live, as a ROS 2 node on DDS or Zenoh.
+/// Measures cameras live, as a ROS 2 node on DDS or Zenoh.
 #[derive(Debug, Default, clap::Args)]
 #[command(after_help = HELP)]
 pub struct RunArgs {
-    /// The middleware: dds or zenoh.
+    /// Middleware: dds or zenoh.
     #[arg(long, value_name = "NAME", value_parser = transport)]
     pub transport: Option<Middleware>,
-    /// On Zenoh: be the router too, for a cell without one.
+    /// Zenoh only: also act as the router, for a cell without one.
     #[arg(long)]
     pub router: bool,
-    /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
+    /// ROS 2 parameter file. Several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
     pub params_file: Vec<PathBuf>,
     /// Print a machine-readable summary on standard output at the end.
     #[arg(long)]
     pub json: bool,
-    /// How to look at it.
+    /// Options of the live view.
     #[command(flatten)]
     pub view: ViewArgs,
 }
@@ -66,10 +67,10 @@ fn transport(name: &str) -> Result<Middleware, String> {
     Middleware::from_name(name).ok_or_else(|| format!("one of {}", Middleware::NAMES.join(", ")))
 }
 
-/// Runs until a signal comes, and prints the summary on `out`.
+/// Runs until a signal arrives and prints the summary on `out`.
 ///
 /// # Errors
-/// [`Usage`] when the request cannot be followed, else whatever the middleware, a file or the machine refuses.
+/// [`Usage`] for wrong usage; otherwise an error of the middleware, a file or the system.
 pub fn run(
     args: RunArgs,
     ros: RosArguments,
@@ -82,7 +83,7 @@ pub fn run(
     let request = request(args, ros)?;
     let summaries = match view.view {
         Some(_) => view::live(&view, &request, rosout, &stop)?,
-        None => live(&request, rosout, &stop).map_err(told_apart)?,
+        None => live(&request, rosout, &stop).map_err(classified)?,
     };
     let summaries: Vec<(String, Summary)> = summaries
         .into_iter()
@@ -94,11 +95,6 @@ pub fn run(
     Ok(if is_complete { Outcome::Done } else { Outcome::DataLost })
 }
 
-/// What was asked for is to blame, or something else is.
-pub(super) fn told_apart(error: LiveError) -> anyhow::Error {
-    if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
-}
-
 fn live(
     request: &LiveRequest,
     rosout: RosoutSlot,
@@ -106,15 +102,6 @@ fn live(
 ) -> Result<Vec<CameraSummary>, LiveError> {
     let variable = |name: &str| std::env::var(name).ok();
     measure(LiveNode::start(request, rosout, &variable)?, stop)
-}
-
-/// Lets a node measure until `stop` is raised, and shows how it is doing.
-///
-/// # Errors
-/// The system gives no thread.
-pub(super) fn measure(node: LiveNode, stop: &Stop) -> Result<Vec<CameraSummary>, LiveError> {
-    let _status = StatusShow::start(node.watcher())?;
-    Ok(node.run(stop))
 }
 
 fn request(args: RunArgs, mut ros: RosArguments) -> anyhow::Result<LiveRequest> {

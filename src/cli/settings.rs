@@ -1,4 +1,4 @@
-//! Parameters of commands that measure: those of the node, from the same files and options.
+//! Node parameters for commands that measure, from the same files and options as the node's.
 
 use anyhow::anyhow;
 use std::{collections::BTreeMap, path::PathBuf};
@@ -14,18 +14,18 @@ use crate::{
     scanner::params::Method,
 };
 
-/// Where parameters come from.
+/// Sources of the parameters.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct SettingsArgs {
-    /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
+    /// ROS 2 parameter file. Several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
     pub(super) params_file: Vec<PathBuf>,
-    /// Camera that is meant, where the parameter `cameras` names several.
+    /// Name of the camera, if the parameter `cameras` names several.
     #[arg(long, value_name = "NAME")]
     pub(super) camera: Option<String>,
 }
 
-/// What the node would do with these arguments.
+/// Names and parameters as the node would use them.
 pub(super) struct Settings {
     pub(super) names: NodeNames,
     pub(super) values: Parameters,
@@ -37,7 +37,7 @@ impl Settings {
     /// Reads names and parameters.
     ///
     /// # Errors
-    /// [`Usage`] for a name, file or value that the node would refuse.
+    /// [`Usage`] for a name, file or value that the node would reject.
     pub(super) fn load(args: &SettingsArgs, mut ros: RosArguments) -> anyhow::Result<Self> {
         ros.parameter_files.splice(0..0, args.params_file.iter().cloned());
         let names = NodeNames::new(NODE_NAME, &ros.remaps).map_err(usage)?;
@@ -46,10 +46,10 @@ impl Settings {
         Ok(Self { names, values, cameras, camera: args.camera.clone() })
     }
 
-    /// The camera that is meant: the named one, the only one, or the only one with images in the recording.
+    /// Returns the selected camera: the named one, the only one, or the only one with images in the bags.
     ///
     /// # Errors
-    /// [`Usage`]: none, or several.
+    /// [`Usage`] if no camera or several cameras match.
     pub(super) fn camera(&self, bags: &[BagReader]) -> anyhow::Result<CameraParams> {
         let cameras = self.cameras.clone();
         let mut chosen =
@@ -61,7 +61,7 @@ impl Settings {
         }
     }
 
-    /// The extraction's parameters but the method, by name.
+    /// Returns the extraction parameters except the method, by name.
     pub(super) fn extraction(&self, camera: &CameraParams) -> BTreeMap<String, String> {
         let prefix = camera.full_name("extraction.");
         let own = self.values.iter().filter_map(|declared| {
@@ -72,25 +72,25 @@ impl Settings {
     }
 }
 
-/// An error of the command line's.
+/// Turns an error into wrong usage.
 pub(super) fn usage(error: impl std::fmt::Display) -> anyhow::Error {
     Usage(error.to_string()).into()
 }
 
-/// The methods of a list of names, all where the list is empty.
+/// Returns the methods with these names; all if the list is empty.
 ///
 /// # Errors
-/// [`Usage`]: a name that no method has, or one twice.
+/// [`Usage`] for an unknown or repeated name.
 pub(super) fn methods(names: &[String]) -> anyhow::Result<Vec<Method>> {
     let of = |name: &str| {
         Method::from_name(name).ok_or_else(|| {
-            usage(format!("no method is called {name:?}; there are {}", Method::NAMES.join(", ")))
+            usage(format!("unknown method {name:?}; methods are {}", Method::NAMES.join(", ")))
         })
     };
     choose(names, Method::NAMES, of)
 }
 
-/// What a list of names means: everything that `of` knows by `all` the names where it is empty.
+/// Looks up names with `of`; looks up `all` if the list is empty.
 pub(super) fn choose<T: PartialEq>(
     names: &[String],
     all: &[&str],
@@ -103,7 +103,7 @@ pub(super) fn choose<T: PartialEq>(
     for name in names {
         let next = of(name)?;
         if chosen.contains(&next) {
-            return Err(anyhow!(Usage(format!("{name} is named twice"))));
+            return Err(anyhow!(Usage(format!("{name} is given twice"))));
         }
         chosen.push(next);
     }

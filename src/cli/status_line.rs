@@ -1,4 +1,4 @@
-//! How a live node is doing: a living line for each camera on a terminal, a line in the log now and then elsewhere.
+//! Status of a live node: one updated line per camera on a terminal, periodic log lines elsewhere.
 
 use std::{
     collections::BTreeMap,
@@ -17,23 +17,23 @@ use crate::node::{
     stop::Stop,
 };
 
-/// How often the log gets a line where there is no terminal.
+/// Period of log lines without a terminal.
 const LOG_PERIOD: Duration = Duration::from_secs(10);
 
-/// How often the cameras are looked at.
+/// Period of reading the cameras' reports.
 const LOOK_PERIOD: Duration = Duration::from_millis(500);
 
-/// Shows how the cameras are doing until it is dropped.
+/// Shows the status of the cameras until it is dropped.
 pub(super) struct StatusShow {
     end: Stop,
     thread: Option<JoinHandle<()>>,
 }
 
 impl StatusShow {
-    /// Looks at the cameras on a thread of its own.
+    /// Starts a thread that reads the cameras' reports.
     ///
     /// # Errors
-    /// No thread can be had.
+    /// The system cannot create a thread.
     pub(super) fn start(watcher: Watcher) -> io::Result<Self> {
         let end = Stop::default();
         let ended = end.clone();
@@ -52,7 +52,7 @@ impl Drop for StatusShow {
     fn drop(&mut self) {
         self.end.raise();
         if let Some(thread) = self.thread.take() {
-            // Its lines are gone when it has ended; a panic of it was told.
+            // The thread clears its lines when it ends; a panic has been reported.
             drop(thread.join());
         }
     }
@@ -67,21 +67,21 @@ struct StatusLines {
 /// The line of a camera.
 struct Line {
     bar: ProgressBar,
-    /// When a report was last looked at, and what the recorder had written then.
+    /// Time of the last report, and bytes that the recorder had written then.
     before: (Instant, u64),
-    /// When the log was last told.
+    /// Time of the last log line.
     logged: Instant,
-    /// Bytes a second.
+    /// Recording rate, bytes per second.
     recorder_rate: f64,
 }
 
 impl StatusLines {
-    /// None yet; the lines come with the first reports.
+    /// Starts without lines; the first reports add them.
     fn new() -> Self {
         Self { is_terminal: io::stderr().is_terminal(), lines: BTreeMap::new() }
     }
 
-    /// Shows what cameras report.
+    /// Shows the reports of the cameras.
     fn show(&mut self, reports: &[CameraReport], now: Instant) {
         for report in reports {
             let bytes = report.reported.counts.recorder_bytes;
@@ -110,7 +110,7 @@ impl Drop for StatusLines {
 }
 
 impl Line {
-    /// Takes the rate over a second or more: the recorder's count moves every half second.
+    /// Updates the rate over at least a second, because the recorder's count changes every half second.
     fn note_bytes(&mut self, bytes: u64, now: Instant) {
         let (since, base) = self.before;
         let seconds = now.duration_since(since).as_secs_f64();
@@ -129,7 +129,7 @@ fn bar() -> ProgressBar {
     })
 }
 
-/// A camera's line: name, rate, latency, what was lost and why, the recorder.
+/// Formats a camera's line: name, rate, latency, losses by cause, recorder.
 fn text(report: &CameraReport, recorder_rate: f64) -> String {
     let mut out = String::new();
     if !report.camera.is_empty() {
@@ -156,7 +156,7 @@ fn text(report: &CameraReport, recorder_rate: f64) -> String {
     out
 }
 
-/// Every cause that cost something, with its count.
+/// Returns every cause of loss with its count.
 fn losses(counts: &Counts) -> String {
     let causes = [
         (counts.dropped_overload, "dropped: too slow"),

@@ -1,4 +1,4 @@
-//! The last words of `replay` and `run`.
+//! The summary of `replay` and `run`.
 
 use std::fmt::Write as _;
 
@@ -20,13 +20,13 @@ pub(super) struct Told<'a> {
     frames: Frames,
     points: u64,
     slices: u64,
-    /// Nothing where positions are not measured.
+    /// None if positions are not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     positions: Option<Positions>,
     seconds: f64,
     frames_per_second: f64,
     stages_ms: Stages,
-    /// The results' bag; nothing when nothing was recorded.
+    /// Path of the results bag; none if nothing was recorded.
     output: Option<&'a str>,
 }
 
@@ -39,7 +39,7 @@ struct Frames {
     lost: u64,
 }
 
-/// Frames by what is known of where they were taken.
+/// Frames by the state of their position.
 #[derive(Serialize)]
 struct Positions {
     known: u64,

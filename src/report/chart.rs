@@ -1,19 +1,19 @@
-//! Curves over one axis, as data: a page draws them with uPlot, a document as SVG.
+//! Data of a chart; uPlot draws it on a page, plotters as SVG.
 
 use serde::Serialize;
 
-/// Curves over one axis.
+/// Curves over a common axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Chart {
-    /// Its place in the page is `chart-` and this; its file is this and `.svg`.
+    /// Identifier: the element `chart-ID` of a page, the file `ID.svg`.
     pub id: &'static str,
-    /// What it shows.
+    /// Title.
     pub title: &'static str,
-    /// The horizontal axis.
+    /// Label of the horizontal axis.
     pub x_label: &'static str,
-    /// The vertical axis, and its unit.
+    /// Label of the vertical axis with its unit.
     pub y_label: &'static str,
-    /// Where the values stand, ascending.
+    /// Horizontal positions, ascending.
     pub x: Vec<f64>,
     /// The curves.
     pub curves: Vec<Curve>,
@@ -22,14 +22,14 @@ pub struct Chart {
 /// One curve.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Curve {
-    /// What the key says.
+    /// Name in the legend.
     pub name: String,
-    /// One value for each of the chart's places; NaN where there is none.
+    /// One value per horizontal position; NaN if missing.
     pub values: Vec<f64>,
 }
 
 impl Curve {
-    /// A curve.
+    /// Creates a curve.
     #[must_use]
     pub fn new(name: &str, values: Vec<f64>) -> Self {
         // What is drawn has no more digits than a reader can use, and the file stays small.
@@ -37,7 +37,7 @@ impl Curve {
         Self { name: name.to_owned(), values }
     }
 
-    /// Whether there is anything but zeros in it.
+    /// True if any value is finite and not zero.
     #[must_use]
     pub fn is_something(&self) -> bool {
         self.values.iter().any(|value| value.is_finite() && *value != 0.0)
@@ -45,7 +45,7 @@ impl Curve {
 }
 
 impl Chart {
-    /// In words, for those who cannot see it: the range of each curve.
+    /// Describes the range of each curve in words, for screen readers.
     #[must_use]
     pub fn told(&self) -> String {
         let curves = self.curves.iter().map(|curve| {

@@ -68,7 +68,7 @@ fn facts(comparison: &Comparison<'_>) -> Vec<Fact> {
     facts
 }
 
-/// Where the differences are: frames up, cross-sections across.
+/// Returns the map of the differences: frames along y, cross-sections along x.
 fn map(comparison: &Comparison<'_>, notes: &mut Notes) -> anyhow::Result<Option<Map>> {
     let width = comparison.differences.sections.len();
     let mut joined = Ok([0, 0]);
@@ -91,14 +91,14 @@ fn map(comparison: &Comparison<'_>, notes: &mut Notes) -> anyhow::Result<Option<
     joined?;
     Ok(found.map(|Mapped { extent, grid, .. }| {
         let caption = format!(
-            "B minus A across the stripe: {} frames, {} points that both have.{} Grey: not in both.",
+            "B minus A across the stripe: {} frames, {} common points.{} Grey: not in both.",
             extent.rows,
             extent.num_measured,
             thinned(&grid)
         );
         let (about, packed) = grid.finish();
         Map {
-            title: "Where they differ",
+            title: "Map of the differences",
             caption,
             sections: ["One frame", "One cross-section over the frames"],
             axes: AXES,
@@ -143,7 +143,7 @@ fn charts(differences: &Differences) -> Vec<Chart> {
         sections,
         over_frames(
             "only",
-            "Points that only one has",
+            "Points in only one of them",
             "points",
             vec![Curve::new("only in A", only_a), Curve::new("only in B", only_b)],
         ),
@@ -182,7 +182,7 @@ fn tables(comparison: &Comparison<'_>) -> Vec<Table> {
     let flags =
         flags.map(|((_, name), [a, b])| vec![(*name).to_owned(), a.to_string(), b.to_string()]);
     let tables = [
-        table("What is not the same", &["", "A", "B"], why.collect()),
+        table("Differing settings", &["", "A", "B"], why.collect()),
         table(
             "Frames that differ most",
             &["Frame", "RMS [px]", "Bias [px]", "Largest [px]", "in section"],
@@ -193,11 +193,7 @@ fn tables(comparison: &Comparison<'_>) -> Vec<Table> {
             &["Section", "RMS [px]", "Bias [px]", "Points"],
             sections.collect(),
         ),
-        table(
-            "Flags of points that both have",
-            &["Flag", "only in A", "only in B"],
-            flags.collect(),
-        ),
+        table("Flags of common points", &["Flag", "only in A", "only in B"], flags.collect()),
     ];
     tables.into_iter().filter(|table| !table.rows.is_empty()).collect()
 }

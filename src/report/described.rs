@@ -1,4 +1,4 @@
-//! What a recording is, in facts, tables and texts.
+//! Facts, tables and texts of a report.
 
 use super::{date::date, gathered::Gathered};
 use crate::{
@@ -10,13 +10,13 @@ use crate::{
     results::ResultsRecording,
 };
 
-/// The recording's name.
+/// Returns the name of the recording.
 pub(crate) fn title(recording: &ResultsRecording) -> String {
     let name = recording.path().file_name().map(|name| name.to_string_lossy().into_owned());
     name.unwrap_or_else(|| recording.path().display().to_string())
 }
 
-/// When, how long, from what and how.
+/// Returns date, duration, input and method.
 pub(crate) fn subtitle(recording: &ResultsRecording, gathered: &Gathered) -> String {
     let mut parts = Vec::new();
     if let Some([first_ns, last_ns]) = gathered.stamps_ns {
@@ -36,7 +36,7 @@ pub(crate) fn subtitle(recording: &ResultsRecording, gathered: &Gathered) -> Str
     parts.join(" · ")
 }
 
-/// The figures that are looked at first.
+/// Returns the key figures.
 pub(crate) fn facts(gathered: &Gathered, size: Option<&Extent>) -> Vec<Fact> {
     let quality = &gathered.quality;
     let mut facts = Vec::new();
@@ -65,7 +65,7 @@ pub(crate) fn facts(gathered: &Gathered, size: Option<&Extent>) -> Vec<Fact> {
     facts
 }
 
-/// Counters, flags and topics.
+/// Returns the tables of counters, flags and topics.
 pub(crate) fn tables(recording: &ResultsRecording, gathered: &Gathered) -> Vec<Table> {
     let quality = &gathered.quality;
     let flags = FLAGS.iter().zip(quality.num_flagged).map(|((_, name), num)| {
@@ -89,7 +89,7 @@ pub(crate) fn tables(recording: &ResultsRecording, gathered: &Gathered) -> Vec<T
     gathered.status.table().into_iter().chain(flags).chain([topics]).collect()
 }
 
-/// Calibration and parameters as they were recorded.
+/// Returns the recorded calibration and parameters.
 pub(crate) fn documents(recording: &ResultsRecording) -> Vec<Document> {
     let mut documents = Vec::new();
     let mut add = |title: &str, text: Option<&String>| {

@@ -1,4 +1,4 @@
-//! How two centrelines of one image differ, and two profiles: B minus A, where both have a point.
+//! Differences between two centrelines or profiles of one image: B minus A, for points in both.
 
 use super::{
     quality::FLAGS,
@@ -13,9 +13,9 @@ use crate::{
 const BIN_PX: f64 = 1.0 / 4096.0;
 /// Width of a bin of differences of heights, micrometres.
 const BIN_UM: f64 = 1.0 / 16.0;
-/// Most cross-sections that are told apart.
+/// Maximum number of cross-sections with figures of their own.
 const MAX_SECTIONS: usize = 1 << 16;
-/// How many of the worst frames and cross-sections are named.
+/// Number of listed worst frames and cross-sections.
 const WORST: usize = 10;
 
 /// Two points of one cross-section.
@@ -31,7 +31,7 @@ pub struct Matched {
 /// One frame's differences.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameDifference {
-    /// Its number among those of A, from 0.
+    /// Number among the frames of A, from 0.
     pub frame: u64,
     /// Its stamp, nanoseconds.
     pub stamp_ns: i64,
@@ -43,9 +43,9 @@ pub struct FrameDifference {
     pub bias_px: f64,
     /// Root mean square, pixels.
     pub rms_px: f64,
-    /// The largest, without sign, pixels, and its cross-section.
+    /// Largest magnitude, pixels.
     pub largest_px: f64,
-    /// Where that is.
+    /// Cross-section of the largest difference.
     pub worst_section: usize,
 }
 
@@ -96,7 +96,7 @@ pub struct FrameSeries {
     pub only: [Vec<f64>; 2],
 }
 
-/// Differences of two results, taken together frame by frame.
+/// Accumulated differences of two results.
 #[derive(Clone, Debug)]
 pub struct Differences {
     /// Across the stripe, pixels.
@@ -107,7 +107,7 @@ pub struct Differences {
     pub num_frames: [u64; 3],
     /// Points in both; only in A; only in B.
     pub num_points: [u64; 3],
-    /// Of points in both, how many have a flag only in A and only in B.
+    /// For points in both: numbers with a flag only in A, and only in B.
     pub num_flagged: [[u64; 2]; FLAGS.len()],
     /// By cross-section.
     pub sections: Vec<SectionDifference>,
@@ -134,7 +134,7 @@ impl Default for Differences {
 }
 
 impl Differences {
-    /// Takes a frame that both have into account, and hands back its points.
+    /// Adds a frame that both have and returns its matched points.
     pub fn add(&mut self, pair: &FramePair<'_>) -> &[Matched] {
         let mut only = [0; 2];
         let mut matched = std::mem::take(&mut self.matched);
@@ -197,7 +197,7 @@ impl Differences {
         (self.num_points[1], self.num_points[2]) =
             (self.num_points[1] + only[0], self.num_points[2] + only[1]);
         self.series.push([found.bias_px, found.rms_px, only[0] as f64, only[1] as f64]);
-        // Without a point in both a frame has no figure, and is no worse than another.
+        // A frame without common points has no figures.
         if found.rms_px > 0.0 {
             let at = self.worst.partition_point(|other| other.rms_px >= found.rms_px);
             self.worst.insert(at, found);
@@ -222,7 +222,7 @@ impl Differences {
         }
     }
 
-    /// The cross-sections that differ most, the worst first.
+    /// Returns the cross-sections that differ most, the worst first.
     #[must_use]
     pub fn worst_sections(&self) -> Vec<usize> {
         let rms = |at: usize| self.sections[at].figures().rms_px;
@@ -271,7 +271,7 @@ fn sorted(line: &Centerline<'_>, direction: StripeDirection) -> Vec<Point> {
     points
 }
 
-/// Hands on the points of every cross-section that has any.
+/// Calls `take` with the points of every cross-section.
 fn for_each_section(lines: &[Vec<Point>; 2], mut take: impl FnMut(usize, [&[Point]; 2])) {
     let [mut a, mut b] = [0, 1].map(|which| lines[which].as_slice());
     while let Some(section) =
@@ -286,13 +286,13 @@ fn for_each_section(lines: &[Vec<Point>; 2], mut take: impl FnMut(usize, [&[Poin
     }
 }
 
-/// Joins the points of a cross-section, each of the fewer with the nearest of the others that is free.
+/// Matches the points of a cross-section: each point of the shorter list with the nearest free point of the longer list.
 fn match_points(section: usize, [a, b]: [&[Point]; 2], matched: &mut Vec<Matched>) {
     let sign = if a.len() <= b.len() { 1.0 } else { -1.0 };
     let (few, many) = if a.len() <= b.len() { (a, b) } else { (b, a) };
     let mut from = 0;
     for (at, point) in few.iter().enumerate() {
-        // In order across the stripe; every one that follows keeps one to be joined with.
+        // Keeps the order across the stripe, and leaves a partner for every following point.
         let last = many.len() - (few.len() - at);
         let distance = |other: usize| (many[other].across_px - point.across_px).abs();
         let Some(best) = (from..=last).min_by(|p, q| distance(*p).total_cmp(&distance(*q))) else {

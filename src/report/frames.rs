@@ -1,4 +1,4 @@
-//! The frames of a report that are shown with their centrelines.
+//! Frames of a report with their centrelines.
 
 use std::{collections::BTreeSet, path::PathBuf};
 
@@ -10,19 +10,19 @@ use crate::{
     results::{Notes, ResultsRecording, ScanSelection},
 };
 
-/// How many frames are shown when nobody chose.
+/// Number of frames without a selection.
 const DEFAULT: u64 = 4;
 
 /// Frames that are shown with their centrelines.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FrameSelection {
-    /// Numbers of the frames, from 0; a few over the recording, when empty.
+    /// Numbers of the frames, from 0; a few, evenly spaced, if empty.
     pub(crate) numbers: Vec<u64>,
-    /// The recording with the images; without it they are looked for in the results.
+    /// Recording with the images; none: the results bag.
     pub(crate) images: Option<PathBuf>,
 }
 
-/// The selected frames, with their images where there are any.
+/// Returns the selected frames with their images, if available.
 pub(crate) fn overlays(
     selection: &FrameSelection,
     recording: &ResultsRecording,
@@ -33,11 +33,13 @@ pub(crate) fn overlays(
     let (Some(topic), 1..) = (recording.topic("centerline"), num) else { return Vec::new() };
     let mut wanted: BTreeSet<u64> = selection.numbers.iter().copied().collect();
     for beyond in wanted.split_off(&num) {
-        notes
-            .add(format!("frame {beyond} is not there: the recording has {num}, 0 to {}", num - 1));
+        notes.add(format!(
+            "frame {beyond} does not exist: the recording has {num}, 0 to {}",
+            num - 1
+        ));
     }
     if selection.numbers.is_empty() {
-        // In the middle of equal parts: the first and the last frame often show nothing.
+        // Centres of equal parts: the first and the last frame often show nothing.
         wanted.extend((0..DEFAULT).map(|part| (2 * part + 1) * num / (2 * DEFAULT)));
     }
     let mut overlays = centerlines(recording, &topic, &wanted);
@@ -47,10 +49,10 @@ pub(crate) fn overlays(
     overlays
 }
 
-/// The centrelines of frames by their number among those that can be read.
+/// Returns the centrelines of frames by their number among the readable ones.
 fn centerlines(recording: &ResultsRecording, topic: &str, wanted: &BTreeSet<u64>) -> Vec<Overlay> {
     let messages = recording.bag().messages(&Filter::topics([topic]));
-    // What cannot be read was told when it was read first.
+    // Errors were noted in the first pass.
     let good =
         messages.flatten().filter(|message| cdr::decode::<Centerline<'_>>(&message.data).is_ok());
     let last = wanted.last().map_or(0, |last| *last as usize + 1);
@@ -62,7 +64,7 @@ fn centerlines(recording: &ResultsRecording, topic: &str, wanted: &BTreeSet<u64>
         .collect()
 }
 
-/// Puts images under the centrelines, by their stamps.
+/// Adds images to the centrelines by their stamps.
 fn add_images(
     images: Option<&PathBuf>,
     recording: &ResultsRecording,
@@ -77,7 +79,7 @@ fn add_images(
         None => images::add(recording, input, overlays, notes),
         Some(path) => {
             let selection = ScanSelection { bag: path.clone(), ..ScanSelection::default() };
-            // What is missing beside the images is of no interest here.
+            // Only the images matter here: ignore other notes.
             let recording = ResultsRecording::open(&selection, &mut Notes::default())?;
             images::add(&recording, input, overlays, notes)
         }

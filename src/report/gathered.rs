@@ -1,4 +1,4 @@
-//! What one pass over a recording's results gives.
+//! Figures of one pass over a results bag.
 
 use super::status::Status;
 use crate::{
@@ -15,18 +15,18 @@ use crate::{
     results::{Notes, ResultsRecording},
 };
 
-/// The frames and the stream, from afar.
+/// Figures of the frames and of the stream.
 pub(crate) struct Gathered {
     pub(crate) quality: Quality,
     pub(crate) status: Status,
     /// Stamps of the first and the last frame, nanoseconds.
     pub(crate) stamps_ns: Option<[i64; 2]>,
-    /// Method and hash of the first frame; later ones differ when parameters were changed.
+    /// Method and hash of the last frame; `num_methods` exceeds 1 if parameters changed.
     pub(crate) method: String,
     pub(crate) num_methods: u64,
     /// Columns and rows of the last image.
     pub(crate) size_px: [u32; 2],
-    /// From the stamp to the reception, milliseconds.
+    /// Delay from stamp to reception, milliseconds.
     delays: Series<1>,
 }
 
@@ -61,13 +61,13 @@ impl Gathered {
             Ok(())
         });
         if states.is_none() {
-            notes.add("the recording has no stream_status: drops and latency are not known");
+            notes.add("the recording has no stream_status: drops and latency are unknown");
         }
         if gathered.quality.num_frames == 0 && lines.is_some() {
-            notes.add("not one centreline could be read");
+            notes.add("no centreline could be read");
         }
         if gathered.num_methods > 1 {
-            notes.add("the parameters of the extraction were changed during the recording");
+            notes.add("the extraction parameters changed during the recording");
         }
         gathered
     }
@@ -86,7 +86,7 @@ impl Gathered {
         Ok(())
     }
 
-    /// Times of frames and of the stream.
+    /// Returns the charts of delays and of the stream.
     pub(crate) fn charts(&self) -> Vec<Chart> {
         let delays = Chart {
             id: "delay",

@@ -1,30 +1,30 @@
-//! Measured places for a page: as they were measured, not resampled, in 16-bit codes.
+//! Measured points for a page in 16-bit codes, not resampled.
 
 use serde::Serialize;
 
 use super::pack::pack;
 
-/// x, y and z of a point; NaN in all where nothing was measured.
+/// x, y and z of a point; all NaN if it was not measured.
 pub type Place = [f32; 3];
 
-/// Most points of a page. Heights of pure noise take 7.5 MB of text, measured ones half of that; x and y next to nothing
-/// along a straight axis.
+/// Maximum number of points of a page. Heights of pure noise take 7.5 MB of text, typical ones half of that; x and y take
+/// almost nothing along a straight axis.
 pub const MAX_POINTS: usize = 2_800_000;
 /// The code of a point that was not measured.
 pub const MISSING: i16 = i16::MIN;
-/// Codes that a number can have are `-LAST_CODE` to `LAST_CODE`.
+/// Codes of numbers range from `-LAST_CODE` to `LAST_CODE`.
 const LAST_CODE: f64 = 32_767.0;
-/// Heights that decide on the scale of colours.
+/// Maximum number of heights that determine the colour scale.
 const MAX_HEIGHTS: usize = 1 << 16;
 
-/// What is known of rows of places after they were seen once.
+/// Size and range of rows of points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extent {
     /// Number of rows.
     pub rows: usize,
-    /// Places of the longest row.
+    /// Points of the longest row.
     pub columns: usize,
-    /// Places that were measured.
+    /// Measured points.
     pub num_measured: u64,
     /// Smallest and largest x, y and z.
     pub ranges: [[f32; 2]; 3],
@@ -38,7 +38,7 @@ impl Default for Extent {
 }
 
 impl Extent {
-    /// Takes the next row into account.
+    /// Adds the next row.
     pub fn add(&mut self, row: &[Place]) {
         self.rows += 1;
         self.columns = self.columns.max(row.len());
@@ -55,7 +55,7 @@ fn is_measured(place: &Place) -> bool {
     place.iter().all(|value| value.is_finite())
 }
 
-/// How a code becomes a number: `offset + step * code`.
+/// Conversion of codes to numbers: `offset + step * code`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Scale {
     offset: f64,
@@ -80,7 +80,7 @@ impl Scale {
     }
 }
 
-/// Rows of places in codes: every one of them, or every n-th where there are more than [`MAX_POINTS`].
+/// Rows of points in codes: all points, or every n-th if there are more than [`MAX_POINTS`].
 #[derive(Clone, Debug)]
 pub struct Grid {
     rows: usize,
@@ -91,23 +91,23 @@ pub struct Grid {
     codes: [Vec<i16>; 3],
 }
 
-/// What a page says of a grid; the codes themselves stand beside it.
+/// Description of a grid; the codes are stored separately.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct About {
     rows: usize,
     columns: usize,
-    /// Every so many-th row and place of a row are kept.
+    /// Every `row_step`-th row and every `column_step`-th point of a row is kept.
     row_step: usize,
     column_step: usize,
     missing: i16,
-    /// Of x, y and z.
+    /// Scales of x, y and z.
     scales: [Scale; 3],
-    /// Ends of the scale of colours, in units of z.
+    /// Ends of the colour scale, in units of z.
     colors: [f64; 2],
 }
 
 impl About {
-    /// The same with zero in the middle of the scale of colours.
+    /// Centres the colour scale at zero.
     #[must_use]
     pub fn about_zero(self) -> Self {
         let largest = self.colors[0].abs().max(self.colors[1].abs());
@@ -116,7 +116,7 @@ impl About {
 }
 
 impl Grid {
-    /// A grid for the rows that were seen.
+    /// Creates a grid for rows of this extent.
     #[must_use]
     pub fn new(extent: &Extent) -> Self {
         let mut steps = [1, 1];
@@ -139,13 +139,13 @@ impl Grid {
         }
     }
 
-    /// Every how many-th row, and place of a row, is kept.
+    /// Steps between kept rows, and between kept points of a row.
     #[must_use]
     pub const fn steps(&self) -> [usize; 2] {
         self.steps
     }
 
-    /// The next row. Rows beyond those that were seen before are left out.
+    /// Adds the next row. Ignores rows beyond the extent.
     pub fn push(&mut self, row: &[Place]) {
         let is_kept = self.num_pushed.is_multiple_of(self.steps[0])
             && self.num_pushed / self.steps[0] < self.rows;
@@ -163,7 +163,7 @@ impl Grid {
         }
     }
 
-    /// What there is to say, and the packed codes of x, y and z. Rows that never came are missing.
+    /// Returns the description and the packed codes of x, y and z. Rows that were not added are missing.
     #[must_use]
     pub fn finish(mut self) -> (About, String) {
         for codes in &mut self.codes {
@@ -182,7 +182,7 @@ impl Grid {
         (about, pack(&[x, y, z], self.columns))
     }
 
-    /// Heights without the lowest and highest half per cent.
+    /// Returns the range of heights without the lowest and highest half per cent.
     fn colors(&self) -> [f64; 2] {
         let z = &self.codes[2];
         let step = (z.len() / MAX_HEIGHTS).max(1);

@@ -1,4 +1,4 @@
-//! Images for a page: found by their stamps, as large as a page needs.
+//! Images for a page: found by stamp, reduced to the size that a page needs.
 
 use ::image::{
     ExtendedColorType, ImageEncoder as _,
@@ -26,15 +26,15 @@ use crate::{
 
 /// Longest side of an image in a page, pixels.
 const LONGEST_PX: usize = 1600;
-/// A PNG that is longer is stored as JPEG.
+/// Larger PNGs are stored as JPEG, bytes.
 const PNG_BYTES: usize = 256 << 10;
 const JPEG_QUALITY: u8 = 85;
-/// An image is looked for so long after its centreline says that it was received.
+/// Time after the recorded reception in which an image is searched first, nanoseconds.
 const NEAR_NS: i64 = 1_000_000_000;
-/// Largest image that is decoded.
+/// Largest decoded image, bytes.
 const MAX_FRAME_BYTES: u64 = 1 << 28;
 
-/// Puts the images of a recording under the centrelines that have their stamps.
+/// Adds the images of a recording to the centrelines with the same stamps.
 ///
 /// # Errors
 /// A recording without images.
@@ -58,7 +58,7 @@ pub(crate) fn add(
     Ok(())
 }
 
-/// Looks for images among those received in a span of time, until the span or the search is over.
+/// Searches images received in a span of time, until the span ends or all are found.
 fn look(
     recording: &ResultsRecording,
     topic: &str,
@@ -89,7 +89,7 @@ fn look(
     }
 }
 
-/// The topic of the images: the one that the results name, else the only one.
+/// Returns the image topic: the one that the results name, otherwise the only one.
 fn choose(recording: &ResultsRecording, input: Option<&str>) -> anyhow::Result<String> {
     let topics = recording.image_topics();
     if let Some(named) = topics.iter().find(|topic| Some(topic.as_str()) == input) {
@@ -106,7 +106,7 @@ fn choose(recording: &ResultsRecording, input: Option<&str>) -> anyhow::Result<S
     }
 }
 
-/// Puts the message under the centreline whose image it is, if it is any's.
+/// Adds the image to the centreline with its stamp, if there is one.
 fn put(message: &RawMessage, overlays: &mut [Overlay]) -> anyhow::Result<()> {
     message.topic.require_cdr()?;
     let mut pixels = Vec::new();
@@ -132,7 +132,7 @@ fn put(message: &RawMessage, overlays: &mut [Overlay]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The image as a `data:` address, and how many times smaller it became.
+/// Returns the image as a `data:` address, and its reduction factor.
 fn address(image: &Picture<'_>) -> anyhow::Result<(String, usize)> {
     let whole = SearchedRegion::whole(image);
     let mut decoder = Decoder::default();
@@ -162,7 +162,7 @@ fn address(image: &Picture<'_>) -> anyhow::Result<(String, usize)> {
     Ok((format!("data:image/{kind};base64,{}", STANDARD.encode(bytes)), reduction))
 }
 
-/// Means over squares of pixels, on a scale on which `full` is white, and the size.
+/// Returns the means over squares of pixels, scaled so that `full` is white, and the size.
 fn reduced<S: Copy + Into<u32>>(plane: &Plane<'_, S>, by: usize, full: u32) -> (Vec<u8>, [u32; 2]) {
     let size = [plane.width().div_ceil(by), plane.height().div_ceil(by)];
     let mut pixels = Vec::with_capacity(size[0] * size[1]);

@@ -1,4 +1,4 @@
-//! The map of a report: heights where there is a calibration, else where the stripe was in the image.
+//! The map of a report: heights with a calibration, otherwise the position of the stripe in the image.
 
 use anyhow::Context;
 
@@ -13,13 +13,13 @@ use crate::{
     scanner::params::StripeDirection,
 };
 
-/// What the files of a report need beside the page's map.
+/// The map of a report, and data for its figures.
 pub(crate) struct Measured {
     pub(crate) map: Map,
     pub(crate) extent: Extent,
-    /// The scan; none where the map shows centrelines.
+    /// The scan; none if the map shows centrelines.
     pub(crate) results: Option<Results>,
-    /// The middle profile, and the line along the motion through the middle.
+    /// The middle profile, and the middle section along the motion.
     pub(crate) sections: [Vec<Place>; 2],
 }
 
@@ -34,10 +34,10 @@ const PIXELS: [Axis; 3] = [
     Axis { label: "row", unit: "px", factor: 1.0, digits: 3 },
 ];
 
-/// Reads what there is to map: twice, so that nothing but the map is held.
+/// Reads the map. Reads the recording twice to hold only the map in memory.
 ///
 /// # Errors
-/// [`SelectionError`] for a topic or a scan that is not there.
+/// [`SelectionError`] for a topic or a scan that does not exist.
 pub(crate) fn read(
     selection: &ScanSelection,
     recording: &ResultsRecording,
@@ -54,7 +54,7 @@ pub(crate) fn read(
     }
 }
 
-/// The scan that is meant; of several the first, which is told.
+/// Opens the selected scan; without a selection the first of several, with a note.
 fn open(
     selection: &ScanSelection,
     recording: &ResultsRecording,
@@ -121,7 +121,7 @@ fn centerlines(recording: &ResultsRecording, notes: &mut Notes) -> Option<Measur
         (axes[0].label, axes[2].label) = ("row", "column");
     }
     let caption = format!(
-        "Where the stripe was in the images: {} frames, {} points.{} Grey: no stripe found.",
+        "Position of the stripe in the images: {} frames, {} points.{} Grey: no stripe found.",
         extent.rows,
         extent.num_measured,
         thinned(&grid)
@@ -130,14 +130,14 @@ fn centerlines(recording: &ResultsRecording, notes: &mut Notes) -> Option<Measur
     Some(Measured { map, extent, results: None, sections })
 }
 
-/// A centreline as places (position along the stripe, frame, position across it), one a pixel along the stripe.
+/// Lays out a centreline as points (position along the stripe, frame, position across it), one per pixel along the stripe.
 fn lay(line: &Centerline<'_>, direction: StripeDirection, frame: f32, row: &mut Vec<Place>) {
     let (along, across, length) = match direction {
         StripeDirection::Horizontal => (&line.u, &line.v, line.image_width),
         StripeDirection::Vertical => (&line.v, &line.u, line.image_height),
     };
     row.clear();
-    // No message makes a row longer than its images can be.
+    // Limits the memory that a message can claim.
     row.resize(length.min(1 << 16) as usize, [f32::NAN; 3]);
     for (at, across) in along.iter().zip(across.iter()) {
         if let Some(place) = row.get_mut(at.round() as usize).filter(|place| place[0].is_nan()) {
@@ -156,7 +156,7 @@ pub(super) struct Mapped {
     pub(super) sections: [Vec<Place>; 2],
 }
 
-/// Lays rows on a grid; reads them twice. None where nothing was measured.
+/// Lays rows on a grid; reads them twice. None if nothing was measured.
 pub(super) fn mapped(rows: &mut Rows<'_>) -> Option<Mapped> {
     let mut extent = Extent::default();
     rows(&mut |row| extent.add(row));
@@ -179,7 +179,7 @@ pub(super) fn mapped(rows: &mut Rows<'_>) -> Option<Mapped> {
     Some(Mapped { extent, grid, sections: [across, along] })
 }
 
-/// What is to be said of a grid that does not show every point.
+/// Describes the thinning of a grid; empty if it shows every point.
 pub(super) fn thinned(grid: &Grid) -> String {
     let [rows, columns] = grid.steps();
     let every = |step: usize, what: &str| match step {

@@ -1,18 +1,17 @@
-//! Pages for people: what a scan shows, and how two results of one recording differ. Each is one HTML file that needs no
-//! network, in a light and a dark dress.
+//! Reports of a scan and comparisons of two results, as self-contained HTML pages in a light and a dark theme.
 //!
-//! What lies where on a page, for scripts and tests:
+//! Elements of a page, for scripts and tests:
 //!
-//! | id | what |
+//! | id | element |
 //! |---|---|
-//! | `height-map` | canvas: the heights from above, in colour, with axes; takes the pointer and the arrow keys |
-//! | `section-across`, `section-along` | the profile under the pointer, and the line along the motion through the same point |
+//! | `height-map` | canvas with the heights in colour and axes; responds to the pointer and the arrow keys |
+//! | `section-across`, `section-along` | the profile under the pointer, and the section along the motion through the same point |
 //! | `readout` | position and height under the pointer, as text |
-//! | `color-low`, `color-high`, `color-reset` | the ends of the scale of colours |
-//! | `chart-…` | one figure a [`chart::Chart`] |
-//! | `report-data`, `map-data` | what is drawn: JSON, and the packed [`grid::Grid`] |
+//! | `color-low`, `color-high`, `color-reset` | the ends of the colour scale |
+//! | `chart-…` | one [`chart::Chart`] |
+//! | `report-data`, `map-data` | the data: JSON, and the packed [`grid::Grid`] |
 //!
-//! The drawing of curves in the page is uPlot's (`src/report/uplot`, MIT licence, unchanged).
+//! uPlot (`src/report/uplot`, MIT licence, unchanged) draws the curves.
 
 pub mod pack;
 pub(crate) mod date;

@@ -1,17 +1,17 @@
-//! A centreline over its image, as the lines of an SVG in the image's own pixels.
+//! A centreline over its image, as SVG lines in image pixels.
 
 use askama::Template;
 
 use crate::msg::laser_profiler_msgs::Centerline;
 
-/// One frame of a page.
+/// One frame on a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Overlay {
     /// Number of the frame in the recording, from 0.
     pub frame: u64,
-    /// Its stamp, nanoseconds.
+    /// Stamp, nanoseconds.
     pub stamp_ns: i64,
-    /// When its image was received, nanoseconds.
+    /// Time of reception of its image, nanoseconds.
     pub received_ns: i64,
     /// Columns and rows of the image.
     pub size_px: [u32; 2],
@@ -19,14 +19,14 @@ pub struct Overlay {
     pub num_points: usize,
     /// The image as `data:` address; empty without one.
     pub image: String,
-    /// How much smaller the image is than it was; 1 as it was.
+    /// Reduction factor of the image; 1: full size.
     pub reduction: usize,
     /// Points of each connected stripe: `u,v u,v …`.
     pub lines: Vec<String>,
 }
 
 impl Overlay {
-    /// The centreline of a frame, still without its image.
+    /// Creates a frame without its image.
     #[must_use]
     pub fn new(frame: u64, line: &Centerline<'_>) -> Self {
         Self {
@@ -41,10 +41,10 @@ impl Overlay {
         }
     }
 
-    /// The frame as an SVG file.
+    /// Returns the frame as SVG text.
     ///
     /// # Errors
-    /// Those of the template: none that a frame could have.
+    /// Errors of the template; none are expected.
     pub fn svg(&self) -> Result<String, askama::Error> {
         Picture { overlay: self }.render()
     }
@@ -56,7 +56,7 @@ struct Picture<'a> {
     overlay: &'a Overlay,
 }
 
-/// One line for each connected stripe, nothing across gaps. A point alone becomes a line of a tenth of a pixel.
+/// Returns one line per connected stripe. A single point becomes a line of a tenth of a pixel.
 fn lines(line: &Centerline<'_>) -> Vec<String> {
     let num = line.u.len().min(line.v.len());
     let starts = line.stripe_start.iter().map(|start| (*start as usize).min(num));

@@ -1,16 +1,15 @@
-//! Numbers as text that a browser unpacks without a library.
+//! Compressed numbers as text that a browser unpacks without a library.
 //!
-//! 16-bit codes, row after row; of each the difference to the code above it (of the first row: the code itself), modulo
-//! 2^16; first the low bytes of all of them, then the high bytes; zlib; base64. Neighbouring rows are alike, so what is
-//! left is small, and much of it zero.
+//! 16-bit codes, row by row; each as its difference from the code above it modulo 2^16 (the first row as it is); all low
+//! bytes, then all high bytes; zlib; base64. Neighbouring rows are similar, so most differences are small or zero.
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use miniz_oxide::deflate::compress_to_vec_zlib;
 
-/// Beyond this zlib takes much longer for a few per cent.
+/// Higher levels take much longer and save a few per cent.
 const LEVEL: u8 = 6;
 
-/// Packs planes of codes, each with `columns` codes a row, one behind the other.
+/// Packs planes of codes one after another, each with `columns` codes per row.
 #[must_use]
 pub fn pack(planes: &[&[i16]], columns: usize) -> String {
     let mut bytes = Vec::with_capacity(planes.iter().map(|plane| 2 * plane.len()).sum());

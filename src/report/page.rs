@@ -1,14 +1,14 @@
-//! The pages themselves: what stands in them, and their HTML.
+//! Contents and HTML of a page.
 
 use askama::Template;
 use serde::Serialize;
 
 use super::{chart::Chart, grid::About, overlay::Overlay};
 
-/// How a page looks.
+/// Style sheet.
 const STYLE: &str =
     concat!(include_str!("uplot/uPlot.min.css"), "\n", include_str!("pages/page.css"));
-/// What draws in it.
+/// Scripts.
 const SCRIPT: &str = concat!(
     include_str!("uplot/uPlot.iife.min.js"),
     "\n",
@@ -18,20 +18,20 @@ const SCRIPT: &str = concat!(
     "\n",
     include_str!("pages/page.js")
 );
-/// The licence of the drawing library, which must stand beside it.
+/// Licence of the drawing library, which must accompany it.
 const LICENCE: &str = include_str!("uplot/LICENSE");
 
-/// A name and what it is, in a list of facts or a table.
+/// A named value in the list of facts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fact {
-    /// What it is.
+    /// Title.
     pub name: String,
-    /// How much, with its unit.
+    /// Value with its unit.
     pub value: String,
 }
 
 impl Fact {
-    /// A fact.
+    /// Creates a fact.
     #[must_use]
     pub fn new(name: &str, value: impl Into<String>) -> Self {
         Self { name: name.to_owned(), value: value.into() }
@@ -41,93 +41,93 @@ impl Fact {
 /// One axis of a map.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Axis {
-    /// What it is, as in `x, along the stripe`.
+    /// Label, as in `x, along the stripe`.
     pub label: &'static str,
-    /// In what it is shown.
+    /// Display unit.
     pub unit: &'static str,
-    /// From the grid's numbers to that unit.
+    /// Factor from the grid's unit to the display unit.
     pub factor: f64,
-    /// Digits behind the point.
+    /// Number of decimals.
     pub digits: u8,
 }
 
-/// A map of places and the sections through it.
+/// A map and the sections through it.
 #[derive(Clone, Debug)]
 pub struct Map {
-    /// What it shows.
+    /// Title.
     pub title: &'static str,
-    /// What else is to be said of it.
+    /// Caption.
     pub caption: String,
-    /// What the sections are called: across and along the motion.
+    /// Titles of the sections across and along the motion.
     pub sections: [&'static str; 2],
-    /// x, y and z.
+    /// Axes of x, y and z.
     pub axes: [Axis; 3],
-    /// Whether x and y are lengths, and so drawn on one scale.
+    /// True if x and y are lengths and share one scale.
     pub is_metric: bool,
     /// 256 colours from the lowest to the highest, `#rrggbb`.
     pub colors: Vec<String>,
-    /// What is said of the grid.
+    /// Description of the grid.
     pub about: About,
     /// The packed grid.
     pub packed: String,
 }
 
-/// A long text, folded away.
+/// A long text, collapsed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Document {
-    /// What it is.
+    /// Title.
     pub title: String,
     /// The text.
     pub text: String,
 }
 
-/// A table with a head.
+/// A table with a header row.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
-    /// What it shows.
+    /// Title.
     pub title: String,
-    /// The heads of its columns.
+    /// Column headers.
     pub heads: Vec<String>,
-    /// Its rows, as many cells as there are heads.
+    /// Rows with one cell per header.
     pub rows: Vec<Vec<String>>,
 }
 
-/// A page: what is empty is left out.
+/// A page. Empty parts are omitted.
 #[derive(Clone, Debug, Default, Template)]
 #[template(path = "page.html")]
 pub struct Page {
-    /// What it is about.
+    /// Title.
     pub title: String,
-    /// One line below it.
+    /// Line below the title.
     pub subtitle: String,
     /// The most important figures.
     pub facts: Vec<Fact>,
-    /// What is missing, lost or out of the ordinary.
+    /// Notes on missing or lost data and anything unusual.
     pub notes: Vec<String>,
-    /// Heights from above.
+    /// Height map.
     pub map: Option<Map>,
     /// Frames with their centrelines.
     pub overlays: Vec<Overlay>,
-    /// Figures over the frames.
+    /// Charts over the frames.
     pub charts: Vec<Chart>,
     /// Tables.
     pub tables: Vec<Table>,
-    /// Calibration, parameters and the like.
+    /// Calibration, parameters and other texts.
     pub documents: Vec<Document>,
     /// Program and version.
     pub program: String,
 }
 
 impl Page {
-    /// The page as text.
+    /// Returns the HTML.
     ///
     /// # Errors
-    /// Those of the template: none that a page could have.
+    /// Errors of the template; none are expected.
     pub fn html(&self) -> Result<String, askama::Error> {
         self.render()
     }
 
-    /// What the page's scripts draw, as JSON that may stand in a script element.
+    /// Returns the data for the page's scripts, as JSON that is safe in a script element.
     fn data(&self) -> String {
         let map = self.map.as_ref().map(|map| {
             serde_json::json!({

@@ -1,4 +1,4 @@
-//! How well the stripe was found, frame by frame and in all.
+//! Quality of the centrelines, per frame and in total.
 
 use super::{
     chart::{Chart, Curve},
@@ -12,7 +12,7 @@ use crate::{
     scanner::{params::StripeDirection, stripe::flag},
 };
 
-/// Bits of a point's flags and how they are called.
+/// Bits of a point's flags and their names.
 pub const FLAGS: [(u8, &str); 5] = [
     (flag::SATURATED, "saturated"),
     (flag::MULTIPLE_PEAKS, "several candidates"),
@@ -31,23 +31,23 @@ const LOST: usize = FLAGGED + FLAGS.len();
 const GAPS: usize = LOST + 1;
 const NUM: usize = GAPS + 1;
 
-/// The stripe's quality over a recording.
+/// Quality of the centrelines over a recording.
 #[derive(Clone, Debug)]
 pub struct Quality {
     series: Series<NUM>,
     found: Vec<u32>,
     numbers: Vec<f32>,
-    /// Frames seen.
+    /// Frames.
     pub num_frames: u64,
     /// Points of all frames.
     pub num_points: u64,
     /// Cross-sections searched in all frames.
     pub num_sections: u64,
-    /// Those of them in which a stripe was found.
+    /// Cross-sections in which a stripe was found.
     pub num_found: u64,
     /// Points with each of [`FLAGS`].
     pub num_flagged: [u64; FLAGS.len()],
-    /// Frames known to be missing between those seen.
+    /// Frames known to be missing between them.
     pub num_lost: u64,
 }
 
@@ -97,7 +97,7 @@ impl Quality {
         Ok(())
     }
 
-    /// Cross-sections searched, and those with a point.
+    /// Returns the number of searched cross-sections, and of those with a point.
     fn sections(&mut self, line: &Centerline<'_>, direction: StripeDirection) -> [u64; 2] {
         let roi = &line.roi;
         let (along, offset, length) = match direction {
@@ -126,25 +126,25 @@ impl Quality {
         })
     }
 
-    /// The median over all frames of their median uncertainty, pixels; NaN where none is stated.
+    /// Median over all frames of their median uncertainty, pixels; NaN if none is stated.
     #[must_use]
     pub fn sigma_px(&self) -> f64 {
         median(self.series.figure(SIGMA))
     }
 
-    /// The median over all frames of the stripe's median width, pixels; NaN where none is stated.
+    /// Median over all frames of the median stripe width, pixels; NaN if none is stated.
     #[must_use]
     pub fn width_px(&self) -> f64 {
         median(self.series.figure(WIDTH))
     }
 
-    /// The share of searched cross-sections without a point; NaN without any.
+    /// Fraction of searched cross-sections without a point; NaN without cross-sections.
     #[must_use]
     pub fn missing(&self) -> f64 {
         share(self.num_sections - self.num_found, self.num_sections)
     }
 
-    /// The figures over the frames.
+    /// Returns the charts over the frames.
     #[must_use]
     pub fn charts(&self) -> Vec<Chart> {
         if self.num_frames == 0 {

@@ -1,37 +1,37 @@
-//! Figures of a stream that may be endless, in bounded memory.
+//! Figures of an unbounded stream in bounded memory.
 
-/// Most entries that are kept.
+/// Maximum number of entries.
 pub const MAX_BINS: usize = 2048;
 
-/// How figures of neighbouring frames become one.
+/// Rule that merges figures of neighbouring frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Merge {
-    /// Their mean.
+    /// Mean.
     Mean,
-    /// The largest.
+    /// Maximum.
     Max,
-    /// Their sum.
+    /// Sum.
     Sum,
 }
 
-/// `N` figures a frame, merged over 2, 4, 8, … neighbours as the stream grows.
+/// `N` figures per frame, merged over 2, 4, 8, … frames as the stream grows.
 #[derive(Clone, Debug)]
 pub struct Series<const N: usize> {
     merges: [Merge; N],
     per_bin: usize,
     bins: Vec<[f64; N]>,
-    /// Frames of a bin that is not full yet.
+    /// Frames of the entry that is not complete yet.
     open: Vec<[f64; N]>,
 }
 
 impl<const N: usize> Series<N> {
-    /// An empty one.
+    /// Creates an empty series.
     #[must_use]
     pub const fn new(merges: [Merge; N]) -> Self {
         Self { merges, per_bin: 1, bins: Vec::new(), open: Vec::new() }
     }
 
-    /// The next frame's figures; NaN where there is none.
+    /// Adds the figures of the next frame; NaN if missing.
     pub fn push(&mut self, figures: [f64; N]) {
         if self.bins.len() == MAX_BINS {
             self.bins = self.bins.chunks(2).map(|pair| self.merged(pair)).collect();
@@ -44,19 +44,19 @@ impl<const N: usize> Series<N> {
         }
     }
 
-    /// How many frames are one entry.
+    /// Frames per entry.
     #[must_use]
     pub const fn per_bin(&self) -> usize {
         self.per_bin
     }
 
-    /// The first frame of every entry, from 0.
+    /// First frame of every entry, from 0.
     #[must_use]
     pub fn frames(&self) -> Vec<f64> {
         (0..self.len()).map(|bin| (bin * self.per_bin) as f64).collect()
     }
 
-    /// One figure of every entry.
+    /// One figure for every entry.
     #[must_use]
     pub fn figure(&self, at: usize) -> Vec<f64> {
         let last = (!self.open.is_empty()).then(|| self.merged(&self.open));

@@ -1,13 +1,13 @@
-//! How differences lie, in bounded memory: sums exact, quantiles to the width of a bin.
+//! Distribution of differences in bounded memory: exact sums, quantiles to the width of a bin.
 
 use serde::Serialize;
 
-/// Bins on each side of zero; what lies beyond is counted in the last.
+/// Bins on each side of zero; the last one counts everything beyond.
 const HALF: usize = 1 << 15;
 /// From the median of absolute deviations to a standard deviation, for normal errors.
 const NORMAL: f64 = 1.4826;
 
-/// Differences, counted.
+/// A histogram of differences.
 #[derive(Clone, Debug)]
 pub struct Spread {
     bin: f64,
@@ -23,28 +23,28 @@ pub struct Spread {
 pub struct Figures {
     /// Number of differences.
     pub num: u64,
-    /// Their mean.
+    /// Mean.
     pub bias: f64,
-    /// Their median.
+    /// Median.
     pub median: f64,
-    /// Root of the mean of their squares.
+    /// Root mean square.
     pub rms: f64,
-    /// 1.4826 times the median of their distances from the median: the standard deviation of those that are not outliers.
+    /// Robust standard deviation: 1.4826 times the median absolute deviation.
     pub robust: f64,
-    /// 95 % are no larger, without sign.
+    /// 95 % quantile of the magnitudes.
     pub p95: f64,
-    /// The largest, without sign.
+    /// Largest magnitude.
     pub largest: f64,
 }
 
 impl Spread {
-    /// None yet; quantiles will be multiples of `bin`, up to 32,768 of them on each side.
+    /// Creates an empty histogram. Quantiles are multiples of `bin`, up to 32,768 of them on each side.
     #[must_use]
     pub fn new(bin: f64) -> Self {
         Self { bin, counts: vec![0; 2 * HALF + 1], num: 0, sum: 0.0, squares: 0.0, largest: 0.0 }
     }
 
-    /// Takes a difference into account; one that is no number is none.
+    /// Adds a difference; ignores NaN.
     pub fn add(&mut self, difference: f64) {
         if !difference.is_finite() {
             return;
@@ -58,7 +58,7 @@ impl Spread {
         self.largest = self.largest.max(difference.abs());
     }
 
-    /// What there is to say.
+    /// Returns the figures.
     #[must_use]
     pub fn figures(&self) -> Figures {
         let num = self.num as f64;
@@ -102,7 +102,7 @@ impl Spread {
         found.map_or(HALF, |(at, _)| at)
     }
 
-    /// How many bins to both sides of one hold a share of all.
+    /// Returns the number of bins to both sides of one that hold a share of all differences.
     fn reach(&self, middle: usize, share: f64) -> usize {
         let wanted = (share * self.num as f64).ceil() as u64;
         let at = |at: Option<usize>| at.and_then(|at| self.counts.get(at)).copied().unwrap_or(0);

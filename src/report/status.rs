@@ -1,4 +1,4 @@
-//! The stream's counters over a recording.
+//! Counters of the stream over a recording.
 
 use crate::{
     msg::laser_profiler_msgs::StreamStatus,
@@ -12,12 +12,12 @@ use crate::{
 const MERGES: [Merge; 6] =
     [Merge::Mean, Merge::Mean, Merge::Mean, Merge::Max, Merge::Max, Merge::Max];
 
-/// The counters, and the figures of each second.
+/// Final counters, and figures per second.
 pub(crate) struct Status {
-    /// Seconds since the first, rate, latencies (median, 99 %, maximum), queue.
+    /// Seconds since the first message, rate, latencies (median, 99 %, maximum), queue length.
     series: Series<6>,
     first_ns: Option<i64>,
-    /// Name and value of the last counters.
+    /// Names and values of the last counters.
     counters: Vec<(&'static str, u64)>,
 }
 
@@ -28,7 +28,7 @@ impl Default for Status {
 }
 
 impl Status {
-    /// Takes the next message into account.
+    /// Adds the next message.
     pub(crate) fn add(&mut self, status: &StreamStatus<'_>) {
         let stamp_ns = status.header.stamp.to_ns();
         let first_ns = *self.first_ns.get_or_insert(stamp_ns);
@@ -49,13 +49,13 @@ impl Status {
             ("lost by the middleware", status.lost_transport),
             ("dropped by overload", status.dropped_overload),
             ("rejected: malformed", status.rejected_malformed),
-            ("rejected: came twice", status.rejected_duplicate),
+            ("rejected: duplicate", status.rejected_duplicate),
             ("rejected: out of order", status.rejected_out_of_order),
             ("not recorded", status.recorder_dropped),
         ];
     }
 
-    /// The last counters; none without a message.
+    /// Returns the table of the last counters; none without a message.
     pub(crate) fn table(&self) -> Option<Table> {
         let row = |(name, value): &(&str, u64)| vec![(*name).to_owned(), value.to_string()];
         (!self.counters.is_empty()).then(|| Table {
@@ -65,13 +65,13 @@ impl Status {
         })
     }
 
-    /// Frames that are missing or were not used.
+    /// Number of lost, dropped and rejected frames.
     pub(crate) fn num_lost(&self) -> Option<u64> {
         let counters = self.counters.get(3..)?;
         (!counters.is_empty()).then(|| counters.iter().map(|(_, value)| value).sum())
     }
 
-    /// Rate, latency and queue over time.
+    /// Returns the charts of rate, latency and queue over time.
     pub(crate) fn charts(&self) -> Vec<Chart> {
         let x = self.series.figure(0);
         let chart = |id, title, y_label, curves: &[(&str, usize)]| Chart {
@@ -96,7 +96,7 @@ impl Status {
                 "latency [ms]",
                 &[("median", 2), ("99 %", 3), ("maximum", 4)],
             ),
-            chart("queue", "Frames that wait", "frames", &[("queue", 5)]),
+            chart("queue", "Frames in the queue", "frames", &[("queue", 5)]),
         ]
     }
 }

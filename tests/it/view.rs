@@ -40,7 +40,7 @@ impl Viewed {
         let url = loop {
             let start = told.len();
             assert!(lines.read_line(&mut told).unwrap() > 0, "it ended without a view: {told}");
-            if let Some((_, rest)) = told[start..].split_once("the view is at ") {
+            if let Some((_, rest)) = told[start..].split_once("live view at ") {
                 break rest.split(": ").next().unwrap().to_owned();
             }
         };
@@ -182,7 +182,7 @@ fn stalled_viewers_do_not_change_the_results() {
 fn nothing_is_encoded_without_viewers() {
     let ended = Viewed::replay(&[FILM, &["--view-exit", "--rate", "100"]].concat()).wait();
     assert_eq!(ended.code, Some(0), "{ended:?}");
-    assert!(ended.stderr.contains("the view gave viewers 0 messages"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("sent 0 messages to viewers"), "{}", ended.stderr);
 }
 
 #[test]

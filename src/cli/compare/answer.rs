@@ -14,7 +14,7 @@ use crate::{
     results::{Notes, Reason},
 };
 
-/// Tables for a terminal.
+/// Formats tables for a terminal.
 ///
 /// # Errors
 /// None: writing to a string does not fail.
@@ -66,7 +66,7 @@ fn write_places(comparison: &Comparison<'_>, text: &mut String) -> fmt::Result {
         }
     }
     if differences.worst.is_empty() {
-        writeln!(text, "\nWhere both have a point it is the same.")?;
+        writeln!(text, "\nAll common points are identical.")?;
         return Ok(());
     }
     writeln!(text, "\nFrames that differ most   RMS [px]   bias [px]   largest [px]  in section")?;
@@ -86,12 +86,12 @@ fn write_places(comparison: &Comparison<'_>, text: &mut String) -> fmt::Result {
 }
 
 fn write_reasons(comparison: &Comparison<'_>, text: &mut String) -> fmt::Result {
-    let told = if comparison.reasons.is_empty() {
-        "\nVersion, parameters and calibration are the same."
+    let heading = if comparison.reasons.is_empty() {
+        "\nVersion, parameters and calibration are identical."
     } else {
-        "\nWhat is not the same:"
+        "\nDiffering settings:"
     };
-    writeln!(text, "{told}")?;
+    writeln!(text, "{heading}")?;
     for Reason { name, values } in &comparison.reasons {
         let [a, b] = values.each_ref().map(|value| if value.is_empty() { "–" } else { value });
         writeln!(text, "  {name}: {a} → {b}")?;
@@ -99,7 +99,7 @@ fn write_reasons(comparison: &Comparison<'_>, text: &mut String) -> fmt::Result 
     Ok(())
 }
 
-/// The keys that `--help` names.
+/// Returns the JSON object that `--help` describes.
 pub(super) fn json(comparison: &Comparison<'_>, notes: &Notes) -> String {
     let differences = &comparison.differences;
     let one = |which: usize| {

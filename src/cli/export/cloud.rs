@@ -1,11 +1,11 @@
-//! Point clouds as PLY and PCD files: a header that says how many, then the points as they lie in memory.
+//! Point clouds as PLY and PCD files: a header with the number of points, then binary points.
 
 use std::io::Write;
 
 use super::Written;
 use crate::{cli::chart::viridis, scanner::scan::Point};
 
-/// A format of a point cloud.
+/// Format of a point cloud.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum CloudFormat {
     /// Stanford's polygon file, binary little endian.
@@ -14,17 +14,17 @@ pub(super) enum CloudFormat {
     Pcd,
 }
 
-/// A cloud that is being written.
+/// Writer of one point cloud.
 pub(super) struct CloudWriter<W> {
     file: W,
-    /// Range of heights for colours, metres.
+    /// Colour scale of heights, metres; none without colours.
     scale_m: Option<[f32; 2]>,
     left: u64,
     written: u64,
 }
 
 impl<W: Write> CloudWriter<W> {
-    /// Writes the header. `scale_m`: colours a PLY file by height.
+    /// Writes the header. `scale_m` is the colour scale of heights, metres; only PLY files have colours.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -59,9 +59,9 @@ impl<W: Write> CloudWriter<W> {
     /// Writes a point.
     ///
     /// # Errors
-    /// A file that cannot be written, or that was to hold fewer points: the recording has changed.
+    /// The file cannot be written, or has more points than its header states: the recording has changed.
     pub(super) fn point(&mut self, point: &Point) -> anyhow::Result<()> {
-        anyhow::ensure!(self.left > 0, "the recording has changed while it was read");
+        anyhow::ensure!(self.left > 0, "the recording changed while it was read");
         let mut bytes = [0; 16];
         for (place, number) in bytes.chunks_exact_mut(4).zip(point) {
             place.copy_from_slice(&number.to_le_bytes());
@@ -76,12 +76,12 @@ impl<W: Write> CloudWriter<W> {
         Ok(())
     }
 
-    /// Ends the file and tells how many points it has.
+    /// Ends the file and returns its number of points.
     ///
     /// # Errors
-    /// Fewer points than the header says: the recording has changed.
+    /// The file has fewer points than its header states: the recording has changed.
     pub(super) fn finish(self) -> anyhow::Result<Written> {
-        anyhow::ensure!(self.left == 0, "the recording has changed while it was read");
+        anyhow::ensure!(self.left == 0, "the recording changed while it was read");
         Ok(Written { num_points: self.written, num_lost: 0 })
     }
 }

@@ -1,4 +1,4 @@
-//! Points as text, one a line.
+//! CSV files: one point per line.
 
 use std::io::Write;
 
@@ -8,8 +8,8 @@ use crate::{
     results::{Placing, Results},
 };
 
-/// Writes the profiles beside the clouds, with their uncertainties, or the points of the clouds. Profiles that cannot be
-/// read are passed over and counted.
+/// Writes the profiles with their uncertainties, or the points of the clouds if points are selected or moved, or if there
+/// are no profiles. Counts and skips profiles that cannot be read.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -44,7 +44,7 @@ fn write_points(
     Ok(Written { num_points, num_lost: 0 })
 }
 
-/// Profiles of the frames of the scan.
+/// Writes the profiles of the scan's frames.
 fn write_profiles(
     file: &mut impl Write,
     results: &Results,
@@ -68,7 +68,7 @@ fn write_profiles(
             if !(x.is_finite() && z.is_finite()) {
                 continue;
             }
-            // These arrays may be empty.
+            // Optional arrays may be empty.
             let number = |values: &[f32]| values.get(i).copied().unwrap_or(f32::NAN);
             let flags = profile.flags.get(i).copied().unwrap_or(0);
             writeln!(

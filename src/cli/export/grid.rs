@@ -1,4 +1,4 @@
-//! Height maps as 16-bit PNG and 32-bit TIFF files that say where they lie.
+//! Height maps as 16-bit PNG and 32-bit TIFF files with their grid in the metadata.
 
 use std::{fs::File, io::BufWriter, path::Path};
 
@@ -10,10 +10,10 @@ use tiff::{
 
 use crate::metrology::height_map::RegularHeightMap;
 
-/// Levels that a height can have; level 0 is invalid.
+/// Number of valid levels; level 0 is invalid.
 const LEVELS: f64 = 65_534.0;
 
-/// What both formats say of the grid.
+/// Returns the metadata of the grid for both formats.
 pub(super) fn about(map: &RegularHeightMap, topic: &str) -> Json {
     let [measured, filled] = super::counts(map);
     let layout = &map.layout;
@@ -30,26 +30,26 @@ pub(super) fn about(map: &RegularHeightMap, topic: &str) -> Json {
     })
 }
 
-/// Writes heights as levels; the answer says how they become metres.
+/// Writes heights as levels; returns the metadata with the conversion to metres.
 pub(super) fn write_png(path: &Path, map: &RegularHeightMap, about: &Json) -> anyhow::Result<Json> {
     let [low, high] = map.range_m().unwrap_or([0.0, 0.0]).map(f64::from);
-    // A level map without range still needs a scale.
+    // A map of constant height still needs a scale.
     let scale = if high > low { (high - low) / (LEVELS - 1.0) } else { 1e-9 };
     let offset = low - scale;
-    let mut told = about.clone();
-    told["format"] = json!("png");
-    told["metres_per_level"] = json!(scale);
-    told["offset_m"] = json!(offset);
-    told["invalid_level"] = json!(0);
+    let mut about_file = about.clone();
+    about_file["format"] = json!("png");
+    about_file["metres_per_level"] = json!(scale);
+    about_file["offset_m"] = json!(offset);
+    about_file["invalid_level"] = json!(0);
     let level = |z: &f32| {
         if z.is_finite() { ((f64::from(*z) - offset) / scale).round() as u16 } else { 0 }
     };
     let samples: Vec<u8> = map.z_m.iter().flat_map(|z| level(z).to_be_bytes()).collect();
-    write(path, map, png::BitDepth::Sixteen, &samples, Some(&told))?;
-    Ok(told)
+    write(path, map, png::BitDepth::Sixteen, &samples, Some(&about_file))?;
+    Ok(about_file)
 }
 
-/// Writes where each height comes from: 0 invalid, 1 measured, 2 filled.
+/// Writes the state of each cell: 0 invalid, 1 measured, 2 filled.
 pub(super) fn write_mask(path: &Path, map: &RegularHeightMap) -> anyhow::Result<()> {
     let samples: Vec<u8> = map.states.iter().map(|state| *state as u8).collect();
     write(path, map, png::BitDepth::Eight, &samples, None)
@@ -60,7 +60,7 @@ fn write(
     map: &RegularHeightMap,
     depth: png::BitDepth,
     samples: &[u8],
-    told: Option<&Json>,
+    about_file: Option<&Json>,
 ) -> anyhow::Result<()> {
     let file = BufWriter::new(File::create(path)?);
     let mut encoder = png::Encoder::new(file, map.layout.width, map.layout.height);
@@ -72,10 +72,10 @@ fn write(
         yppu: per_metre,
         unit: png::Unit::Meter,
     }));
-    if let Some(told) = told {
-        encoder.add_text_chunk("laser_profiler".to_owned(), told.to_string())?;
+    if let Some(about_file) = about_file {
+        encoder.add_text_chunk("laser_profiler".to_owned(), about_file.to_string())?;
         for key in ["metres_per_level", "offset_m", "cell_m"] {
-            encoder.add_text_chunk(key.to_owned(), told[key].to_string())?;
+            encoder.add_text_chunk(key.to_owned(), about_file[key].to_string())?;
         }
     }
     let mut writer = encoder.write_header()?;
@@ -83,23 +83,23 @@ fn write(
     Ok(writer.finish()?)
 }
 
-/// Writes heights in metres, NaN where invalid.
+/// Writes heights in metres, NaN if invalid. Returns the metadata.
 pub(super) fn write_tiff(
     path: &Path,
     map: &RegularHeightMap,
     about: &Json,
 ) -> anyhow::Result<Json> {
-    let mut told = about.clone();
-    told["format"] = json!("tif");
+    let mut about_file = about.clone();
+    about_file["format"] = json!("tif");
     let mut encoder = TiffEncoder::new(BufWriter::new(File::create(path)?))?;
     let mut image = encoder.new_image::<Gray32Float>(map.layout.width, map.layout.height)?;
-    // Cells a centimetre, in thousandths.
+    // Thousandths of cells per centimetre.
     let per_centimetre = (10.0 / map.layout.cell_m).round().clamp(1.0, f64::from(u32::MAX)) as u32;
     image.resolution(ResolutionUnit::Centimeter, Rational { n: per_centimetre, d: 1000 });
-    image.encoder().write_tag(Tag::ImageDescription, told.to_string().as_str())?;
+    image.encoder().write_tag(Tag::ImageDescription, about_file.to_string().as_str())?;
     image
         .encoder()
         .write_tag(Tag::Software, concat!("laser_profiler ", env!("CARGO_PKG_VERSION")))?;
     image.write_data(&map.z_m)?;
-    Ok(told)
+    Ok(about_file)
 }

@@ -1,34 +1,34 @@
-//! An answer as text and as JSON.
+//! The result of a measuring tool as text and JSON.
 
 use serde_json::{Map, Value as Json, json};
 
 use crate::cli::Outcome;
 
-/// Half width of the interval with a coverage of 95 %, in standard deviations of many degrees of freedom.
+/// Coverage factor of the 95 % interval for many degrees of freedom.
 const FACTOR_95: f64 = 1.959_964;
 
-/// A figure with one standard deviation and the half width that contains the truth in 95 %, in its SI unit.
+/// A value with its standard deviation and the half width of its 95 % interval, in its SI unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Figure {
     value: f64,
     sigma: f64,
     u95: f64,
-    /// The share of the calibration in `sigma`; none: not known.
+    /// Standard deviation due to the calibration, included in `sigma`; none if unknown.
     calibration: Option<f64>,
 }
 
 impl Figure {
-    /// A figure of many independent points.
+    /// A value from many independent points.
     pub(super) const fn new(value: f64, sigma: f64) -> Self {
         Self { value, sigma, u95: FACTOR_95 * sigma, calibration: None }
     }
 
-    /// A figure whose interval is wider or narrower than that of many points.
+    /// A value whose 95 % interval is given.
     pub(super) const fn with_u95(value: f64, sigma: f64, u95: f64) -> Self {
         Self { value, sigma, u95, calibration: None }
     }
 
-    /// The same with the share of the calibration, when that is known.
+    /// Adds the standard deviation due to the calibration, if known.
     pub(super) fn with_calibration(self, sigma: Option<f64>) -> Self {
         let Some(sigma) = sigma else { return self };
         Self {
@@ -40,7 +40,7 @@ impl Figure {
     }
 }
 
-/// How a number is written for people.
+/// Display unit of a value.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Unit {
     Millimetre,
@@ -52,7 +52,7 @@ pub(super) enum Unit {
 }
 
 impl Unit {
-    /// Factor, digits behind the point and name.
+    /// Returns factor, number of decimals and name.
     const fn form(self) -> (f64, usize, &'static str) {
         match self {
             Self::Millimetre => (1e3, 5, " mm"),
@@ -65,7 +65,7 @@ impl Unit {
     }
 }
 
-/// What a tool found: figures in the order in which they are read.
+/// Result of a tool: values in the order in which they are printed.
 #[derive(Debug)]
 pub(super) struct Answer {
     pub(super) outcome: Outcome,
@@ -80,7 +80,7 @@ impl Answer {
         answer
     }
 
-    /// For programs only.
+    /// Adds a value to the JSON object only.
     pub(super) fn hidden(&mut self, key: &str, value: Json) {
         self.object.insert(key.into(), value);
     }
@@ -110,9 +110,9 @@ impl Answer {
     pub(super) fn figure(&mut self, key: &str, label: &str, figure: Figure, unit: Unit) {
         let Figure { value, sigma, u95, calibration } = figure;
         let (factor, digits, name) = unit.form();
-        let told =
+        let object =
             json!({"value": value, "sigma": sigma, "u95": u95, "sigma_calibration": calibration});
-        self.object.insert(key.into(), told);
+        self.object.insert(key.into(), object);
         let number = |number: f64| format!("{:.digits$}", factor * number);
         let [value, sigma, u95] = [value, sigma, u95].map(number);
         let share = calibration
@@ -125,7 +125,7 @@ impl Answer {
         self.lines.push((text.into(), String::new()));
     }
 
-    /// Takes the figures of a part of the answer.
+    /// Adds the lines of a part and returns its JSON object.
     pub(super) fn absorb(&mut self, other: Self) -> Json {
         self.lines.extend(other.lines);
         Json::Object(other.object)

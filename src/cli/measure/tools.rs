@@ -1,4 +1,4 @@
-//! The tools, applied to a recording.
+//! The measuring tools, applied to a scan.
 
 use anyhow::{Context, ensure};
 use serde_json::json;
@@ -23,7 +23,7 @@ use crate::{
     results::{ANY_HEIGHT_M, ReadCounts, Results, Scanned, calibration_share},
 };
 
-/// The points of a region.
+/// Reads the points of a region.
 fn points(common: &Common, region: &Region) -> anyhow::Result<(Scanned, Results)> {
     let results = Results::open(&common.results.selection())?;
     let scanned = results
@@ -32,7 +32,7 @@ fn points(common: &Common, region: &Region) -> anyhow::Result<(Scanned, Results)
     Ok((scanned, results))
 }
 
-/// The share of the calibration in each figure; in the answer, why it is not known.
+/// Returns the standard deviation of each value due to the calibration; adds the reason to the answer if it is unknown.
 fn shares<const N: usize>(
     answer: &mut Answer,
     results: &Results,
@@ -48,13 +48,13 @@ fn shares<const N: usize>(
     }
 }
 
-/// What every answer says of its input.
+/// Adds the description of the input to the answer.
 fn input(answer: &mut Answer, results: &Results, counts: ReadCounts, num_points: usize) {
     answer.text_line("topic", "points of", results.topic());
     answer.count("profiles", "profiles", counts.profiles);
     answer.count("points", "points", num_points as u64);
     if counts.rejected > 0 {
-        answer.count("rejected", "clouds passed over", counts.rejected);
+        answer.count("rejected", "clouds skipped", counts.rejected);
     } else {
         answer.hidden("rejected", json!(0));
     }
@@ -69,7 +69,7 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let mut answer = Answer::new("plane");
     input(&mut answer, &results, scanned.counts, plane.num_points);
     answer.hidden("normal", json!([plane.normal.x, plane.normal.y, plane.normal.z]));
-    answer.place("center_m", "middle", plane.center_m.coords.as_slice());
+    answer.place("center_m", "centre", plane.center_m.coords.as_slice());
     let [x_m, y_m] = [plane.center_m.x, plane.center_m.y];
     let of_height = |s: &[Surface]| {
         let plane = plane::fit(&s[0])?;
@@ -78,7 +78,7 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let [by_height, by_tilt, by_form] = shares(&mut answer, &results, &[&scanned], of_height);
     let height = Figure::new(plane.center_m.z, plane.sigma_m / plane.normal.z.abs().max(1e-3));
     let height = height.with_calibration(by_height);
-    answer.figure("height_m", "height in the middle", height, Unit::Millimetre);
+    answer.figure("height_m", "height at the centre", height, Unit::Millimetre);
     let [about_x, about_y] = plane.tilt_sigma_rad;
     let tilt = Figure::new(plane.tilt_rad(), about_x.hypot(about_y) / 2.0_f64.sqrt());
     answer.figure("tilt_rad", "inclination", tilt.with_calibration(by_tilt), Unit::Milliradian);
@@ -88,8 +88,8 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     answer.number("effective", "independent points", plane.effective_points, Unit::None);
     if let Some(profiles) = between_profiles::of(&scanned.surface, &plane) {
         let BetweenProfiles { sigma_m, of_sigma_m, num_profiles } = profiles;
-        let told = Figure::new(sigma_m, of_sigma_m);
-        answer.figure("profiles_sigma_m", "profiles' heights, sigma", told, Unit::Micrometre);
+        let scatter = Figure::new(sigma_m, of_sigma_m);
+        answer.figure("profiles_sigma_m", "sigma of profile heights", scatter, Unit::Micrometre);
         answer.count("profiles_compared", "profiles compared", num_profiles as u64);
     }
     Ok(answer)
@@ -138,17 +138,17 @@ pub(super) fn sphere(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let mut answer = Answer::new("sphere");
     input(&mut answer, &results, scanned.counts, sphere.num_points);
     let by = shares(&mut answer, &results, &[&scanned], |s| Ok(numbers(&sphere::fit(&s[0])?)));
-    tell(&mut answer, &sphere, by);
+    add_sphere(&mut answer, &sphere, by);
     Ok(answer)
 }
 
-/// Centre, radius and form.
+/// Returns centre, radius and form.
 fn numbers(sphere: &SphereFit) -> [f64; 5] {
     let center = sphere.center_m;
     [center.x, center.y, center.z, sphere.radius_m, sphere.form.d95_m]
 }
 
-fn tell(answer: &mut Answer, sphere: &SphereFit, calibration: [Option<f64>; 5]) {
+fn add_sphere(answer: &mut Answer, sphere: &SphereFit, calibration: [Option<f64>; 5]) {
     for (at, key) in ["center_x_m", "center_y_m", "center_z_m"].into_iter().enumerate() {
         let figure = Figure::new(sphere.center_m[at], sphere.center_sigma_m()[at]);
         let figure = figure.with_calibration(calibration[at]);
@@ -165,7 +165,7 @@ fn tell(answer: &mut Answer, sphere: &SphereFit, calibration: [Option<f64>; 5]) 
 
 pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
     let [first, second] = args.region[..] else {
-        return Err(Usage("two spheres are two --region".into()).into());
+        return Err(Usage("spheres needs two --region".into()).into());
     };
     let mut answer = Answer::new("spheres");
     let (one, results) = points(&args.common, &first)?;
@@ -188,13 +188,13 @@ pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
     for (number, fit) in fits.iter().enumerate() {
         answer.heading(&format!("sphere {}", number + 1));
         let mut part = Answer::new("sphere");
-        tell(&mut part, fit, [0, 1, 2, 3, 4].map(|i| by[5 * number + i]));
+        add_sphere(&mut part, fit, [0, 1, 2, 3, 4].map(|i| by[5 * number + i]));
         parts.push(answer.absorb(part));
     }
     let [distance, sigma] = sphere::distance_m(&fits[0], &fits[1]);
     answer.heading("both");
     let distance = Figure::new(distance, sigma).with_calibration(by[10]);
-    answer.figure("distance_m", "distance of centres", distance, Unit::Millimetre);
+    answer.figure("distance_m", "distance between centres", distance, Unit::Millimetre);
     answer.hidden("spheres", json!(parts));
     Ok(answer)
 }
@@ -220,7 +220,7 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
     let plane = reference(surface).context("the reference plane")?;
     ensure!(
         plane.normal.z > 0.1,
-        "the reference plane is inclined by {:.0} degrees: a volume over it has no meaning",
+        "the reference plane is inclined by {:.0} degrees: a volume over it is meaningless",
         plane.tilt_rad().to_degrees()
     );
     let pitch_m = surface.pitch_m();
@@ -228,7 +228,7 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
     let layout = GridLayout::covering(&region, cell_m)?;
     let inside = surface.points.iter().filter(|p| is_measured(p) && region.contains(p.x, p.y));
     let num_inside = inside.count();
-    // As correlated inside as on the reference.
+    // Assumes the same correlation inside the region as on the reference.
     let share = plane.effective_points / (plane.num_points - plane.num_outliers).max(1) as f64;
     let effective = share * num_inside as f64;
     let over = |surface: &Surface, plane: &PlaneFit| {

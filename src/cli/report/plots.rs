@@ -1,4 +1,4 @@
-//! The figures of a report as files for documents.
+//! The figures of a report as files.
 
 use std::{
     fs,
@@ -15,10 +15,10 @@ use crate::{
     report::{chart::Chart, grid::Place, map::Measured, scan_report::ScanReport},
 };
 
-/// Writes them, replacing those of an earlier report, and names them.
+/// Writes the figures, replacing existing files, and returns their paths.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file cannot be written.
 pub(super) fn write(directory: &Path, report: &ScanReport<'_>) -> anyhow::Result<Vec<PathBuf>> {
     let ScanReport { charts, overlays, .. } = report;
     let measured = report.measured.as_ref();
@@ -59,7 +59,7 @@ fn plot(chart: &Chart) -> Plot {
     }
 }
 
-/// The middle profile and the line along the motion through the middle; only where they are metric.
+/// Returns the middle profile and the middle section along the motion; empty without a height map.
 fn sections(measured: &Measured) -> Vec<Plot> {
     if measured.results.is_none() {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! A build without the view.
+//! Live view in a build without the feature `foxglove`: always an error.
 
 use super::{ReplayViewArgs, ViewArgs};
 use crate::{
@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// # Errors
-/// [`Usage`]: how to build the view.
+/// [`Usage`], which states how to build the live view.
 pub(in crate::cli) fn replay(
     _view: &ReplayViewArgs,
     _request: ReplayRequest,
@@ -23,7 +23,7 @@ pub(in crate::cli) fn replay(
 }
 
 /// # Errors
-/// [`Usage`]: how to build the view.
+/// [`Usage`], which states how to build the live view.
 pub(in crate::cli) fn live(
     _view: &ViewArgs,
     _request: &LiveRequest,

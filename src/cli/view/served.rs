@@ -1,4 +1,4 @@
-//! The view of a recording, from the command line.
+//! Live view in a build with the feature `foxglove`.
 
 use std::{net::SocketAddr, time::Duration};
 
@@ -8,7 +8,7 @@ use super::{ReplayViewArgs, ViewArgs};
 use crate::{
     cli::{
         Outcome, Usage,
-        run::{measure, told_apart},
+        live_run::{classified, measure},
     },
     node::{
         live::{LiveNode, LiveRequest, session::CameraSummary},
@@ -23,67 +23,65 @@ use crate::{
     },
 };
 
-/// How often a view that stays looks whether it is to end.
+/// Period of checking for the end of a view.
 const WATCH_PERIOD: Duration = Duration::from_millis(100);
 
-/// Shows a recording until `stop` is raised, or with `at_end` to its end; `write` writes the results meanwhile, where
-/// that is wanted.
+/// Shows a recording until `stop` is raised, or until its end with `at_end`. Calls `write` to write the results
+/// meanwhile.
 ///
 /// # Errors
-/// [`Usage`] when the request cannot be followed, else whatever cannot be read, served or written.
+/// [`Usage`] for wrong usage; otherwise an error of reading, serving or writing.
 pub(in crate::cli) fn replay(
     ReplayViewArgs { view, view_exit }: &ReplayViewArgs,
     request: ReplayRequest,
     stop: &Stop,
     write: &mut dyn FnMut() -> anyhow::Result<Outcome>,
 ) -> anyhow::Result<Outcome> {
-    let told = |error: ReplayViewError| {
+    let classified = |error: ReplayViewError| {
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     };
     let at_end = if *view_exit { AtEnd::Exit } else { AtEnd::Stay };
     let shown = ReplayView::start(request, self::request(view)?, at_end, stop.clone());
-    let shown = shown.map_err(told)?;
+    let shown = shown.map_err(classified)?;
     announce(shown.address());
     let written = write();
     while written.is_ok() && !shown.is_finished() && !stop.wait(WATCH_PERIOD) {}
     stop.raise();
-    tell_messages(shown.join().map_err(told)?);
+    log_num_messages(shown.join().map_err(classified)?);
     written
 }
 
-/// Runs a node that viewers look at, until `stop` is raised.
+/// Runs a node with a live view until `stop` is raised.
 ///
 /// # Errors
-/// [`Usage`] when the request cannot be followed, else whatever the middleware, a file or the machine refuses.
+/// [`Usage`] for wrong usage; otherwise an error of the middleware, a file or the system.
 pub(in crate::cli) fn live(
     view: &ViewArgs,
     request: &LiveRequest,
     rosout: RosoutSlot,
     stop: &Stop,
 ) -> anyhow::Result<Vec<CameraSummary>> {
-    let told = |error: LiveViewError| {
+    let view_error = |error: LiveViewError| {
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     };
-    let shown = LiveView::start(request, self::request(view)?).map_err(told)?;
+    let shown = LiveView::start(request, self::request(view)?).map_err(view_error)?;
     announce(shown.address());
     let variable = |name: &str| std::env::var(name).ok();
     let node =
         LiveNode::start_through(request, rosout, &variable, &|transport| shown.through(transport));
-    let node = node.map_err(told_apart)?;
+    let node = node.map_err(classified)?;
     shown.set_parameters_of(node.parameters());
-    let summaries = measure(node, stop).map_err(told_apart)?;
-    tell_messages(shown.num_sent());
+    let summaries = measure(node, stop).map_err(classified)?;
+    log_num_messages(shown.num_sent());
     Ok(summaries)
 }
 
 fn announce(address: SocketAddr) {
-    tracing::info!(
-        "the view is at ws://{address}: in Foxglove, Open connection, Foxglove WebSocket"
-    );
+    tracing::info!("live view at ws://{address}: in Foxglove, Open connection, Foxglove WebSocket");
 }
 
-fn tell_messages(num_sent: u64) {
-    tracing::info!("the view gave viewers {num_sent} messages");
+fn log_num_messages(num_sent: u64) {
+    tracing::info!("sent {num_sent} messages to viewers");
 }
 
 fn request(view: &ViewArgs) -> anyhow::Result<ViewRequest> {
