@@ -77,7 +77,7 @@ impl Recording {
 
     fn record(&self, bag: &Path) -> anyhow::Result<()> {
         let options = RecordOptions { compression: Compression::None, ..RecordOptions::default() };
-        let mut recorder = Recorder::create(bag, &options)?;
+        let mut recorder = Recorder::create(bag, options)?;
         let (suffix, kind) = match self.payload {
             Payload::Raw => ("", sensor_msgs::Image::TYPE),
             Payload::Jpeg => ("/compressed", sensor_msgs::CompressedImage::TYPE),

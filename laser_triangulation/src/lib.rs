@@ -118,6 +118,11 @@
 //!
 //! - `calibrate` (off by default): camera, laser plane and axis from images of boards and markers.
 
+#![cfg_attr(
+    not(feature = "calibrate"),
+    allow(dead_code, reason = "a build with every feature finds dead code")
+)]
+
 mod named_enum;
 
 pub use nalgebra;

@@ -1,7 +1,7 @@
 //! Order statistics and the robust standard deviation.
 //!
 //! Every value returned is one of the samples, never an average of two, so that a result has the same bits on every
-//! machine. The only exception is [`central_median`].
+//! machine. The only exception is `central_median`.
 //!
 //! Floating-point samples are in the order of `total_cmp`: a positive NaN counts as the largest sample. Remove samples
 //! that are not finite first where they may occur.
@@ -9,10 +9,10 @@
 use std::cmp::Ordering;
 
 /// Standard deviation of normally distributed samples, divided by their median absolute deviation.
-pub const MAD_TO_SIGMA: f64 = 1.4826;
+pub(crate) const MAD_TO_SIGMA: f64 = 1.4826;
 
 /// Median magnitude of a normal variable with standard deviation 1: the reciprocal of [`MAD_TO_SIGMA`], to more digits.
-pub const NORMAL_MEDIAN_MAGNITUDE: f64 = 0.674_489_75;
+pub(crate) const NORMAL_MEDIAN_MAGNITUDE: f64 = 0.674_489_75;
 
 /// A number with a total order.
 pub trait Sample: Copy {
@@ -35,11 +35,11 @@ sample!(cmp: u32, i64);
 
 /// A robust location and spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RobustSpread {
+pub(crate) struct RobustSpread {
     /// Median of the samples, in their unit.
-    pub median: f64,
+    pub(crate) median: f64,
     /// Standard deviation by the median absolute deviation from the median, in the unit of the samples.
-    pub sigma: f64,
+    pub(crate) sigma: f64,
 }
 
 /// Returns the median, of an even number of samples the larger of the middle two. `None` without samples.
@@ -52,14 +52,14 @@ pub fn median<T: Sample>(samples: &mut [T]) -> Option<T> {
 /// Returns the sample that has `rank` samples before it in ascending order. `None` if there is no such sample.
 ///
 /// Reorders the samples; takes linear time.
-pub fn order_statistic<T: Sample>(samples: &mut [T], rank: usize) -> Option<T> {
+pub(crate) fn order_statistic<T: Sample>(samples: &mut [T], rank: usize) -> Option<T> {
     (rank < samples.len()).then(|| *samples.select_nth_unstable_by(rank, T::order).1)
 }
 
 /// Returns the median, of an even number of samples the mean of the middle two. NaN without samples.
 ///
 /// Sorts the samples.
-pub fn central_median(samples: &mut [f32]) -> f64 {
+pub(crate) fn central_median(samples: &mut [f32]) -> f64 {
     samples.sort_unstable_by(f32::total_cmp);
     let above = samples.len() / 2;
     let below = samples.len().saturating_sub(1) / 2;
@@ -82,7 +82,7 @@ pub fn quantile<T: Sample>(ascending: &[T], share: f64) -> Option<T> {
 /// 10.1080/01621459.1993.10476408). `None` without samples.
 ///
 /// Replaces the samples by their distances from the median.
-pub fn robust_spread(samples: &mut [f64]) -> Option<RobustSpread> {
+pub(crate) fn robust_spread(samples: &mut [f64]) -> Option<RobustSpread> {
     let median = median(samples)?;
     for sample in samples.iter_mut() {
         *sample = (*sample - median).abs();
@@ -93,7 +93,7 @@ pub fn robust_spread(samples: &mut [f64]) -> Option<RobustSpread> {
 /// Returns the robust standard deviation about 0 of samples given by their magnitudes. `None` without samples.
 ///
 /// Reorders the magnitudes.
-pub fn sigma_about_zero(magnitudes: &mut [f64]) -> Option<f64> {
+pub(crate) fn sigma_about_zero(magnitudes: &mut [f64]) -> Option<f64> {
     median(magnitudes).map(|median| MAD_TO_SIGMA * median)
 }
 

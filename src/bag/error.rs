@@ -85,7 +85,7 @@ pub enum BagError {
 
 impl BagError {
     /// True if messages are lost (a wrong index alone loses none).
-    pub fn is_loss(&self) -> bool {
+    pub(crate) fn is_loss(&self) -> bool {
         !matches!(self, Self::Index { .. } | Self::Unsorted { .. })
     }
 }

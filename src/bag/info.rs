@@ -18,7 +18,7 @@ use super::{BagError, BagReader, Filter, Topic};
 
 /// Amount of a bag that is read to describe it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Depth {
+pub(crate) enum Depth {
     /// The index; all messages if the index is unusable.
     Index,
     /// All messages.
@@ -27,92 +27,92 @@ pub enum Depth {
 
 /// Everything that `info` reports. The field names are those of `info --json`.
 #[derive(Debug, Serialize)]
-pub struct BagInfo {
+pub(crate) struct BagInfo {
     /// The bag.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Its files in their order.
-    pub files: Vec<FileInfo>,
+    pub(crate) files: Vec<FileInfo>,
     /// Length of all files.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// Time of the first message, nanoseconds since the epoch.
-    pub start_ns: Option<i64>,
+    pub(crate) start_ns: Option<i64>,
     /// Time of the last message, nanoseconds since the epoch.
-    pub end_ns: Option<i64>,
+    pub(crate) end_ns: Option<i64>,
     /// From the first to the last message, seconds.
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
     /// Number of messages.
-    pub messages: u64,
+    pub(crate) messages: u64,
     /// Topics by name.
-    pub topics: Vec<TopicInfo>,
+    pub(crate) topics: Vec<TopicInfo>,
     /// Files inside the recording.
-    pub attachments: Vec<AttachmentInfo>,
+    pub(crate) attachments: Vec<AttachmentInfo>,
     /// Metadata records by name, without rosbag2's own.
-    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    pub(crate) metadata: BTreeMap<String, BTreeMap<String, String>>,
     /// True if every message was read and its checksum verified; false if the index was trusted.
-    pub verified: bool,
+    pub(crate) verified: bool,
     /// Unreadable ranges. Empty if not verified and the index is valid.
-    pub damaged: Vec<DamagedRange>,
+    pub(crate) damaged: Vec<DamagedRange>,
     /// Further notes for the user.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 /// One file of a bag.
 #[derive(Debug, Serialize)]
-pub struct FileInfo {
+pub(crate) struct FileInfo {
     /// Where it is.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Its length.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// True if it has a valid index.
-    pub indexed: bool,
+    pub(crate) indexed: bool,
     /// Compressions of its chunks: `none`, `lz4`, `zstd`.
-    pub compression: Vec<String>,
+    pub(crate) compression: Vec<String>,
 }
 
 /// One topic.
 #[derive(Debug, Serialize)]
-pub struct TopicInfo {
+pub(crate) struct TopicInfo {
     /// Its name.
-    pub name: String,
+    pub(crate) name: String,
     /// Type, as in `sensor_msgs/msg/Image`.
     #[serde(rename = "type")]
-    pub type_name: String,
+    pub(crate) type_name: String,
     /// Encoding of the messages: `cdr`.
-    pub encoding: String,
+    pub(crate) encoding: String,
     /// `RIHS01_…`, or empty.
-    pub type_hash: String,
+    pub(crate) type_hash: String,
     /// Number of messages.
-    pub messages: u64,
+    pub(crate) messages: u64,
     /// Messages a second.
-    pub rate_hz: Option<f64>,
+    pub(crate) rate_hz: Option<f64>,
     /// Longest time between two messages, seconds.
-    pub largest_gap_s: Option<f64>,
+    pub(crate) largest_gap_s: Option<f64>,
     /// When that began, nanoseconds since the epoch.
-    pub largest_gap_at_ns: Option<i64>,
+    pub(crate) largest_gap_at_ns: Option<i64>,
     /// Messages that the writer's counter skips; only when verified.
-    pub skipped: Option<u64>,
+    pub(crate) skipped: Option<u64>,
     /// Bytes of all messages; only when verified.
-    pub bytes: Option<u64>,
+    pub(crate) bytes: Option<u64>,
 }
 
 /// A file inside the recording.
 #[derive(Debug, Serialize)]
-pub struct AttachmentInfo {
+pub(crate) struct AttachmentInfo {
     /// File name.
-    pub name: String,
+    pub(crate) name: String,
     /// MIME type.
-    pub media_type: String,
+    pub(crate) media_type: String,
     /// Its length.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// Hash of its content, hexadecimal.
-    pub sha256: String,
+    pub(crate) sha256: String,
 }
 
 /// Describes a bag.
 ///
 /// # Errors
 /// A bag that cannot be read further: the operating system's refusal.
-pub fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, BagError> {
+pub(crate) fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, BagError> {
     let mut problems = Problems { notes: bag.notes().to_vec(), ..Problems::default() };
     let by_index = if depth == Depth::Index { by_index(bag)? } else { None };
     let read = if by_index.is_some() { Depth::Index } else { Depth::Messages };

@@ -47,7 +47,7 @@ impl Messages {
     }
 
     /// Takes back the buffer of a message that is done with, for one of the next.
-    pub fn recycle(&mut self, buffer: Vec<u8>) {
+    pub(crate) fn recycle(&mut self, buffer: Vec<u8>) {
         let spare = self.current.as_mut().map_or(&mut self.spare, |file| &mut file.spare);
         if spare.len() < SPARE_BUFFERS {
             spare.push(buffer);

@@ -14,78 +14,75 @@ pub(super) const METADATA_LIMIT_BYTES: u64 = 16 << 20;
 
 /// The whole file: one key around the rest.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct MetadataFile {
+pub(crate) struct MetadataFile {
     /// The content.
-    pub rosbag2_bagfile_information: BagInformation,
+    pub(crate) rosbag2_bagfile_information: BagInformation,
 }
 
 /// Contents of a bag, in rosbag2's field order.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are rosbag2's")]
-pub struct BagInformation {
-    pub version: u32,
-    pub storage_identifier: String,
+pub(crate) struct BagInformation {
+    pub(crate) version: u32,
+    pub(crate) storage_identifier: String,
     #[serde(default)]
-    pub duration: Nanoseconds,
+    pub(crate) duration: Nanoseconds,
     #[serde(default)]
-    pub starting_time: SinceEpoch,
+    pub(crate) starting_time: SinceEpoch,
     #[serde(default)]
-    pub message_count: u64,
+    pub(crate) message_count: u64,
     #[serde(default)]
-    pub topics_with_message_count: Vec<TopicCount>,
+    pub(crate) topics_with_message_count: Vec<TopicCount>,
     #[serde(default)]
-    pub compression_format: String,
+    pub(crate) compression_format: String,
     #[serde(default)]
-    pub compression_mode: String,
-    pub relative_file_paths: Vec<String>,
+    pub(crate) compression_mode: String,
+    pub(crate) relative_file_paths: Vec<String>,
     #[serde(default)]
-    pub files: Vec<FileInformation>,
+    pub(crate) files: Vec<FileInformation>,
     #[serde(default)]
-    pub custom_data: Option<BTreeMap<String, String>>,
+    pub(crate) custom_data: Option<BTreeMap<String, String>>,
     #[serde(default)]
-    pub ros_distro: Option<String>,
+    pub(crate) ros_distro: Option<String>,
 }
 
 /// A span of time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Nanoseconds {
+pub(crate) struct Nanoseconds {
     /// Its length.
-    pub nanoseconds: i64,
+    pub(crate) nanoseconds: i64,
 }
 
 /// A point in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SinceEpoch {
+pub(crate) struct SinceEpoch {
     /// Nanoseconds since the epoch; `i64::MAX` for a bag without messages.
-    pub nanoseconds_since_epoch: i64,
+    pub(crate) nanoseconds_since_epoch: i64,
 }
 
 /// A topic and how many messages it has.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are rosbag2's")]
-pub struct TopicCount {
-    pub topic_metadata: TopicMetadata,
-    pub message_count: u64,
+pub(crate) struct TopicCount {
+    pub(crate) topic_metadata: TopicMetadata,
+    pub(crate) message_count: u64,
 }
 
 /// A topic.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are rosbag2's")]
-pub struct TopicMetadata {
-    pub name: String,
+pub(crate) struct TopicMetadata {
+    pub(crate) name: String,
     #[serde(rename = "type")]
-    pub type_name: String,
-    pub serialization_format: String,
+    pub(crate) type_name: String,
+    pub(crate) serialization_format: String,
     #[serde(default)]
-    pub offered_qos_profiles: OfferedQos,
+    pub(crate) offered_qos_profiles: OfferedQos,
     #[serde(default)]
-    pub type_description_hash: String,
+    pub(crate) type_description_hash: String,
 }
 
 /// A list from version 9 on, a string that holds a list before.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum OfferedQos {
+pub(crate) enum OfferedQos {
     /// Version 9.
     Profiles(Vec<QosProfile>),
     /// Before; also whatever is not understood.
@@ -100,12 +97,11 @@ impl Default for OfferedQos {
 
 /// One file of the bag.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are rosbag2's")]
-pub struct FileInformation {
-    pub path: String,
-    pub starting_time: SinceEpoch,
-    pub duration: Nanoseconds,
-    pub message_count: u64,
+pub(crate) struct FileInformation {
+    pub(crate) path: String,
+    pub(crate) starting_time: SinceEpoch,
+    pub(crate) duration: Nanoseconds,
+    pub(crate) message_count: u64,
 }
 
 /// Summary of a file written by the recorder.

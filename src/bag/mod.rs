@@ -3,10 +3,10 @@
 //! Nothing in a file is trusted: every length is checked against the file and against a limit before memory is
 //! taken, every chunk against its checksum before a message leaves it. What is damaged is reported and passed over.
 
-pub mod error;
+pub(crate) mod error;
 mod qos;
-pub mod metadata;
-pub mod place;
+pub(crate) mod metadata;
+pub(crate) mod place;
 mod format;
 mod fields;
 mod channels;
@@ -17,15 +17,15 @@ mod content;
 mod summary;
 mod scan;
 mod layout;
-pub mod messages;
-pub mod read;
+pub(crate) mod messages;
+pub(crate) mod read;
 mod sink;
-pub mod record;
-pub mod split;
-pub mod recover;
-pub mod statistics;
-pub mod info;
-pub mod player;
+pub(crate) mod record;
+pub(crate) mod split;
+pub(crate) mod recover;
+pub(crate) mod statistics;
+pub(crate) mod info;
+pub(crate) mod player;
 
 use std::sync::Arc;
 
@@ -34,11 +34,11 @@ use crate::msg::{
     schema::MessageType,
 };
 
-pub use error::{BagError, RecordError};
-pub use messages::Messages;
+pub(crate) use error::{BagError, RecordError};
+pub(crate) use messages::Messages;
 pub use read::{BagReader, ReadOptions};
 pub use record::{Compression, RecordOptions, RecordSummary, Recorder, Times, TopicId};
-pub use split::{SplitLimits, SplitRecorder, SplitSummary};
+pub(crate) use split::{SplitLimits, SplitRecorder};
 pub use take::Filter;
 
 /// A topic of a recording, with everything needed to decode its messages.
@@ -75,7 +75,7 @@ impl Topic {
     }
 
     /// True if late subscribers get the last message (ROS 2: transient local).
-    pub fn is_latched(&self) -> bool {
+    pub(crate) fn is_latched(&self) -> bool {
         let profiles = qos::parse(&self.qos).unwrap_or_default();
         profiles.iter().any(|profile| profile.durability == Durability::TransientLocal)
     }
@@ -84,7 +84,7 @@ impl Topic {
     ///
     /// # Errors
     /// Messages that are not CDR, as in recordings of ROS 1.
-    pub fn require_cdr(&self) -> Result<(), BagError> {
+    pub(crate) fn require_cdr(&self) -> Result<(), BagError> {
         if self.message_encoding == "cdr" {
             return Ok(());
         }

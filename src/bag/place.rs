@@ -41,7 +41,7 @@ pub(super) fn find(path: &Path) -> Result<Files, BagError> {
 ///
 /// # Errors
 /// An input inside the output directory, or that directory itself.
-pub fn refuse_same(input: &Path, output: &Path) -> io::Result<()> {
+pub(crate) fn refuse_same(input: &Path, output: &Path) -> io::Result<()> {
     let Ok(output_real) = fs::canonicalize(output) else { return Ok(()) };
     let input_real = fs::canonicalize(input)?;
     if input_real.starts_with(&output_real) {

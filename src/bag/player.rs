@@ -7,11 +7,11 @@ use thiserror::Error;
 /// A rate at which nothing can be played.
 #[derive(Debug, Error, PartialEq)]
 #[error("rate {0}: must be a number above 0 (1 is the speed of the recording)")]
-pub struct RateError(f64);
+pub(crate) struct RateError(f64);
 
 /// Paces messages: the first one goes out at once, every later one when its distance from the first has passed.
 #[derive(Debug)]
-pub struct Pacer {
+pub(crate) struct Pacer {
     rate: f64,
     /// Message time and clock time of the first message.
     start_ns: Option<(i64, i64)>,
@@ -22,7 +22,7 @@ impl Pacer {
     ///
     /// # Errors
     /// A rate that is not a positive finite number.
-    pub fn new(rate: f64) -> Result<Self, RateError> {
+    pub(crate) fn new(rate: f64) -> Result<Self, RateError> {
         if rate.is_finite() && rate > 0.0 {
             Ok(Self { rate, start_ns: None })
         } else {
@@ -32,7 +32,7 @@ impl Pacer {
 
     /// How long to wait at `now_ns` (any monotonic clock) before sending the message of `message_time_ns`; `None`
     /// when it is due. A late message delays none of its successors; one out of order is due at once.
-    pub fn wait(&mut self, message_time_ns: i64, now_ns: i64) -> Option<Duration> {
+    pub(crate) fn wait(&mut self, message_time_ns: i64, now_ns: i64) -> Option<Duration> {
         let (first_ns, start_ns) = *self.start_ns.get_or_insert((message_time_ns, now_ns));
         let recorded_ns = i128::from(message_time_ns) - i128::from(first_ns);
         let due_ns = recorded_ns as f64 / self.rate;

@@ -14,9 +14,9 @@ use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, conte
 pub struct ReadOptions {
     /// Longest record and longest chunk (compressed or not) that is taken into memory, bytes. Longer ones are damage.
     /// The default holds a message of 64 MiB and what shares its chunk.
-    pub record_limit_bytes: usize,
+    pub(crate) record_limit_bytes: usize,
     /// True to use a valid index; otherwise the whole file is scanned.
-    pub use_index: bool,
+    pub(crate) use_index: bool,
 }
 
 impl Default for ReadOptions {
@@ -83,7 +83,7 @@ impl BagReader {
     }
 
     /// Number of messages by topic name, as the bag states it; `None` when it does not.
-    pub fn message_counts(&self) -> Option<BTreeMap<&str, u64>> {
+    pub(crate) fn message_counts(&self) -> Option<BTreeMap<&str, u64>> {
         let mut counts = BTreeMap::new();
         for (_, layout) in &self.files {
             let by_channel = layout.counts.as_ref()?;
@@ -98,7 +98,7 @@ impl BagReader {
 
     /// Times of the first and of the last message, nanoseconds since the epoch; `None` without messages. An index is
     /// believed.
-    pub fn time_range_ns(&self) -> Option<(i64, i64)> {
+    pub(crate) fn time_range_ns(&self) -> Option<(i64, i64)> {
         let parts = self.files.iter().flat_map(|(_, layout)| &layout.parts);
         let ends = parts
             // A chunk without messages has no times: 0.
@@ -115,12 +115,12 @@ impl BagReader {
     }
 
     /// The attachments, one after another; each may be damaged by itself.
-    pub fn attachments(&self) -> impl Iterator<Item = Result<Attachment, BagError>> {
+    pub(crate) fn attachments(&self) -> impl Iterator<Item = Result<Attachment, BagError>> {
         self.records(|layout| &layout.attachments, content::attachment)
     }
 
     /// The metadata records, one after another; each may be damaged by itself.
-    pub fn metadata(&self) -> impl Iterator<Item = Result<MetadataRecord, BagError>> {
+    pub(crate) fn metadata(&self) -> impl Iterator<Item = Result<MetadataRecord, BagError>> {
         self.records(|layout| &layout.metadata, content::metadata)
     }
 

@@ -67,15 +67,15 @@ pub struct Times {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordSummary {
     /// The directory.
-    pub directory: PathBuf,
+    pub(crate) directory: PathBuf,
     /// The MCAP file in it.
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// Topics in the order in which they were added, and their numbers of messages.
-    pub topics: Vec<(String, u64)>,
+    pub(crate) topics: Vec<(String, u64)>,
     /// Messages of all topics.
-    pub messages: u64,
+    pub(crate) messages: u64,
     /// Length of the file.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
 }
 
 /// A bag being written.
@@ -100,10 +100,10 @@ impl Recorder {
     ///
     /// # Errors
     /// An output that is there (without `force`), that is no bag (with it), or that cannot be written.
-    pub fn create(directory: &Path, options: &RecordOptions) -> Result<Self, RecordError> {
+    pub fn create(directory: &Path, options: RecordOptions) -> Result<Self, RecordError> {
         let no_name = || RecordError::NoName(directory.into());
         let name = directory.file_name().and_then(|name| name.to_str()).ok_or_else(no_name)?;
-        make_room(directory, name, *options)?;
+        make_room(directory, name, options)?;
         let file_name = format!("{name}_0.mcap");
         let path = directory.join(&file_name);
         let io_error = |source| RecordError::Io { path: path.clone(), source };
@@ -149,7 +149,7 @@ impl Recorder {
     }
 
     /// The file that is being written.
-    pub fn path(&self) -> PathBuf {
+    pub(crate) fn path(&self) -> PathBuf {
         self.directory.join(&self.file_name)
     }
 

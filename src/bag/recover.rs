@@ -14,7 +14,7 @@ use super::{
 
 /// Why nothing was recovered.
 #[derive(Debug, Error)]
-pub enum RecoverError {
+pub(crate) enum RecoverError {
     /// The input cannot be read at all.
     #[error(transparent)]
     Read(#[from] BagError),
@@ -28,15 +28,15 @@ pub enum RecoverError {
 
 /// A stretch of the input that was passed over.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct DamagedRange {
+pub(crate) struct DamagedRange {
     /// The file.
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// Its first byte, from the start of the file.
-    pub offset: u64,
+    pub(crate) offset: u64,
     /// The byte behind its last.
-    pub end: u64,
+    pub(crate) end: u64,
     /// What is wrong.
-    pub what: String,
+    pub(crate) what: String,
 }
 
 impl DamagedRange {
@@ -49,26 +49,26 @@ impl DamagedRange {
 
 /// Options for recovering a bag.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct RecoverOptions {
+pub(crate) struct RecoverOptions {
     /// Compression of the new bag; the input's when `None`.
-    pub compression: Option<Compression>,
+    pub(crate) compression: Option<Compression>,
     /// True to replace an existing bag.
-    pub force: bool,
+    pub(crate) force: bool,
 }
 
 /// Report of what was recovered and what was lost.
 #[derive(Debug)]
-pub struct Recovery {
+pub(crate) struct Recovery {
     /// The new bag.
-    pub output: RecordSummary,
+    pub(crate) output: RecordSummary,
     /// Attachments in it.
-    pub num_attachments: u64,
+    pub(crate) num_attachments: u64,
     /// Metadata records in it, without the recorder's own.
-    pub num_metadata: u64,
+    pub(crate) num_metadata: u64,
     /// Skipped ranges. Messages in them are lost.
-    pub damaged: Vec<DamagedRange>,
+    pub(crate) damaged: Vec<DamagedRange>,
     /// Further notes for the user.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 /// Copies what can be read of `input` into a new bag `output`: all topics, messages, metadata and attachments. The
@@ -77,16 +77,16 @@ pub struct Recovery {
 ///
 /// # Errors
 /// An input that is no bag, an output that cannot be written.
-pub fn recover(
+pub(crate) fn recover(
     input: &Path,
     output: &Path,
-    options: &RecoverOptions,
+    options: RecoverOptions,
 ) -> Result<Recovery, RecoverError> {
     let bag = BagReader::open(input, &ReadOptions { use_index: false, ..ReadOptions::default() })?;
     place::refuse_same(input, output).map_err(RecoverError::SamePlace)?;
     let compression = options.compression.unwrap_or_else(|| compression_of(&bag));
     let record_options = RecordOptions { compression, force: options.force };
-    let mut recorder = Recorder::create(output, &record_options)?;
+    let mut recorder = Recorder::create(output, record_options)?;
     let mut damaged = Vec::new();
     let mut notes = bag.notes().to_vec();
     let mut report = |error: BagError| match DamagedRange::of(&error) {

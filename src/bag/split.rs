@@ -15,32 +15,32 @@ const MESSAGE_OVERHEAD_BYTES: u64 = 31 + 16;
 
 /// When a file of the bag is closed and the next begun. 0 is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SplitLimits {
+pub(crate) struct SplitLimits {
     /// Length of a file, bytes. What explains the file and its index come on top; a message longer than this has a file
     /// for itself.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// Time from the first message of a file to its last, nanoseconds.
-    pub duration_ns: u64,
+    pub(crate) duration_ns: u64,
 }
 
 /// Summary of the written bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SplitSummary {
+pub(crate) struct SplitSummary {
     /// The directory.
-    pub directory: PathBuf,
+    pub(crate) directory: PathBuf,
     /// Number of files.
-    pub files: usize,
+    pub(crate) files: usize,
     /// Messages of all topics, repeated ones included.
-    pub messages: u64,
+    pub(crate) messages: u64,
     /// Length of all files.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
 }
 
 /// A bag being written to `NAME/NAME_0.mcap`, `NAME/NAME_1.mcap` and so on. `metadata.yaml` appears when it is finished.
 ///
 /// Each file begins with what explains the bag, and with the last message of each latched (transient local) topic: at
 /// the log time of the file's first message, with the publish time and the sequence that the message had.
-pub struct SplitRecorder {
+pub(crate) struct SplitRecorder {
     directory: PathBuf,
     compression: Compression,
     limits: SplitLimits,
@@ -79,7 +79,7 @@ impl SplitRecorder {
     ///
     /// # Errors
     /// A directory that is there already; a failing disk.
-    pub fn create(
+    pub(crate) fn create(
         directory: &Path,
         compression: Compression,
         limits: SplitLimits,
@@ -106,17 +106,17 @@ impl SplitRecorder {
     }
 
     /// The directory.
-    pub fn directory(&self) -> &Path {
+    pub(crate) fn directory(&self) -> &Path {
         &self.directory
     }
 
     /// Changes when files are closed, from the next message on.
-    pub const fn set_limits(&mut self, limits: SplitLimits) {
+    pub(crate) const fn set_limits(&mut self, limits: SplitLimits) {
         self.limits = limits;
     }
 
     /// Bytes of all files so far, without the open chunk.
-    pub fn written_bytes(&self) -> u64 {
+    pub(crate) fn written_bytes(&self) -> u64 {
         let open = self.current.as_ref().map_or(0, |open| open.recorder.written_bytes());
         self.closed_bytes + open
     }
@@ -126,7 +126,7 @@ impl SplitRecorder {
     ///
     /// # Errors
     /// The record's name `rosbag2`; a time before the epoch; a failing disk.
-    pub fn explain(
+    pub(crate) fn explain(
         &mut self,
         record: MetadataRecord,
         attachment: Option<Attachment>,
@@ -144,13 +144,13 @@ impl SplitRecorder {
     ///
     /// # Errors
     /// The name `rosbag2`; a failing disk.
-    pub fn metadata(&mut self, record: &MetadataRecord) -> Result<(), RecordError> {
+    pub(crate) fn metadata(&mut self, record: &MetadataRecord) -> Result<(), RecordError> {
         self.open()?.recorder.metadata(record)
     }
 
     /// Tells of a message that was sent before the bag began: the last one of a latched topic stands in the first file
     /// too. One of another topic is passed over.
-    pub fn remember(&mut self, topic: usize, times: Times, data: &Arc<[u8]>) {
+    pub(crate) fn remember(&mut self, topic: usize, times: Times, data: &Arc<[u8]>) {
         if self.is_latched.get(topic) == Some(&true) {
             self.latched[topic] = Some((times, Arc::clone(data)));
         }
@@ -160,7 +160,7 @@ impl SplitRecorder {
     ///
     /// # Errors
     /// A time before the epoch, after which the recorder goes on; a failing disk, after which it does not.
-    pub fn write(
+    pub(crate) fn write(
         &mut self,
         topic: usize,
         times: Times,
@@ -191,7 +191,7 @@ impl SplitRecorder {
     ///
     /// # Errors
     /// A failing disk.
-    pub fn flush(&mut self) -> Result<(), RecordError> {
+    pub(crate) fn flush(&mut self) -> Result<(), RecordError> {
         self.open()?.flush()
     }
 
@@ -199,7 +199,7 @@ impl SplitRecorder {
     ///
     /// # Errors
     /// Too many open files.
-    pub fn sync_handle(&self) -> Result<Option<File>, RecordError> {
+    pub(crate) fn sync_handle(&self) -> Result<Option<File>, RecordError> {
         let Some(open) = &self.current else { return Ok(None) };
         let path = open.recorder.path();
         open.file.try_clone().map(Some).map_err(|source| RecordError::Io { path, source })
@@ -210,7 +210,7 @@ impl SplitRecorder {
     ///
     /// # Errors
     /// A failing disk.
-    pub fn finish(mut self) -> Result<SplitSummary, RecordError> {
+    pub(crate) fn finish(mut self) -> Result<SplitSummary, RecordError> {
         self.close_file()?;
         metadata::write(&self.directory, &self.closed)?;
         let counts = self.closed.iter().flat_map(|file| &file.topics).map(|(_, count)| count);

@@ -2,23 +2,23 @@
 
 /// Statistics of a topic's messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Statistics {
+pub(crate) struct Statistics {
     /// Number of messages.
-    pub count: u64,
+    pub(crate) count: u64,
     /// Time of the first and the last message, nanoseconds since the epoch.
-    pub bounds_ns: Option<(i64, i64)>,
+    pub(crate) bounds_ns: Option<(i64, i64)>,
     /// Longest time between two messages, and when it began, nanoseconds.
-    pub largest_gap_ns: Option<(i64, i64)>,
+    pub(crate) largest_gap_ns: Option<(i64, i64)>,
     /// Messages that the writer's counter skips.
-    pub num_skipped: u64,
+    pub(crate) num_skipped: u64,
     /// Bytes of all messages.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     sequence: Option<u32>,
 }
 
 impl Statistics {
     /// Counts a message of that time.
-    pub fn add_time(&mut self, time_ns: i64) {
+    pub(crate) fn add_time(&mut self, time_ns: i64) {
         self.count += 1;
         let (first_ns, last_ns) = *self.bounds_ns.get_or_insert((time_ns, time_ns));
         if self.count > 1 {
@@ -32,7 +32,7 @@ impl Statistics {
 
     /// Counts a message with all that it tells. A counter that stands at 0 does not count; one that goes back has
     /// been started anew.
-    pub fn add_message(&mut self, time_ns: i64, sequence: u32, bytes: usize) {
+    pub(crate) fn add_message(&mut self, time_ns: i64, sequence: u32, bytes: usize) {
         self.add_time(time_ns);
         self.bytes += bytes as u64;
         if let Some(previous) = self.sequence {
@@ -42,7 +42,7 @@ impl Statistics {
     }
 
     /// Messages a second; `None` for fewer than two, or without time between them.
-    pub fn rate_hz(&self) -> Option<f64> {
+    pub(crate) fn rate_hz(&self) -> Option<f64> {
         let (first_ns, last_ns) = self.bounds_ns?;
         let span_ns = i128::from(last_ns) - i128::from(first_ns);
         (self.count > 1 && span_ns > 0).then(|| (self.count - 1) as f64 * 1e9 / span_ns as f64)

@@ -28,7 +28,7 @@ impl Filter {
 
     /// Only messages received at that time or later, nanoseconds since the epoch. Chunks that end before are not opened.
     #[must_use]
-    pub fn from(self, start_ns: i64) -> Self {
+    pub(crate) fn from(self, start_ns: i64) -> Self {
         Self { start_time: u64::try_from(start_ns).unwrap_or(0), ..self }
     }
 

@@ -20,24 +20,24 @@ use crate::{
 /// Record about ten frames with the laser off and everything else as in production: camera, exposure, room light.
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
-pub struct AmbientArgs {
+pub(crate) struct AmbientArgs {
     /// A rosbag2 directory or an .mcap file with one image topic.
-    pub bag: PathBuf,
+    pub(crate) bag: PathBuf,
     /// Ambient image, a PNG file.
     #[arg(short, long)]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Conversion of colour pixels to grey levels; use the value of the parameter `channel`.
     #[arg(long, default_value = "auto")]
-    pub channel: String,
+    pub(crate) channel: String,
     /// Largest accepted image, bytes after decoding.
     #[arg(long, default_value_t = 64 << 20)]
-    pub max_frame_bytes: u64,
+    pub(crate) max_frame_bytes: u64,
     /// Replace an existing file.
     #[arg(long)]
-    pub force: bool,
+    pub(crate) force: bool,
     /// One JSON object on standard output: output, width, height, bits, frames.
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
 }
 
 const HELP: &str = "\
@@ -50,7 +50,7 @@ Example:
 ///
 /// # Errors
 /// The input cannot be read, or the output exists or cannot be written. A closed pipe is not an error.
-pub fn run(args: &AmbientArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &AmbientArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let Some(channel) = Channel::from_name(&args.channel) else {
         let (name, names) = (&args.channel, Channel::NAMES.join(", "));
         return Err(Usage(format!("--channel is {name}, allowed is one of {names}")).into());

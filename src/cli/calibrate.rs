@@ -35,7 +35,7 @@ Each subcommand has its own --help.";
 /// Calibrates from recordings or pictures: camera, laser plane, axis and level, or known heights.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct CalibrateArgs {
+pub(crate) struct CalibrateArgs {
     #[command(subcommand)]
     what: What,
 }
@@ -53,7 +53,11 @@ enum What {
 ///
 /// # Errors
 /// [`Usage`](super::Usage) for an invalid request; files that cannot be read or written; data that do not calibrate.
-pub fn run(args: CalibrateArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    args: CalibrateArgs,
+    ros: RosArguments,
+    out: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
     match args.what {
         What::Camera(args) => vision::camera(&args, ros, out),
         What::Plane(args) => vision::plane(&args, ros, out),

@@ -36,7 +36,7 @@ the largest difference exceeds the limit, or if a frame or a point is in only on
 /// Compares two results of one recording: differences in pixels and micrometres, their places, and differing settings.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct CompareArgs {
+pub(crate) struct CompareArgs {
     /// Reference results.
     #[arg(value_name = "A")]
     before: PathBuf,
@@ -72,7 +72,7 @@ fn limit(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A recording cannot be opened, the results are of different recordings or have no common frame, the page exists or cannot
 /// be written, a difference exceeds the limit.
-pub fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &CompareArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     if let (Some(path), false) = (&args.output, args.force) {
         output::refuse_existing(path)?;
     }

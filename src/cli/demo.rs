@@ -25,8 +25,8 @@ use crate::{
 };
 use truth::{known_defects, nearest};
 
-pub mod truth;
-pub mod picture;
+pub(crate) mod truth;
+pub(crate) mod picture;
 
 /// Smallest height or depth of a defect, metres.
 const THRESHOLD_M: f64 = 60e-6;
@@ -56,10 +56,10 @@ Example:
 /// Replays the bundled recording, draws the measured heights and prints the defects found.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct DemoArgs {
+pub(crate) struct DemoArgs {
     /// Directory for the recording, the results and the pictures; replaces those of an earlier demo.
     #[arg(short, long, value_name = "DIR", default_value = "demo")]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
 }
 
 /// A measured scan, its defects and the ground truth.
@@ -76,7 +76,7 @@ struct Findings {
 ///
 /// # Errors
 /// A directory that cannot be written, results that cannot be read, no defect found.
-pub fn run(args: &DemoArgs, out: &mut dyn Write) -> Result<Outcome> {
+pub(crate) fn run(args: &DemoArgs, out: &mut dyn Write) -> Result<Outcome> {
     let directory = &args.output;
     let request = unpack(directory)?;
     let results = request.output.clone();

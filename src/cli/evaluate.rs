@@ -35,7 +35,7 @@ Each subcommand has its own --help. The same command gives the same bytes.";
 /// Measures the accuracy of the methods, against ground truth and by the paper's protocol.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct EvaluateArgs {
+pub(crate) struct EvaluateArgs {
     #[command(subcommand)]
     question: Question,
 }
@@ -72,7 +72,11 @@ struct Report {
 ///
 /// # Errors
 /// [`Usage`](super::Usage) for an invalid request; files that cannot be read or written.
-pub fn run(args: EvaluateArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    args: EvaluateArgs,
+    ros: RosArguments,
+    out: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
     match args.question {
         Question::Truth(args) => write(&truth::report(&args, ros)?, &args.output, out),
         Question::Paper(args) => {

@@ -54,7 +54,7 @@ without points are invalid; --fill N fills gaps of at most N cells and marks the
 /// Exports a scan as point cloud (PLY, PCD, CSV), height map (16-bit PNG, 32-bit TIFF) or picture.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct ExportArgs {
+pub(crate) struct ExportArgs {
     #[command(flatten)]
     results: ResultsArgs,
     /// Output file. The extension selects the format: ply, pcd, csv, png, tif. May be repeated.
@@ -141,7 +141,7 @@ struct Written {
 /// # Errors
 /// [`Usage`] for an unknown extension or an ambiguous selection; a recording without points, a file that exists or cannot
 /// be written.
-pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let formats: Vec<(&Path, Format)> = args
         .output
         .iter()

@@ -16,15 +16,15 @@ use crate::report::date::date;
 /// damaged bag is read completely, and the exit code is 3.
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
-pub struct InfoArgs {
+pub(crate) struct InfoArgs {
     /// A rosbag2 directory or an .mcap file.
-    pub bag: PathBuf,
+    pub(crate) bag: PathBuf,
     /// One JSON object on standard output (see below).
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
     /// Reads every message: sizes by topic, skipped messages, checksums.
     #[arg(long)]
-    pub verify: bool,
+    pub(crate) verify: bool,
 }
 
 const HELP: &str = "\
@@ -47,7 +47,7 @@ Examples:
 ///
 /// # Errors
 /// The bag cannot be opened. A closed pipe is not an error.
-pub fn run(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let bag = BagReader::open(&args.bag, &ReadOptions::default())?;
     let depth = if args.verify { Depth::Messages } else { Depth::Index };
     let info = describe(&args.bag, &bag, depth)?;

@@ -44,7 +44,7 @@ Correlated neighbours, as after smoothing or on a wavy surface, count as fewer i
 /// Measures a scan: plane and flatness, step height, spheres and their distance, volume, with uncertainties.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct MeasureArgs {
+pub(crate) struct MeasureArgs {
     #[command(subcommand)]
     tool: Tool,
 }
@@ -128,7 +128,7 @@ struct VolumeArgs {
 /// # Errors
 /// [`Usage`](super::Usage) for wrong usage; a recording without points in the region, points that do not determine the
 /// form.
-pub fn run(args: &MeasureArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &MeasureArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let (common, answer) = match &args.tool {
         Tool::Plane(args) => (&args.common, tools::plane(args)?),
         Tool::Step(args) => (&args.common, tools::step(args)?),

@@ -21,10 +21,10 @@ Examples:
 /// Prints all parameters with description, unit, range and default, as a parameter file.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct ParametersArgs {
+pub(crate) struct ParametersArgs {
     /// One JSON array on standard output: name, type, unit, default, min and max or choices, description.
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
 }
 
 const WIDTH: usize = 100;
@@ -33,7 +33,7 @@ const WIDTH: usize = 100;
 ///
 /// # Errors
 /// Standard output cannot be written. A closed pipe is not an error.
-pub fn run(args: &ParametersArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &ParametersArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     output::printed(if args.json { print_json(out) } else { print_file(out) })?;
     Ok(Outcome::Done)
 }

@@ -16,26 +16,26 @@ use crate::bag::recover::{RecoverOptions, Recovery, recover};
 /// exit code is 3 if anything was skipped.
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
-pub struct RecoverArgs {
+pub(crate) struct RecoverArgs {
     /// A rosbag2 directory or an .mcap file.
-    pub bag: PathBuf,
+    pub(crate) bag: PathBuf,
     /// Directory of the new bag.
     #[arg(short, long)]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Compression of the new bag. Default: that of the input.
     #[arg(long)]
-    pub compression: Option<CompressionName>,
+    pub(crate) compression: Option<CompressionName>,
     /// Replace an existing bag.
     #[arg(long)]
-    pub force: bool,
+    pub(crate) force: bool,
     /// One JSON object on standard output (see below).
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
 }
 
 /// Compression of the new bag's chunks.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum CompressionName {
+pub(crate) enum CompressionName {
     /// No compression.
     None,
     /// LZ4.
@@ -57,14 +57,14 @@ Example:
 ///
 /// # Errors
 /// The input is not a bag, or the output cannot be written. A closed pipe is not an error.
-pub fn run(args: &RecoverArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &RecoverArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let compression = args.compression.map(|name| match name {
         CompressionName::None => Compression::None,
         CompressionName::Lz4 => Compression::Lz4,
         CompressionName::Zstd => Compression::Zstd,
     });
     let options = RecoverOptions { compression, force: args.force };
-    let recovery = recover(&args.bag, &args.output, &options)?;
+    let recovery = recover(&args.bag, &args.output, options)?;
     let printed = if args.json { print_json(&recovery, out) } else { print_text(&recovery, out) };
     output::printed(printed)?;
     Ok(if recovery.damaged.is_empty() { Outcome::Done } else { Outcome::DataLost })

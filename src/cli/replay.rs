@@ -40,42 +40,46 @@ The results are a rosbag2 directory with ~/centerline and ~/annotations for ever
 /// Replays recordings through the node, as fast as possible, into a bag of results.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct ReplayArgs {
+pub(crate) struct ReplayArgs {
     /// rosbag2 directories or .mcap files, replayed one after another.
     #[arg(required = true, value_name = "BAG")]
-    pub bags: Vec<PathBuf>,
+    pub(crate) bags: Vec<PathBuf>,
     /// Directory of the results' bag; of several cameras the directory of their bags.
     #[arg(short, long, value_name = "OUT", required_unless_present = "view")]
-    pub output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
     /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
-    pub params_file: Vec<PathBuf>,
+    pub(crate) params_file: Vec<PathBuf>,
     /// The only camera whose images are replayed, where the parameter `cameras` names several. Without it all are whose
     /// images are recorded.
     #[arg(long, value_name = "NAME")]
-    pub camera: Option<String>,
+    pub(crate) camera: Option<String>,
     /// Times the speed of the recording, instead of as fast as possible.
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
-    pub rate: Option<f64>,
+    pub(crate) rate: Option<f64>,
     /// Print a machine-readable summary on standard output.
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
     /// Replace an existing results bag.
     #[arg(long)]
-    pub force: bool,
+    pub(crate) force: bool,
     /// Store the input images beside the results.
     #[arg(long)]
-    pub with_images: bool,
+    pub(crate) with_images: bool,
     /// How to look at it meanwhile.
     #[command(flatten)]
-    pub view: ReplayViewArgs,
+    pub(crate) view: ReplayViewArgs,
 }
 
 /// Replays and prints the summary on `out`.
 ///
 /// # Errors
 /// [`Usage`](super::Usage) for wrong usage; otherwise a file that cannot be read or written.
-pub fn run(args: ReplayArgs, ros: RosArguments, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(
+    args: ReplayArgs,
+    ros: RosArguments,
+    out: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
     let stop = Stop::default();
     interrupt::raise_on_signal(stop.clone()).context("cannot wait for signals")?;
     let view = args.view.clone();

@@ -56,7 +56,7 @@ mod tests {
     fn a_recording_without_frames_is_an_error() {
         let place = tempfile::tempdir().unwrap();
         let bag = place.path().join("empty");
-        let mut recorder = Recorder::create(&bag, &RecordOptions::default()).unwrap();
+        let mut recorder = Recorder::create(&bag, RecordOptions::default()).unwrap();
         let topic = Topic::new("/image_raw", Image::TYPE, QosProfile::reliable(10));
         recorder.add_topic(&topic).unwrap();
         recorder.finish().unwrap();

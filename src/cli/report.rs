@@ -36,7 +36,7 @@ const MAX_FRAMES: usize = 24;
 /// Writes a scan as one HTML page: height map, cross-sections, frames with their centrelines, quality, parameters.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct ReportArgs {
+pub(crate) struct ReportArgs {
     #[command(flatten)]
     results: ResultsArgs,
     /// Output file.
@@ -63,7 +63,7 @@ pub struct ReportArgs {
 ///
 /// # Errors
 /// The recording cannot be opened, or a file exists or cannot be written.
-pub fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+pub(crate) fn run(args: &ReportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     if args.frames.len() > MAX_FRAMES {
         let text = format!("--frames: at most {MAX_FRAMES} frames fit on a page");
         return Err(super::Usage(text).into());

@@ -45,22 +45,22 @@ Ctrl-C or SIGTERM ends it in good order: recordings are closed, and the last wor
 /// Measures cameras live, as a ROS 2 node on DDS or Zenoh.
 #[derive(Debug, Default, clap::Args)]
 #[command(after_help = HELP)]
-pub struct RunArgs {
+pub(crate) struct RunArgs {
     /// Middleware: dds or zenoh.
     #[arg(long, value_name = "NAME", value_parser = transport)]
-    pub transport: Option<Middleware>,
+    pub(crate) transport: Option<Middleware>,
     /// Zenoh only: also act as the router, for a cell without one.
     #[arg(long)]
-    pub router: bool,
+    pub(crate) router: bool,
     /// ROS 2 parameter file. Several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
-    pub params_file: Vec<PathBuf>,
+    pub(crate) params_file: Vec<PathBuf>,
     /// Print a machine-readable summary on standard output at the end.
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
     /// Options of the live view.
     #[command(flatten)]
-    pub view: ViewArgs,
+    pub(crate) view: ViewArgs,
 }
 
 fn transport(name: &str) -> Result<Middleware, String> {
@@ -71,7 +71,7 @@ fn transport(name: &str) -> Result<Middleware, String> {
 ///
 /// # Errors
 /// [`Usage`] for wrong usage; otherwise an error of the middleware, a file or the system.
-pub fn run(
+pub(crate) fn run(
     args: RunArgs,
     ros: RosArguments,
     rosout: RosoutSlot,

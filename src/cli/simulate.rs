@@ -15,7 +15,7 @@ use crate::{
 };
 use recording::record;
 
-pub mod recording;
+pub(crate) mod recording;
 #[cfg(test)]
 mod expected;
 
@@ -37,25 +37,25 @@ or checkerboards in front of any camera and laser plane; then /camera/camera_inf
 /// Renders a scenario into a recording with ground truth.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
-pub struct SimulateArgs {
+pub(crate) struct SimulateArgs {
     /// Scenario file (YAML).
-    pub scenario: PathBuf,
+    pub(crate) scenario: PathBuf,
     /// Directory of the recording.
     #[arg(short, long, value_name = "OUT")]
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Print a machine-readable summary on standard output.
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
     /// Replace an existing recording.
     #[arg(long)]
-    pub force: bool,
+    pub(crate) force: bool,
 }
 
 /// Renders and prints the summary on `out`.
 ///
 /// # Errors
 /// [`Usage`] for an invalid scenario; an input that cannot be read; an output that exists or cannot be written.
-pub fn run(args: &SimulateArgs, out: &mut dyn Write) -> Result<Outcome> {
+pub(crate) fn run(args: &SimulateArgs, out: &mut dyn Write) -> Result<Outcome> {
     let text = read_scenario(&args.scenario)?;
     let scene = scene_from_yaml(&text)
         .map_err(|error| Usage(format!("{}: {error}", args.scenario.display())))?;

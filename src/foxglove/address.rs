@@ -5,18 +5,18 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use super::ViewError;
 
 /// Default address of the server, and the one that viewers try first.
-pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
+pub(crate) const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 
 /// An address that only this machine reaches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Address(SocketAddr);
+pub(crate) struct Address(SocketAddr);
 
 impl Address {
     /// Reads `HOST:PORT` or `PORT`; port 0 is any that is free.
     ///
     /// # Errors
     /// Something else, or an address that is not of the loopback.
-    pub fn parse(text: &str) -> Result<Self, ViewError> {
+    pub(crate) fn parse(text: &str) -> Result<Self, ViewError> {
         let loopback = IpAddr::V4(Ipv4Addr::LOCALHOST);
         let address = match text.strip_prefix("localhost:").unwrap_or(text).parse::<u16>() {
             Ok(port) => SocketAddr::new(loopback, port),
@@ -32,7 +32,7 @@ impl Address {
     }
 
     /// As sockets have it.
-    pub const fn socket(self) -> SocketAddr {
+    pub(crate) const fn socket(self) -> SocketAddr {
         self.0
     }
 

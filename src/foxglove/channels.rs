@@ -14,19 +14,19 @@ use super::ViewError;
 
 /// Description of a topic for viewers.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ChannelDescription {
+pub(crate) struct ChannelDescription {
     /// Absolute name.
-    pub name: String,
+    pub(crate) name: String,
     /// Full name of the type, as in `sensor_msgs/msg/Image`.
-    pub type_name: String,
+    pub(crate) type_name: String,
     /// Text of the type and of those that it needs, as `ros2msg` wants it.
-    pub schema: Vec<u8>,
+    pub(crate) schema: Vec<u8>,
     /// The last messages that late viewers get: 0 for a stream, 1 for a latched topic.
-    pub num_kept: usize,
+    pub(crate) num_kept: usize,
 }
 
 /// A topic that is served. Dropping it takes it away from viewers.
-pub struct Channel {
+pub(crate) struct Channel {
     raw: Arc<RawChannel>,
     topic: ChannelDescription,
     kept: Mutex<VecDeque<(u64, Arc<[u8]>)>>,
@@ -36,12 +36,12 @@ pub struct Channel {
 
 impl Channel {
     /// True if a viewer is subscribed.
-    pub fn is_wanted(&self) -> bool {
+    pub(crate) fn is_wanted(&self) -> bool {
         self.raw.has_sinks()
     }
 
     /// Sends CDR bytes to the subscribed viewers. `time_ns`: receive time, nanoseconds since the epoch.
-    pub fn send(&self, data: &Arc<[u8]>, time_ns: i64) {
+    pub(crate) fn send(&self, data: &Arc<[u8]>, time_ns: i64) {
         let time = time_of(time_ns);
         if self.topic.num_kept > 0 {
             let mut kept = self.kept();
@@ -56,7 +56,7 @@ impl Channel {
     }
 
     /// As [`send`](Self::send), of bytes that need not be kept.
-    pub fn send_once(&self, data: &[u8], time_ns: i64) {
+    pub(crate) fn send_once(&self, data: &[u8], time_ns: i64) {
         if self.is_wanted() {
             self.log(data, time_of(time_ns), None);
         }

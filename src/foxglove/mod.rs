@@ -1,6 +1,6 @@
 //! Live view: this process as a server that Foxglove connects to, over its WebSocket protocol.
 //!
-//! Edge: sockets and threads. It forwards encoded messages and passes viewer requests to a [`Desk`]; it depends on
+//! Edge: sockets and threads. It forwards encoded messages and passes viewer requests to a `Desk`; it depends on
 //! neither the node nor recordings. A slow viewer never blocks others: messages are dropped for that viewer only.
 
 mod address;
@@ -10,20 +10,20 @@ mod parameters;
 mod services;
 mod server;
 
-pub use address::{Address, DEFAULT_ADDRESS};
-pub use channels::{Channel, ChannelDescription};
+pub(crate) use address::{Address, DEFAULT_ADDRESS};
+pub(crate) use channels::{Channel, ChannelDescription};
 pub use foxglove::websocket::{
     ConnectionGraph, Parameter, ParameterType, ParameterValue, PlaybackCommand,
     PlaybackControlRequest, PlaybackState, PlaybackStatus,
 };
-pub use server::{Server, Settings};
-pub use services::ServiceDescription;
+pub(crate) use server::{Server, Settings};
+pub(crate) use services::ServiceDescription;
 
 use thiserror::Error;
 
 /// Errors of starting the view.
 #[derive(Debug, Error)]
-pub enum ViewError {
+pub(crate) enum ViewError {
     /// An address that is none.
     #[error("--view={0:?}: must be HOST:PORT or PORT, as in {DEFAULT_ADDRESS}")]
     Address(String),
@@ -55,13 +55,13 @@ pub enum ViewError {
 
 impl ViewError {
     /// True if the command line is wrong.
-    pub const fn is_usage(&self) -> bool {
+    pub(crate) const fn is_usage(&self) -> bool {
         matches!(self, Self::Address(_) | Self::NotLoopback(..))
     }
 }
 
 /// Requests of viewers. Called on a server thread; playback requests must return immediately.
-pub trait Desk: Send + Sync + 'static {
+pub(crate) trait Desk: Send + Sync + 'static {
     /// The named parameters, all of them where no name is given. Names that do not exist are left out.
     fn parameters(&self, names: &[String]) -> Vec<Parameter>;
 

@@ -31,15 +31,15 @@ const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Settings of the server.
 #[derive(Clone, Debug, Default)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// Name shown in viewers.
-    pub name: String,
+    pub(crate) name: String,
     /// Times of the first and the last message of what is played, nanoseconds since the epoch; `None`: it is live.
-    pub time_range_ns: Option<(i64, i64)>,
+    pub(crate) time_range_ns: Option<(i64, i64)>,
 }
 
 /// A server that viewers connect to, until it is dropped.
-pub struct Server {
+pub(crate) struct Server {
     shared: Arc<ServerState>,
     address: SocketAddr,
     runtime: Option<Runtime>,
@@ -60,7 +60,7 @@ impl Server {
     ///
     /// # Errors
     /// The port is taken, or the system refuses.
-    pub fn start(
+    pub(crate) fn start(
         address: Address,
         settings: Settings,
         desk: Arc<dyn Desk>,
@@ -103,7 +103,7 @@ impl Server {
     }
 
     /// Where it listens.
-    pub const fn address(&self) -> SocketAddr {
+    pub(crate) const fn address(&self) -> SocketAddr {
         self.address
     }
 
@@ -111,12 +111,12 @@ impl Server {
     ///
     /// # Errors
     /// The library refuses.
-    pub fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
+    pub(crate) fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
         self.shared.channels.open(topic)
     }
 
     /// Number of messages sent to viewers so far.
-    pub fn num_sent(&self) -> u64 {
+    pub(crate) fn num_sent(&self) -> u64 {
         self.shared.channels.num_sent()
     }
 
@@ -124,7 +124,7 @@ impl Server {
     ///
     /// # Errors
     /// Another one has the name.
-    pub fn serve(
+    pub(crate) fn serve(
         &self,
         description: ServiceDescription<'_>,
         on_request: impl Fn(&[u8]) -> Option<Vec<u8>> + Send + Sync + 'static,
@@ -134,12 +134,12 @@ impl Server {
     }
 
     /// Takes a service away.
-    pub fn withdraw(&self, name: &str) {
+    pub(crate) fn withdraw(&self, name: &str) {
         self.shared.with(|handle| handle.remove_services([name]));
     }
 
     /// Warns every viewer, those that come later too. A later note with the same key takes its place.
-    pub fn note(&self, key: &str, text: &str) {
+    pub(crate) fn note(&self, key: &str, text: &str) {
         let mut notes = self.shared.notes.lock().unwrap_or_else(PoisonError::into_inner);
         notes.insert(key.to_owned(), text.to_owned());
         drop(notes);
@@ -147,27 +147,27 @@ impl Server {
     }
 
     /// Publishes the playback time, nanoseconds since the epoch.
-    pub fn publish_time(&self, time_ns: i64) {
+    pub(crate) fn publish_time(&self, time_ns: i64) {
         self.shared.with(|handle| handle.broadcast_time(time_ns.max(0) as u64));
     }
 
     /// Publishes the playback state.
-    pub fn publish_playback(&self, state: PlaybackState) {
+    pub(crate) fn publish_playback(&self, state: PlaybackState) {
         self.shared.with(|handle| handle.broadcast_playback_state(state));
     }
 
     /// Publishes the current parameter values to the viewers that subscribed to them.
-    pub fn publish_parameters(&self) {
+    pub(crate) fn publish_parameters(&self) {
         self.shared.publish_parameters(self.shared.desk.parameters(&[]));
     }
 
     /// True if a viewer has subscribed to the connection graph.
-    pub fn is_graph_wanted(&self) -> bool {
+    pub(crate) fn is_graph_wanted(&self) -> bool {
         self.shared.is_graph_wanted.load(Ordering::Relaxed)
     }
 
     /// Publishes the connection graph.
-    pub fn publish_graph(&self, graph: ConnectionGraph) {
+    pub(crate) fn publish_graph(&self, graph: ConnectionGraph) {
         let published = self.shared.with(|handle| handle.publish_connection_graph(graph));
         if let Some(Err(error)) = published {
             tracing::debug!("cannot publish the connection graph: {error}");

@@ -7,15 +7,15 @@ use foxglove::{
 
 /// Description of a service for viewers.
 #[derive(Clone, Copy, Debug)]
-pub struct ServiceDescription<'a> {
+pub(crate) struct ServiceDescription<'a> {
     /// Absolute name, as in `/laser_profiler/start_scan`.
-    pub name: &'a str,
+    pub(crate) name: &'a str,
     /// Full name of the type, as in `std_srvs/srv/Trigger`.
-    pub type_name: &'a str,
+    pub(crate) type_name: &'a str,
     /// The request in the `.msg` language.
-    pub request: &'a str,
+    pub(crate) request: &'a str,
     /// The response in the `.msg` language.
-    pub response: &'a str,
+    pub(crate) response: &'a str,
 }
 
 /// A request of four bytes is the header of CDR alone.

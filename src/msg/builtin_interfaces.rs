@@ -17,9 +17,9 @@ pub struct Time {
 
 impl Time {
     /// The earliest time there is: 1901.
-    pub const MIN: Self = Self { sec: i32::MIN, nanosec: 0 };
+    pub(crate) const MIN: Self = Self { sec: i32::MIN, nanosec: 0 };
     /// The latest time there is: 2038.
-    pub const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
+    pub(crate) const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
 
     /// From nanoseconds since the epoch; times outside [`MIN`](Self::MIN) to [`MAX`](Self::MAX) become these.
     pub fn from_ns(ns: i64) -> Self {
@@ -32,33 +32,6 @@ impl Time {
     }
 
     /// Nanoseconds since the epoch: exact for every value, even where `nanosec` is a second or more.
-    pub const fn to_ns(self) -> i64 {
-        join(self.sec, self.nanosec)
-    }
-}
-
-/// A span of time; may be negative.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Duration {
-    /// Whole seconds, rounded down.
-    pub sec: i32,
-    /// Nanoseconds to add, 0 to 999 999 999.
-    pub nanosec: u32,
-}
-
-impl Duration {
-    /// The most negative span: about -68 years.
-    pub const MIN: Self = Self { sec: i32::MIN, nanosec: 0 };
-    /// The longest span: about 68 years.
-    pub const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
-
-    /// From nanoseconds; spans outside [`MIN`](Self::MIN) to [`MAX`](Self::MAX) become these.
-    pub fn from_ns(ns: i64) -> Self {
-        let Time { sec, nanosec } = Time::from_ns(ns);
-        Self { sec, nanosec }
-    }
-
-    /// Nanoseconds: exact for every value.
     pub const fn to_ns(self) -> i64 {
         join(self.sec, self.nanosec)
     }
@@ -82,13 +55,6 @@ message!(
     "RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197",
     []
 );
-message!(
-    Duration,
-    "builtin_interfaces/msg/Duration",
-    include_str!("definitions/builtin_interfaces/Duration.msg"),
-    "RIHS01_e8d009f659816f758b75334ee1a9ca5b5c0b859843261f14c7f937349599d93b",
-    []
-);
 
 #[cfg(test)]
 mod tests {
@@ -101,7 +67,6 @@ mod tests {
         assert_eq!(Time::from_ns(1_500_000_000), Time { sec: 1, nanosec: 500_000_000 });
         assert_eq!(Time::from_ns(-1), Time { sec: -1, nanosec: 999_999_999 });
         assert_eq!(Time { sec: -1, nanosec: 999_999_999 }.to_ns(), -1);
-        assert_eq!(Duration::from_ns(-1_000_000_001), Duration { sec: -2, nanosec: 999_999_999 });
     }
 
     #[test]
@@ -110,7 +75,6 @@ mod tests {
         assert_eq!(Time::from_ns(i64::MAX), Time::MAX);
         assert_eq!(Time::from_ns(Time::MAX.to_ns() + 1), Time::MAX);
         assert_eq!(Time::from_ns(Time::MIN.to_ns() - 1), Time::MIN);
-        assert_eq!(Duration::from_ns(i64::MAX), Duration::MAX);
     }
 
     proptest! {

@@ -1,11 +1,11 @@
 //! Between messages and the scanner's types: images in, results out. Nothing is copied that can be borrowed.
 
-pub mod frame;
+pub(crate) mod frame;
 pub mod compressed;
-pub mod results;
+pub(crate) mod results;
 pub mod cloud;
-pub mod annotations;
-pub mod preview;
-pub mod tf;
+pub(crate) mod annotations;
+pub(crate) mod preview;
+pub(crate) mod tf;
 
-pub use frame::FrameRejected;
+pub(crate) use frame::FrameRejected;

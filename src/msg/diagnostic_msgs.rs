@@ -8,54 +8,52 @@ use super::{schema::message, std_msgs::Header, text};
 
 /// States of the components of a system at one time.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct DiagnosticArray<'a> {
+pub(crate) struct DiagnosticArray<'a> {
     /// Time of the states.
     #[serde(borrow)]
-    pub header: Header<'a>,
+    pub(crate) header: Header<'a>,
     /// One entry a component.
     #[serde(borrow)]
-    pub status: Vec<DiagnosticStatus<'a>>,
+    pub(crate) status: Vec<DiagnosticStatus<'a>>,
 }
 
 /// State of one component.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct DiagnosticStatus<'a> {
+pub(crate) struct DiagnosticStatus<'a> {
     /// [`OK`](Self::OK), [`WARN`](Self::WARN), [`ERROR`](Self::ERROR) or [`STALE`](Self::STALE).
-    pub level: u8,
+    pub(crate) level: u8,
     /// Name of the component.
     #[serde(borrow, with = "text")]
-    pub name: Cow<'a, str>,
+    pub(crate) name: Cow<'a, str>,
     /// The state in words.
     #[serde(borrow, with = "text")]
-    pub message: Cow<'a, str>,
+    pub(crate) message: Cow<'a, str>,
     /// Identity of the hardware.
     #[serde(borrow, with = "text")]
-    pub hardware_id: Cow<'a, str>,
+    pub(crate) hardware_id: Cow<'a, str>,
     /// Figures behind the state.
     #[serde(borrow)]
-    pub values: Vec<KeyValue<'a>>,
+    pub(crate) values: Vec<KeyValue<'a>>,
 }
 
 impl DiagnosticStatus<'_> {
     /// All is well.
-    pub const OK: u8 = 0;
+    pub(crate) const OK: u8 = 0;
     /// It works, but somebody should look.
-    pub const WARN: u8 = 1;
+    pub(crate) const WARN: u8 = 1;
     /// It does not work.
-    pub const ERROR: u8 = 2;
-    /// Nothing was heard of it for too long.
-    pub const STALE: u8 = 3;
+    pub(crate) const ERROR: u8 = 2;
 }
 
 /// A named value for people to read.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct KeyValue<'a> {
+pub(crate) struct KeyValue<'a> {
     /// What it is.
     #[serde(borrow, with = "text")]
-    pub key: Cow<'a, str>,
+    pub(crate) key: Cow<'a, str>,
     /// Its value as text.
     #[serde(borrow, with = "text")]
-    pub value: Cow<'a, str>,
+    pub(crate) value: Cow<'a, str>,
 }
 
 message!(

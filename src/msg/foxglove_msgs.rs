@@ -10,103 +10,95 @@ use super::{builtin_interfaces::Time, schema::message, text};
 
 /// Everything that is drawn over one image.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ImageAnnotations<'a> {
+pub(crate) struct ImageAnnotations<'a> {
     /// Circles.
-    pub circles: Vec<CircleAnnotation>,
+    pub(crate) circles: Vec<CircleAnnotation>,
     /// Points and lines.
-    pub points: Vec<PointsAnnotation>,
+    pub(crate) points: Vec<PointsAnnotation>,
     /// Texts.
     #[serde(borrow)]
-    pub texts: Vec<TextAnnotation<'a>>,
+    pub(crate) texts: Vec<TextAnnotation<'a>>,
 }
 
 /// A circle over an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct CircleAnnotation {
+pub(crate) struct CircleAnnotation {
     /// Time of the image.
-    pub timestamp: Time,
+    pub(crate) timestamp: Time,
     /// Centre.
-    pub position: Point2,
+    pub(crate) position: Point2,
     /// Diameter, pixels.
-    pub diameter: f64,
+    pub(crate) diameter: f64,
     /// Thickness of the line, pixels.
-    pub thickness: f64,
+    pub(crate) thickness: f64,
     /// Colour of the area.
-    pub fill_color: Color,
+    pub(crate) fill_color: Color,
     /// Colour of the line.
-    pub outline_color: Color,
+    pub(crate) outline_color: Color,
 }
 
 /// Points or lines over an image.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PointsAnnotation {
+pub(crate) struct PointsAnnotation {
     /// Time of the image.
-    pub timestamp: Time,
-    /// [`POINTS`](Self::POINTS) or one of the `LINE_` constants.
+    pub(crate) timestamp: Time,
+    /// [`LINE_STRIP`](Self::LINE_STRIP).
     pub r#type: u8,
     /// The points.
-    pub points: Vec<Point2>,
+    pub(crate) points: Vec<Point2>,
     /// Colour of all lines.
-    pub outline_color: Color,
+    pub(crate) outline_color: Color,
     /// Colour of each point or line; may be empty.
-    pub outline_colors: Vec<Color>,
+    pub(crate) outline_colors: Vec<Color>,
     /// Colour of the enclosed area.
-    pub fill_color: Color,
+    pub(crate) fill_color: Color,
     /// Thickness of lines, pixels.
-    pub thickness: f64,
+    pub(crate) thickness: f64,
 }
 
 impl PointsAnnotation {
-    /// Nothing was chosen.
-    pub const UNKNOWN: u8 = 0;
-    /// Single points.
-    pub const POINTS: u8 = 1;
-    /// A closed line through all points.
-    pub const LINE_LOOP: u8 = 2;
     /// An open line through all points.
-    pub const LINE_STRIP: u8 = 3;
-    /// A line for every pair of points.
-    pub const LINE_LIST: u8 = 4;
+    pub(crate) const LINE_STRIP: u8 = 3;
 }
 
 /// Text over an image.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct TextAnnotation<'a> {
+pub(crate) struct TextAnnotation<'a> {
     /// Time of the image.
-    pub timestamp: Time,
+    pub(crate) timestamp: Time,
     /// Bottom-left corner of the text.
-    pub position: Point2,
+    pub(crate) position: Point2,
     /// The text.
     #[serde(borrow, with = "text")]
-    pub text: Cow<'a, str>,
+    pub(crate) text: Cow<'a, str>,
     /// Height of the letters, pixels.
-    pub font_size: f64,
+    pub(crate) font_size: f64,
     /// Colour of the letters.
-    pub text_color: Color,
+    pub(crate) text_color: Color,
     /// Colour behind them.
-    pub background_color: Color,
+    pub(crate) background_color: Color,
 }
 
 /// A point of an image, pixels from the corner of its top-left pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Point2 {
+pub(crate) struct Point2 {
     /// To the right.
-    pub x: f64,
+    pub(crate) x: f64,
     /// Down.
-    pub y: f64,
+    pub(crate) y: f64,
 }
 
 /// A colour, parts from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Color {
+pub(crate) struct Color {
     /// Red.
-    pub r: f64,
+    pub(crate) r: f64,
     /// Green.
-    pub g: f64,
+    pub(crate) g: f64,
     /// Blue.
-    pub b: f64,
+    pub(crate) b: f64,
     /// Opacity.
-    pub a: f64,
+    pub(crate) a: f64,
 }
 
 message!(

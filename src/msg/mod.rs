@@ -15,13 +15,13 @@ pub mod std_srvs;
 pub mod geometry_msgs;
 pub mod tf2_msgs;
 pub mod sensor_msgs;
-pub mod unique_identifier_msgs;
-pub mod diagnostic_msgs;
+pub(crate) mod unique_identifier_msgs;
+pub(crate) mod diagnostic_msgs;
 pub mod rosgraph_msgs;
 pub mod lifecycle_msgs;
 pub mod rosout;
-pub mod rcl_interfaces;
-pub mod foxglove_msgs;
+pub(crate) mod rcl_interfaces;
+pub(crate) mod foxglove_msgs;
 pub mod laser_profiler_msgs;
 pub mod convert;
 #[cfg(test)]

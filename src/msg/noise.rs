@@ -10,7 +10,7 @@ macro_rules! for_each_message {
     ($function:ident, $($argument:expr),*) => {
         $crate::msg::noise::for_each_message!(
             @call $function ($($argument),*)
-            builtin_interfaces::Time, builtin_interfaces::Duration, std_msgs::Header<'_>, sensor_msgs::Image<'_>,
+            builtin_interfaces::Time, std_msgs::Header<'_>, sensor_msgs::Image<'_>,
             sensor_msgs::CompressedImage<'_>, sensor_msgs::CameraInfo<'_>, sensor_msgs::RegionOfInterest,
             sensor_msgs::PointCloud2<'_>, sensor_msgs::PointField<'_>, sensor_msgs::JointState<'_>,
             unique_identifier_msgs::Uuid, rosgraph_msgs::Clock, diagnostic_msgs::DiagnosticArray<'_>,

@@ -5,34 +5,33 @@ use serde::{Deserialize, Serialize};
 /// What a publisher of a topic offered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct QosProfile {
-    /// How many samples are kept.
-    pub history: History,
+    /// Limit on the samples that are kept.
+    pub(crate) history: History,
     /// Number of samples for `keep_last`.
-    pub depth: u64,
-    /// Whether lost samples are sent again.
+    pub(crate) depth: u64,
+    /// Retransmission of lost samples.
     pub reliability: Reliability,
-    /// Whether late subscribers get earlier samples.
-    pub durability: Durability,
+    /// Delivery of earlier samples to late subscribers.
+    pub(crate) durability: Durability,
     /// Longest time between two samples.
-    pub deadline: QosTime,
+    pub(crate) deadline: QosTime,
     /// How long a sample is valid.
-    pub lifespan: QosTime,
+    pub(crate) lifespan: QosTime,
     /// Who says that the publisher lives.
-    pub liveliness: Liveliness,
+    pub(crate) liveliness: Liveliness,
     /// How often that must be said.
-    pub liveliness_lease_duration: QosTime,
+    pub(crate) liveliness_lease_duration: QosTime,
     /// Whether topic names are used as they are.
     #[serde(default)]
-    pub avoid_ros_namespace_conventions: bool,
+    pub(crate) avoid_ros_namespace_conventions: bool,
 }
 
 // The aliases are the numbers that metadata before version 9 holds (rmw's enumerations).
 
-/// How many samples are kept.
+/// Limit on the samples that are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "the words are rmw's")]
-pub enum History {
+pub(crate) enum History {
     #[serde(alias = "0")]
     SystemDefault,
     #[serde(alias = "1")]
@@ -43,10 +42,10 @@ pub enum History {
     Unknown,
 }
 
-/// Whether lost samples are sent again.
+/// Retransmission of lost samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "the words are rmw's")]
+#[expect(missing_docs, reason = "the names are those of rmw")]
 pub enum Reliability {
     #[serde(alias = "0")]
     SystemDefault,
@@ -60,11 +59,10 @@ pub enum Reliability {
     BestAvailable,
 }
 
-/// Whether late subscribers get earlier samples.
+/// Delivery of earlier samples to late subscribers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "the words are rmw's")]
-pub enum Durability {
+pub(crate) enum Durability {
     #[serde(alias = "0")]
     SystemDefault,
     #[serde(alias = "1")]
@@ -80,8 +78,7 @@ pub enum Durability {
 /// Who says that the publisher lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "the words are rmw's")]
-pub enum Liveliness {
+pub(crate) enum Liveliness {
     #[serde(alias = "0")]
     SystemDefault,
     #[serde(alias = "1")]
@@ -98,11 +95,11 @@ pub enum Liveliness {
 
 /// A span of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct QosTime {
+pub(crate) struct QosTime {
     /// Whole seconds.
-    pub sec: u64,
+    pub(crate) sec: u64,
     /// The rest, nanoseconds.
-    pub nsec: u64,
+    pub(crate) nsec: u64,
 }
 
 /// rmw's "for ever": `i64::MAX` nanoseconds.

@@ -6,141 +6,137 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-pub use super::text::Text;
+pub(crate) use super::text::Text;
 use super::{builtin_interfaces::Time, schema::message, text};
-pub use services::*;
+pub(crate) use services::*;
 
 /// The types of a parameter, as in [`ParameterValue::kind`].
-#[expect(missing_docs, reason = "the words are those of ParameterType.msg")]
-pub mod parameter_type {
-    pub const NOT_SET: u8 = 0;
-    pub const BOOL: u8 = 1;
-    pub const INTEGER: u8 = 2;
-    pub const DOUBLE: u8 = 3;
-    pub const STRING: u8 = 4;
-    pub const BYTE_ARRAY: u8 = 5;
-    pub const BOOL_ARRAY: u8 = 6;
-    pub const INTEGER_ARRAY: u8 = 7;
-    pub const DOUBLE_ARRAY: u8 = 8;
-    pub const STRING_ARRAY: u8 = 9;
+pub(crate) mod parameter_type {
+    pub(crate) const NOT_SET: u8 = 0;
+    pub(crate) const BOOL: u8 = 1;
+    pub(crate) const INTEGER: u8 = 2;
+    pub(crate) const DOUBLE: u8 = 3;
+    pub(crate) const STRING: u8 = 4;
+    pub(crate) const BYTE_ARRAY: u8 = 5;
+    pub(crate) const DOUBLE_ARRAY: u8 = 8;
+    pub(crate) const STRING_ARRAY: u8 = 9;
 }
 
 /// The value of a parameter: of the fields only the one that `kind` names counts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "a field for each type")]
-pub struct ParameterValue<'a> {
+pub(crate) struct ParameterValue<'a> {
     /// A constant of [`parameter_type`].
     #[serde(rename = "type")]
-    pub kind: u8,
-    pub bool_value: bool,
-    pub integer_value: i64,
-    pub double_value: f64,
+    pub(crate) kind: u8,
+    pub(crate) bool_value: bool,
+    pub(crate) integer_value: i64,
+    pub(crate) double_value: f64,
     #[serde(borrow, with = "text")]
-    pub string_value: Cow<'a, str>,
-    pub byte_array_value: Vec<u8>,
-    pub bool_array_value: Vec<bool>,
-    pub integer_array_value: Vec<i64>,
-    pub double_array_value: Vec<f64>,
+    pub(crate) string_value: Cow<'a, str>,
+    pub(crate) byte_array_value: Vec<u8>,
+    pub(crate) bool_array_value: Vec<bool>,
+    pub(crate) integer_array_value: Vec<i64>,
+    pub(crate) double_array_value: Vec<f64>,
     #[serde(borrow)]
-    pub string_array_value: Vec<Text<'a>>,
+    pub(crate) string_array_value: Vec<Text<'a>>,
 }
 
 /// A parameter and its value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Parameter<'a> {
+pub(crate) struct Parameter<'a> {
     /// Full name.
     #[serde(borrow, with = "text")]
     pub name: Cow<'a, str>,
     /// Value.
     #[serde(borrow)]
-    pub value: ParameterValue<'a>,
+    pub(crate) value: ParameterValue<'a>,
 }
 
 /// What a parameter is and which values it may have.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ParameterDescriptor<'a> {
+pub(crate) struct ParameterDescriptor<'a> {
     /// Full name.
     #[serde(borrow, with = "text")]
-    pub name: Cow<'a, str>,
+    pub(crate) name: Cow<'a, str>,
     /// A constant of [`parameter_type`].
     #[serde(rename = "type")]
-    pub kind: u8,
+    pub(crate) kind: u8,
     /// What it does.
     #[serde(borrow, with = "text")]
-    pub description: Cow<'a, str>,
+    pub(crate) description: Cow<'a, str>,
     /// Rules that no range can say.
     #[serde(borrow, with = "text")]
-    pub additional_constraints: Cow<'a, str>,
+    pub(crate) additional_constraints: Cow<'a, str>,
     /// Whether it stands fast.
-    pub read_only: bool,
+    pub(crate) read_only: bool,
     /// Whether its type may change.
-    pub dynamic_typing: bool,
+    pub(crate) dynamic_typing: bool,
     /// Range of a float, one at most; empty: any.
-    pub floating_point_range: Vec<FloatingPointRange>,
+    pub(crate) floating_point_range: Vec<FloatingPointRange>,
     /// Range of an integer, one at most; empty: any.
-    pub integer_range: Vec<IntegerRange>,
+    pub(crate) integer_range: Vec<IntegerRange>,
 }
 
 /// Floats that a parameter may have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct FloatingPointRange {
+pub(crate) struct FloatingPointRange {
     /// Smallest.
-    pub from_value: f64,
+    pub(crate) from_value: f64,
     /// Largest.
-    pub to_value: f64,
+    pub(crate) to_value: f64,
     /// From one to the next; 0: any between.
-    pub step: f64,
+    pub(crate) step: f64,
 }
 
 /// Integers that a parameter may have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct IntegerRange {
+pub(crate) struct IntegerRange {
     /// Smallest.
-    pub from_value: i64,
+    pub(crate) from_value: i64,
     /// Largest.
-    pub to_value: i64,
+    pub(crate) to_value: i64,
     /// From one to the next; 0: any between.
-    pub step: u64,
+    pub(crate) step: u64,
 }
 
 /// What became of a node's parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ParameterEvent<'a> {
+pub(crate) struct ParameterEvent<'a> {
     /// When.
-    pub stamp: Time,
+    pub(crate) stamp: Time,
     /// Fully qualified name of the node.
     #[serde(borrow, with = "text")]
-    pub node: Cow<'a, str>,
+    pub(crate) node: Cow<'a, str>,
     /// Those that were declared.
     #[serde(borrow)]
-    pub new_parameters: Vec<Parameter<'a>>,
+    pub(crate) new_parameters: Vec<Parameter<'a>>,
     /// Those that were set.
     #[serde(borrow)]
-    pub changed_parameters: Vec<Parameter<'a>>,
+    pub(crate) changed_parameters: Vec<Parameter<'a>>,
     /// Those that are no more.
     #[serde(borrow)]
-    pub deleted_parameters: Vec<Parameter<'a>>,
+    pub(crate) deleted_parameters: Vec<Parameter<'a>>,
 }
 
 /// What came of a wish to set parameters.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SetParametersResult<'a> {
+pub(crate) struct SetParametersResult<'a> {
     /// Whether they are set.
-    pub successful: bool,
+    pub(crate) successful: bool,
     /// Why not.
     #[serde(borrow, with = "text")]
-    pub reason: Cow<'a, str>,
+    pub(crate) reason: Cow<'a, str>,
 }
 
 /// Names that begin as somebody asked.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ListParametersResult<'a> {
+pub(crate) struct ListParametersResult<'a> {
     /// Full names of parameters.
     #[serde(borrow)]
-    pub names: Vec<Text<'a>>,
+    pub(crate) names: Vec<Text<'a>>,
     /// What stands before the last dot of any of them.
     #[serde(borrow)]
-    pub prefixes: Vec<Text<'a>>,
+    pub(crate) prefixes: Vec<Text<'a>>,
 }
 
 message!(

@@ -8,9 +8,9 @@ pub struct MessageType {
     /// Full name, as in `sensor_msgs/msg/Image`.
     pub name: &'static str,
     /// Fields and constants in the `.msg` language.
-    pub text: &'static str,
+    pub(crate) text: &'static str,
     /// Types of the fields that are messages themselves, direct ones only.
-    pub dependencies: &'static [&'static Self],
+    pub(crate) dependencies: &'static [&'static Self],
     /// `RIHS01_` and 64 hexadecimal digits (REP-2016).
     pub hash: &'static str,
 }

@@ -21,11 +21,6 @@ impl Header<'_> {
     pub fn borrowed(&self) -> Header<'_> {
         Header { stamp: self.stamp, frame_id: Cow::Borrowed(&self.frame_id) }
     }
-
-    /// The same header with a text of its own.
-    pub fn into_owned(self) -> Header<'static> {
-        Header { stamp: self.stamp, frame_id: Cow::Owned(self.frame_id.into_owned()) }
-    }
 }
 
 message!(

@@ -13,7 +13,7 @@ use serde::{
 /// A text in a sequence.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Text<'a>(#[serde(borrow, with = "self")] pub Cow<'a, str>);
+pub(crate) struct Text<'a>(#[serde(borrow, with = "self")] pub Cow<'a, str>);
 
 impl<'a> From<&'a str> for Text<'a> {
     fn from(text: &'a str) -> Self {

@@ -8,7 +8,7 @@ use super::schema::message;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Uuid {
     /// Its bytes, most significant first.
-    pub uuid: [u8; 16],
+    pub(crate) uuid: [u8; 16],
 }
 
 message!(

@@ -28,7 +28,7 @@ use crate::{
 
 /// The reason that no mean can be computed.
 #[derive(Debug, Error)]
-pub enum AmbientError {
+pub(crate) enum AmbientError {
     /// The recording cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
@@ -71,21 +71,21 @@ pub enum AmbientError {
 
 /// The mean of frames, one grey level a pixel.
 #[derive(Debug, Default)]
-pub struct Mean {
+pub(crate) struct Mean {
     /// Columns.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Rows.
-    pub height: usize,
+    pub(crate) height: usize,
     /// Bits of a sample, 8 or 16.
-    pub bits: u32,
+    pub(crate) bits: u32,
     /// Number of frames.
-    pub num_frames: u64,
+    pub(crate) num_frames: u64,
     sums: Vec<u64>,
 }
 
 impl Mean {
     /// The grey levels in row-major order, rounded half up.
-    pub fn levels(&self) -> impl Iterator<Item = u16> + '_ {
+    pub(crate) fn levels(&self) -> impl Iterator<Item = u16> + '_ {
         let count = self.num_frames.max(1);
         self.sums.iter().map(move |sum| ((sum + count / 2) / count) as u16)
     }
@@ -130,7 +130,7 @@ fn add_row<S: Copy + Into<u64>>(sums: &mut [u64], row: &[S]) {
 /// # Errors
 /// The recording cannot be read or does not have exactly one image topic, or an image cannot be used or differs from
 /// the first one in size or depth.
-pub fn mean(
+pub(crate) fn mean(
     bag: &Path,
     channel: Channel,
     max_frame_bytes: u64,

@@ -18,7 +18,7 @@ use crate::{
 
 /// The reason that the frame without laser cannot be loaded.
 #[derive(Debug, Error)]
-pub enum AmbientFileError {
+pub(crate) enum AmbientFileError {
     /// It cannot be used.
     #[error("extraction.background_file {}: {source}", path.display())]
     Content {
@@ -41,7 +41,7 @@ pub enum AmbientFileError {
 ///
 /// # Errors
 /// The file is missing, not a PNG image, or larger than `max_frame_bytes` allows.
-pub fn load(camera: &CameraParams) -> Result<Option<OwnedImage>, AmbientFileError> {
+pub(crate) fn load(camera: &CameraParams) -> Result<Option<OwnedImage>, AmbientFileError> {
     camera.background_file.as_deref().map(|path| read(path, camera.max_frame_bytes)).transpose()
 }
 

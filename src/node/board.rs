@@ -6,27 +6,27 @@ use super::{statistics::Counts, status::Load};
 
 /// The last report of a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reported {
+pub(crate) struct Reported {
     /// Counters since the node started.
-    pub counts: Counts,
+    pub(crate) counts: Counts,
     /// Frames received per second, over the last interval.
-    pub rate_hz: f32,
+    pub(crate) rate_hz: f32,
     /// Latency and queue over the last interval.
-    pub load: Load,
+    pub(crate) load: Load,
 }
 
 /// Holds the last report. Clones share it.
 #[derive(Clone, Debug, Default)]
-pub struct Board(Arc<Mutex<Reported>>);
+pub(crate) struct Board(Arc<Mutex<Reported>>);
 
 impl Board {
     /// Replaces the report.
-    pub fn write(&self, reported: Reported) {
+    pub(crate) fn write(&self, reported: Reported) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = reported;
     }
 
     /// Returns the last report; all zero before the first one.
-    pub fn read(&self) -> Reported {
+    pub(crate) fn read(&self) -> Reported {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -7,13 +7,13 @@ use std::{
 
 use thiserror::Error;
 
-use crate::scanner::calibration::{Calibration, CalibrationError};
+pub(crate) use crate::scanner::calibration::{Calibration, CalibrationError};
 
 const MAX_BYTES: u64 = 1 << 20;
 
 /// The reason that a calibration cannot be loaded.
 #[derive(Debug, Error)]
-pub enum CalibrationFileError {
+pub(crate) enum CalibrationFileError {
     /// It cannot be used.
     #[error("calibration_file {}: {source}", path.display())]
     Content {
@@ -36,7 +36,7 @@ pub enum CalibrationFileError {
 ///
 /// # Errors
 /// The file is missing, too long, or not a calibration.
-pub fn load(path: &Path) -> Result<(Calibration, String), CalibrationFileError> {
+pub(crate) fn load(path: &Path) -> Result<(Calibration, String), CalibrationFileError> {
     let io = |source| CalibrationFileError::Io { path: path.to_owned(), source };
     let content = |source| CalibrationFileError::Content { path: path.to_owned(), source };
     let size = fs::metadata(path).map_err(io)?.len();

@@ -14,7 +14,7 @@ use super::input;
 
 /// The reason that no camera can be chosen.
 #[derive(Debug, Error)]
-pub enum CameraError {
+pub(crate) enum CameraError {
     /// No camera has the requested name.
     #[error("no camera is called {name:?}; {}", list(.cameras))]
     Unknown {
@@ -50,7 +50,7 @@ fn first(cameras: &[String]) -> &str {
 ///
 /// # Errors
 /// No camera matches, or a remap rule has an invalid name.
-pub fn choose(
+pub(crate) fn choose(
     cameras: Vec<CameraParams>,
     name: Option<&str>,
     bags: &[BagReader],

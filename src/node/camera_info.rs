@@ -1,6 +1,6 @@
 //! Finds the `camera_info` of an image: the message with exactly the same stamp. Pure.
 
-pub mod fit;
+pub(crate) mod fit;
 
 use std::collections::VecDeque;
 
@@ -18,7 +18,7 @@ const CAPACITY: usize = 32;
 
 /// The reason that an image and its `camera_info` do not belong together.
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum Conflict {
+pub(crate) enum Conflict {
     /// Their frames differ.
     #[error(
         "camera_info is of frame {info:?}, the image of {image:?}: the driver must give both the same frame_id"
@@ -47,14 +47,14 @@ pub enum Conflict {
 
 impl Conflict {
     /// True if metric results would be wrong: true for every conflict except differing frame names.
-    pub const fn is_of_geometry(&self) -> bool {
+    pub(crate) const fn is_of_geometry(&self) -> bool {
         !matches!(self, Self::Frame { .. })
     }
 }
 
 /// The description of an image's camera.
 #[derive(Clone, Debug, PartialEq)]
-pub enum CameraMatch {
+pub(crate) enum CameraMatch {
     /// A matching message exists.
     Matched {
         /// Calibration identity: equal for equal calibrations. Shown as sixteen hexadecimal digits.
@@ -74,20 +74,20 @@ pub enum CameraMatch {
 
 /// The metadata of an image that its description must match.
 #[derive(Clone, Copy, Debug)]
-pub struct ImageHeader<'a> {
+pub(crate) struct ImageHeader<'a> {
     /// Time of acquisition, nanoseconds since the epoch.
-    pub stamp_ns: i64,
+    pub(crate) stamp_ns: i64,
     /// Optical frame of the camera.
-    pub frame_id: &'a str,
+    pub(crate) frame_id: &'a str,
     /// Columns.
-    pub width: u32,
+    pub(crate) width: u32,
     /// Rows.
-    pub height: u32,
+    pub(crate) height: u32,
 }
 
 /// The last messages of one camera, by stamp.
 #[derive(Debug, Default)]
-pub struct CameraInfos {
+pub(crate) struct CameraInfos {
     calibration: Option<Calibration>,
     waiting: VecDeque<Described>,
     calibration_id: Option<u64>,
@@ -103,13 +103,13 @@ struct Described {
 
 impl CameraInfos {
     /// Creates an empty buffer that compares messages with `calibration`.
-    pub fn of(calibration: Option<Calibration>) -> Self {
+    pub(crate) fn of(calibration: Option<Calibration>) -> Self {
         Self { calibration, ..Self::default() }
     }
 
     /// Stores a message for its image. Replaces a message with the same stamp, and drops the oldest message if the
     /// buffer is full.
-    pub fn insert(&mut self, info: &CameraInfo<'_>) {
+    pub(crate) fn insert(&mut self, info: &CameraInfo<'_>) {
         let stamp_ns = info.header.stamp.to_ns();
         self.waiting.retain(|waiting| waiting.stamp_ns != stamp_ns);
         if self.waiting.len() == CAPACITY {
@@ -127,7 +127,7 @@ impl CameraInfos {
     }
 
     /// Finds the message of an image. Keeps the message, because an image may be repeated.
-    pub fn pair(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
+    pub(crate) fn pair(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         match self.waiting.iter().position(|info| info.stamp_ns == image.stamp_ns) {
             Some(place) => self.compare(place, image),
             None => CameraMatch::NoneYet,
@@ -136,7 +136,7 @@ impl CameraInfos {
 
     /// As above, but falls back to the last message received if none has the image's stamp: drivers send it before or
     /// after the image.
-    pub fn pair_or_last(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
+    pub(crate) fn pair_or_last(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         match (self.pair(image), self.waiting.len().checked_sub(1)) {
             (CameraMatch::NoneYet, Some(last)) => self.compare(last, image),
             (pairing, _) => pairing,

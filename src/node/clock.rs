@@ -24,7 +24,7 @@ const UNKNOWN_NS: i64 = i64::MIN;
 
 /// Source of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TimeSource {
+pub(crate) enum TimeSource {
     /// The system clock of this machine.
     System,
     /// The topic `/clock`, selected by `use_sim_time`.
@@ -33,7 +33,7 @@ pub enum TimeSource {
 
 /// The node's clock. Clones share it.
 #[derive(Clone, Default)]
-pub struct RosClock(Arc<ClockState>);
+pub(crate) struct RosClock(Arc<ClockState>);
 
 #[derive(Default)]
 struct ClockState {
@@ -61,7 +61,7 @@ impl Default for SimTime {
 
 impl RosClock {
     /// Returns nanoseconds since the epoch; 0 before the first message on `/clock`, as in rcl.
-    pub fn now_ns(&self) -> i64 {
+    pub(crate) fn now_ns(&self) -> i64 {
         if !self.uses_sim_time() {
             return system_ns();
         }
@@ -72,23 +72,23 @@ impl RosClock {
     }
 
     /// True if [`now_ns`](Self::now_ns) is valid. With `use_sim_time`, false until the first message on `/clock`.
-    pub fn is_known(&self) -> bool {
+    pub(crate) fn is_known(&self) -> bool {
         !self.uses_sim_time() || self.0.sim.now_ns.load(Ordering::Acquire) != UNKNOWN_NS
     }
 
     /// True if time comes from `/clock`.
-    pub fn uses_sim_time(&self) -> bool {
+    pub(crate) fn uses_sim_time(&self) -> bool {
         self.0.uses_sim_time.load(Ordering::Acquire)
     }
 
     /// Number of time discontinuities: `/clock` stepped back, or the source of time changed. A change of this number
     /// starts a new session.
-    pub fn num_breaks(&self) -> u64 {
+    pub(crate) fn num_breaks(&self) -> u64 {
         self.0.sim.num_breaks.load(Ordering::Acquire)
     }
 
     /// Malformed messages received on `/clock`.
-    pub fn num_bad(&self) -> u64 {
+    pub(crate) fn num_bad(&self) -> u64 {
         self.0.sim.num_bad.load(Ordering::Acquire)
     }
 
@@ -96,7 +96,7 @@ impl RosClock {
     ///
     /// # Errors
     /// The subscription to `/clock` fails; the source does not change.
-    pub fn set_source(
+    pub(crate) fn set_source(
         &self,
         transport: &dyn Transport,
         names: &NodeNames,
@@ -152,7 +152,7 @@ impl SimTime {
 }
 
 /// Returns nanoseconds since the epoch by the system clock; 0 if it is set before 1970.
-pub fn system_ns() -> i64 {
+pub(crate) fn system_ns() -> i64 {
     match SystemTime::now().duration_since(SystemTime::UNIX_EPOCH) {
         Ok(since) => i64::try_from(since.as_nanos()).unwrap_or(i64::MAX),
         // A clock set before 1970.

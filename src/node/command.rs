@@ -6,7 +6,7 @@ use crate::scanner::params::Params;
 
 /// A request to the worker, which replies after carrying it out.
 #[derive(Debug)]
-pub enum Command {
+pub(crate) enum Command {
     /// Ends the open scan and begins a new one with the next frame.
     StartScan(ScanRequest, Reply),
     /// Ends the open scan with its last slice and its height map; then frames give profiles only.
@@ -19,41 +19,41 @@ pub enum Command {
 
 /// The scan to start.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ScanRequest {
+pub(crate) struct ScanRequest {
     /// Identity of the part; may be empty.
-    pub part_id: String,
+    pub(crate) part_id: String,
     /// Length at which the scan ends, metres, above 0; `None`: it ends when stopped.
-    pub length_m: Option<f64>,
+    pub(crate) length_m: Option<f64>,
 }
 
 /// The answer to a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Answer {
+pub(crate) struct Answer {
     /// True if the command was carried out.
-    pub success: bool,
+    pub(crate) success: bool,
     /// The action taken, or the reason for refusal.
-    pub message: String,
+    pub(crate) message: String,
     /// The scan concerned, where there is one.
-    pub scan_id: Option<[u8; 16]>,
+    pub(crate) scan_id: Option<[u8; 16]>,
 }
 
 /// Channel for the answer. The caller may have stopped waiting.
-pub type Reply = SyncSender<Answer>;
+pub(crate) type Reply = SyncSender<Answer>;
 
 /// Settings of a camera that can change at run time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// The measurement.
-    pub params: Params,
+    pub(crate) params: Params,
     /// Hash of the camera's parameters.
-    pub parameters_sha256: String,
+    pub(crate) parameters_sha256: String,
     /// True if input images are forwarded with the results, to be recorded.
-    pub sends_images: bool,
+    pub(crate) sends_images: bool,
 }
 
 /// Holds the latest value until it is taken: several changes between two frames are applied as one.
 #[derive(Debug)]
-pub struct Mailbox<T>(Mutex<Option<T>>);
+pub(crate) struct Mailbox<T>(Mutex<Option<T>>);
 
 impl<T> Default for Mailbox<T> {
     fn default() -> Self {
@@ -63,12 +63,12 @@ impl<T> Default for Mailbox<T> {
 
 impl<T> Mailbox<T> {
     /// Replaces the value.
-    pub fn put(&self, value: T) {
+    pub(crate) fn put(&self, value: T) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(value);
     }
 
     /// Takes the value.
-    pub fn take(&self) -> Option<T> {
+    pub(crate) fn take(&self) -> Option<T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }

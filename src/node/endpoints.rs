@@ -21,7 +21,7 @@ use crate::{
 
 /// The reason that a message cannot be sent.
 #[derive(Debug, Error)]
-pub enum SendError {
+pub(crate) enum SendError {
     /// It cannot be encoded.
     #[error(transparent)]
     Encode(#[from] CdrError),
@@ -34,7 +34,7 @@ pub enum SendError {
 ///
 /// # Errors
 /// ROS does not allow the name, or the middleware rejects the endpoint.
-pub fn advertise<M: Message>(
+pub(crate) fn advertise<M: Message>(
     transport: &dyn Transport,
     names: &NodeNames,
     topic: &str,
@@ -47,7 +47,7 @@ pub fn advertise<M: Message>(
 ///
 /// # Errors
 /// ROS does not allow the name, or the middleware rejects the endpoint.
-pub fn subscribe<M: Message>(
+pub(crate) fn subscribe<M: Message>(
     transport: &dyn Transport,
     (names, topic): (&NodeNames, &str),
     qos: QosProfile,
@@ -62,7 +62,7 @@ pub fn subscribe<M: Message>(
 ///
 /// # Errors
 /// ROS does not allow the name, or the middleware rejects the endpoint.
-pub fn serve(
+pub(crate) fn serve(
     transport: &dyn Transport,
     names: &NodeNames,
     service: &str,
@@ -76,7 +76,7 @@ pub fn serve(
 ///
 /// # Errors
 /// The message cannot be encoded, or the middleware rejects it.
-pub fn send<M: Message>(
+pub(crate) fn send<M: Message>(
     publication: &mut dyn Publication,
     message: &M,
     time_ns: i64,
@@ -87,7 +87,7 @@ pub fn send<M: Message>(
 }
 
 /// Encodes a response. Logs an error and returns `None` if it cannot be encoded.
-pub fn answer<M: Message>(response: &M) -> Option<Vec<u8>> {
+pub(crate) fn answer<M: Message>(response: &M) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     match cdr::encode(response, &mut bytes) {
         Ok(()) => Some(bytes),

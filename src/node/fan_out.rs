@@ -9,18 +9,18 @@ use std::{
 use super::{
     named,
     queue::{Closed, Queue},
-    sink::{Outgoing, Outlet, Purpose, Sink, SinkError, Takes, Way},
+    sink::{Outgoing, Outlet, Purpose, Sink, SinkError, Way},
 };
 
 /// All sinks.
-pub struct FanOut<'scope> {
+pub(crate) struct FanOut<'scope> {
     fans: Vec<Fan<'scope>>,
     /// Topics with a smaller index are results; the next one is the input.
     num_topics: usize,
 }
 
 struct Fan<'scope> {
-    takes: Takes,
+    takes_images: bool,
     purpose: Purpose,
     is_essential: bool,
     num_dropped: Cell<u64>,
@@ -37,13 +37,13 @@ struct Direct(Box<dyn Sink>, Result<(), SinkError>);
 
 impl<'scope> FanOut<'scope> {
     /// Starts a thread for every sink with a queue; the first `num_topics` topics are results.
-    pub fn start<'env>(
+    pub(crate) fn start<'env>(
         scope: &'scope Scope<'scope, 'env>,
         outlets: Vec<Outlet>,
         num_topics: usize,
     ) -> Self {
         let start = |outlet: Outlet| {
-            let Outlet { sink, takes, purpose, way, is_essential } = outlet;
+            let Outlet { sink, takes_images, purpose, way, is_essential } = outlet;
             let reached = match way {
                 Way::Direct => Reached::Directly(RefCell::new(Direct(sink, Ok(())))),
                 Way::Queued(bound, when_full) => {
@@ -56,7 +56,7 @@ impl<'scope> FanOut<'scope> {
                     Reached::Queued(queue, named::spawn(scope, "results", run))
                 }
             };
-            Fan { takes, purpose, is_essential, num_dropped: Cell::new(0), reached }
+            Fan { takes_images, purpose, is_essential, num_dropped: Cell::new(0), reached }
         };
         Self { fans: outlets.into_iter().map(start).collect(), num_topics }
     }
@@ -65,10 +65,9 @@ impl<'scope> FanOut<'scope> {
     ///
     /// # Errors
     /// An essential sink has failed: [`finish`](Self::finish) returns the reason.
-    pub fn send(&self, message: &Outgoing) -> Result<(), Closed<()>> {
-        let is_taken: fn(Takes) -> bool =
-            if message.topic < self.num_topics { Takes::has_results } else { Takes::has_images };
-        for fan in self.fans.iter().filter(|fan| is_taken(fan.takes)) {
+    pub(crate) fn send(&self, message: &Outgoing) -> Result<(), Closed<()>> {
+        let is_result = message.topic < self.num_topics;
+        for fan in self.fans.iter().filter(|fan| is_result || fan.takes_images) {
             match fan.pass(message) {
                 Ok(num) => fan.num_dropped.set(fan.num_dropped.get() + num as u64),
                 Err(Closed(())) if fan.is_essential => return Err(Closed(())),
@@ -79,7 +78,7 @@ impl<'scope> FanOut<'scope> {
     }
 
     /// Messages that did not reach the sinks of that purpose, counted once per sink.
-    pub fn num_dropped(&self, purpose: Purpose) -> u64 {
+    pub(crate) fn num_dropped(&self, purpose: Purpose) -> u64 {
         let of_purpose = self.fans.iter().filter(|fan| fan.purpose == purpose);
         of_purpose.map(|fan| fan.num_dropped.get()).sum()
     }
@@ -88,7 +87,7 @@ impl<'scope> FanOut<'scope> {
     ///
     /// # Errors
     /// The first error of an essential sink.
-    pub fn finish(mut self) -> Result<(), SinkError> {
+    pub(crate) fn finish(mut self) -> Result<(), SinkError> {
         let mut first_error = Ok(());
         let fans = std::mem::take(&mut self.fans);
         // Closes all queues first, so that a slow sink does not keep the others open.
@@ -174,7 +173,6 @@ mod tests {
     use std::{sync::Mutex, thread};
 
     use super::*;
-    use crate::node::sink::Takes;
 
     /// Keeps all messages; fails at the message with that number.
     struct Memory {
@@ -265,13 +263,13 @@ mod tests {
     }
 
     #[test]
-    fn sinks_receive_only_the_kind_of_message_they_take() {
+    fn only_sinks_that_take_images_receive_them() {
         let kept = [Arc::default(), Arc::default()];
-        let outlet = |at: usize, takes| {
+        let outlet = |at: usize, takes_images| {
             let sink = Box::new(Memory { kept: Arc::clone(&kept[at]), fails_at: None });
-            Outlet { takes, ..Outlet::replay(sink) }
+            Outlet { takes_images, ..Outlet::replay(sink) }
         };
-        let outlets = vec![outlet(0, Takes::Results), outlet(1, Takes::Images)];
+        let outlets = vec![outlet(0, false), outlet(1, true)];
         thread::scope(|scope| {
             let fan_out = FanOut::start(scope, outlets, 1);
             for topic in [0, 1, 0] {
@@ -284,7 +282,7 @@ mod tests {
             kept.lock().unwrap().iter().map(|message| message.sequence).collect()
         };
         assert_eq!(topics(0), [0, 0, u32::MAX]);
-        assert_eq!(topics(1), [1, u32::MAX]);
+        assert_eq!(topics(1), [0, 1, 0, u32::MAX]);
     }
 
     #[test]

@@ -24,7 +24,7 @@ const MAX_LISTED: usize = 20;
 
 /// The reason that no topic can be chosen.
 #[derive(Debug, Error)]
-pub enum InputError {
+pub(crate) enum InputError {
     /// The recording contains no images.
     #[error("the recording holds no images (sensor_msgs/msg/Image or CompressedImage); it has {}", list(.0))]
     NoImages(Vec<(String, String)>),
@@ -50,25 +50,25 @@ pub enum InputError {
 
 impl InputError {
     /// True if the command line is wrong rather than the recording.
-    pub const fn is_usage(&self) -> bool {
+    pub(crate) const fn is_usage(&self) -> bool {
         !matches!(self, Self::NoImages(_))
     }
 }
 
 /// The topic to listen to.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ImageTopic {
+pub(crate) struct ImageTopic {
     /// Its name in the recording.
-    pub name: String,
+    pub(crate) name: String,
     /// Transport of its images.
-    pub transport: ImageTransport,
+    pub(crate) transport: ImageTransport,
 }
 
 /// Returns the absolute name of the image topic of a camera.
 ///
 /// # Errors
 /// A remap rule has a name that ROS does not allow.
-pub fn image_topic_of(camera: &str, names: &NodeNames) -> Result<String, NameError> {
+pub(crate) fn image_topic_of(camera: &str, names: &NodeNames) -> Result<String, NameError> {
     names.resolve(&topics::of_camera(camera, IMAGE_TOPIC))
 }
 
@@ -79,7 +79,7 @@ pub fn image_topic_of(camera: &str, names: &NodeNames) -> Result<String, NameErr
 ///
 /// # Errors
 /// No topic or several topics match, or the named topic is missing.
-pub fn choose(
+pub(crate) fn choose(
     topics: &[(String, String)],
     names: &NodeNames,
     camera: &str,

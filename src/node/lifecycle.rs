@@ -3,32 +3,20 @@
 //! [`machine`] defines the states and transitions, [`server`] lets the program and the network change the state, and
 //! [`Managed`] defines the callbacks.
 
-pub mod machine;
-pub mod server;
+pub(crate) mod machine;
+pub(crate) mod server;
 #[cfg(test)]
 mod tests;
 
 use thiserror::Error;
 
-/// The reason that a callback failed.
+/// The reason that a callback failed. Nothing changed: the node returns to the previous state.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum Failure {
-    /// Nothing changed: the node returns to the previous state.
-    #[error("{0}")]
-    Refused(String),
-    /// The action is incomplete: [`Managed::recover`] runs, and the node becomes unconfigured or ends.
-    #[error("{0}")]
-    Broken(String),
-}
-
-impl From<String> for Failure {
-    fn from(reason: String) -> Self {
-        Self::Refused(reason)
-    }
-}
+#[error("{0}")]
+pub(crate) struct Failure(pub(crate) String);
 
 /// Callbacks of a node for its state changes. One callback runs at a time.
-pub trait Managed: Send + Sync {
+pub(crate) trait Managed: Send + Sync {
     /// Acquires resources: parameters, calibration, publishers.
     ///
     /// # Errors
@@ -58,10 +46,4 @@ pub trait Managed: Send + Sync {
     /// # Errors
     /// Data was lost, with a description. The node ends anyway.
     fn shutdown(&self) -> Result<(), Failure>;
-
-    /// Releases the resources after a [`Failure::Broken`].
-    ///
-    /// # Errors
-    /// Recovery failed; the node ends.
-    fn recover(&self) -> Result<(), Failure>;
 }

@@ -1,47 +1,47 @@
 //! The node: threads, bounds and counters around the pure pipeline.
 //!
-//! A source yields raw image messages; a [`queue`] hands them to the one worker of the camera, which owns the
+//! A source yields raw image messages; a `queue` hands them to the one worker of the camera, which owns the
 //! pipeline; the fan-out gives every sink the same bytes through a queue of its own. run ties them together.
 
-pub mod queue;
+pub(crate) mod queue;
 mod named;
-pub mod order;
-pub mod histogram;
-pub mod statistics;
+pub(crate) mod order;
+pub(crate) mod histogram;
+pub(crate) mod statistics;
 pub mod stop;
-pub mod command;
-pub mod unpack;
-pub mod source;
+pub(crate) mod command;
+pub(crate) mod unpack;
+pub(crate) mod source;
 pub mod sink;
-pub mod fan_out;
-pub mod topics;
-pub mod calibration_file;
-pub mod ambient;
-pub mod ambient_file;
-pub mod input;
-pub mod positions;
-pub mod camera;
-pub mod status;
-pub mod board;
-pub mod parameter_server;
-pub mod publisher;
-pub mod results;
-pub mod worker;
-pub mod endpoints;
-pub mod clock;
-pub mod lifecycle;
-pub mod rosout;
-pub mod static_tf;
-pub mod camera_info;
-pub mod player;
+pub(crate) mod fan_out;
+pub(crate) mod topics;
+pub(crate) mod calibration_file;
+pub(crate) mod ambient;
+pub(crate) mod ambient_file;
+pub(crate) mod input;
+pub(crate) mod positions;
+pub(crate) mod camera;
+pub(crate) mod status;
+pub(crate) mod board;
+pub(crate) mod parameter_server;
+pub(crate) mod publisher;
+pub(crate) mod results;
+pub(crate) mod worker;
+pub(crate) mod endpoints;
+pub(crate) mod clock;
+pub(crate) mod lifecycle;
+pub(crate) mod rosout;
+pub(crate) mod static_tf;
+pub(crate) mod camera_info;
+pub(crate) mod player;
 pub mod recording;
 pub mod live_recording;
 mod feed;
-pub mod run;
+pub(crate) mod run;
 pub mod replay;
-pub mod live;
+pub(crate) mod live;
 #[cfg(feature = "foxglove")]
-pub mod view;
+pub(crate) mod view;
 
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 
 /// Source of a frame's number, as in `FrameTrace.frame_number_source`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NumberSource {
+pub(crate) enum NumberSource {
     /// The sequence number of the publication.
     Transport,
     /// Counted by this node.
@@ -11,19 +11,19 @@ pub enum NumberSource {
 
 /// A frame's place in the order of arrival.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub(crate) struct Place {
     /// Number of the frame, including lost frames.
-    pub frame_number: u64,
+    pub(crate) frame_number: u64,
     /// Source of that number.
-    pub source: NumberSource,
+    pub(crate) source: NumberSource,
     /// Frames missing directly before this one; `None` if unknown.
-    pub missing: Option<u32>,
+    pub(crate) missing: Option<u32>,
 }
 
 /// Numbers frames by the publisher's sequence number if it advances. Many publishers leave it constant; then gaps are
 /// unknown.
 #[derive(Debug, Default)]
-pub struct Sequence {
+pub(crate) struct Sequence {
     last: Option<u32>,
     num_taken: u64,
     /// Frames that arrived after the last one and were dropped before they were read.
@@ -36,12 +36,12 @@ const MAX_GAP: u32 = 100_000;
 impl Sequence {
     /// Reserves numbers for frames that arrived but were dropped before their sequence numbers were read. They do not
     /// count as missing.
-    pub fn skip(&mut self, num_dropped: u32) {
+    pub(crate) fn skip(&mut self, num_dropped: u32) {
         self.num_dropped = self.num_dropped.saturating_add(num_dropped);
     }
 
     /// Returns the place of the next message from its sequence number.
-    pub fn take(&mut self, sequence: u32) -> Place {
+    pub(crate) fn take(&mut self, sequence: u32) -> Place {
         let step = self.step(sequence);
         let num_dropped = std::mem::take(&mut self.num_dropped);
         let num_absent = step.map_or(num_dropped, |step| num_dropped.max(step - 1));
@@ -57,7 +57,7 @@ impl Sequence {
 
     /// Processes the sequence number of a repeated or late frame. The frame gets a number only if the publisher's
     /// counter advanced. Returns the frames missing before it.
-    pub fn take_repeated(&mut self, sequence: u32) -> u32 {
+    pub(crate) fn take_repeated(&mut self, sequence: u32) -> u32 {
         match self.step(sequence) {
             Some(_) => self.take(sequence).missing.unwrap_or(0),
             None => 0,
@@ -65,7 +65,7 @@ impl Sequence {
     }
 
     /// Notes that the publisher changes: the next gap is unknown.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.last = None;
     }
 
@@ -78,7 +78,7 @@ impl Sequence {
 
 /// The reason to reject a frame's stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StampFault {
+pub(crate) enum StampFault {
     /// Equal to the previous stamp.
     Duplicate,
     /// Earlier than the previous stamp.
@@ -87,7 +87,7 @@ pub enum StampFault {
 
 /// Relation of a stamp to the preceding stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StampStep {
+pub(crate) enum StampStep {
     /// The stamp ascends.
     Forward,
     /// The clock was set back: positions before and after are not comparable.
@@ -100,7 +100,7 @@ const STRAGGLERS: u32 = 3;
 
 /// Checks that stamps ascend. Accepts stamps of zero, which drivers without a clock send.
 #[derive(Debug, Default)]
-pub struct StampOrder {
+pub(crate) struct StampOrder {
     last_ns: Option<i64>,
     /// The last rejected stamp, and the number of ascending stamps up to it.
     behind: Option<(i64, u32)>,
@@ -111,7 +111,7 @@ impl StampOrder {
     ///
     /// # Errors
     /// The stamp equals the last one or is earlier.
-    pub fn take(&mut self, stamp_ns: i64) -> Result<StampStep, StampFault> {
+    pub(crate) fn take(&mut self, stamp_ns: i64) -> Result<StampStep, StampFault> {
         if stamp_ns == 0 {
             return Ok(StampStep::Forward);
         }

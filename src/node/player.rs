@@ -10,7 +10,7 @@ use super::{
 };
 
 /// A player of recordings.
-pub struct BagPlayer {
+pub(crate) struct BagPlayer {
     /// Remaining recordings; the first one is being played.
     recordings: VecDeque<Messages>,
     /// Pacer and rate relative to the recorded speed; `None`: as fast as messages are consumed.
@@ -24,7 +24,7 @@ impl BagPlayer {
     ///
     /// # Errors
     /// The rate is not a positive number.
-    pub fn new(
+    pub(crate) fn new(
         recordings: impl IntoIterator<Item = Messages>,
         rate: Option<f64>,
         stop: Stop,

@@ -5,8 +5,8 @@
 
 mod decode;
 mod constant_lag;
-pub mod inbox;
-pub mod topics;
+pub(crate) mod inbox;
+pub(crate) mod topics;
 pub(super) mod waiting;
 
 use thiserror::Error;
@@ -36,7 +36,7 @@ const MAX_NAMED: usize = 20;
 
 /// A contradiction between motion parameters and calibration.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum AxisError {
+pub(crate) enum AxisError {
     /// Parameter and calibration disagree.
     #[error(
         "motion.axis is {chosen}, but the calibration's axis is {calibrated}: set auto, or calibrate that axis"
@@ -70,7 +70,7 @@ enum Known {
 }
 
 /// The positions of one camera's frames.
-pub struct Positions {
+pub(crate) struct Positions {
     params: MotionParams,
     moved: Moved,
     kind: AxisKind,
@@ -96,7 +96,7 @@ pub struct Positions {
 ///
 /// # Errors
 /// Parameter and calibration disagree, or a revolute axis is not calibrated.
-pub fn axis_kind(
+pub(crate) fn axis_kind(
     params: &MotionParams,
     calibration: Option<&Calibration>,
 ) -> Result<AxisKind, AxisError> {
@@ -123,7 +123,7 @@ pub fn axis_kind(
 ///
 /// # Errors
 /// As [`axis_kind`]; or the source is tf and the calibration has no camera frame.
-pub fn of_camera(
+pub(crate) fn of_camera(
     camera: &CameraParams,
     calibration: Option<&Calibration>,
 ) -> Result<Option<Positions>, AxisError> {
@@ -144,7 +144,7 @@ pub fn of_camera(
 
 impl Positions {
     /// Creates a store without samples on an axis without scale; `None` where positions are not measured.
-    pub fn new(params: &MotionParams, moved: &Moved, kind: AxisKind) -> Option<Self> {
+    pub(crate) fn new(params: &MotionParams, moved: &Moved, kind: AxisKind) -> Option<Self> {
         let known = match params.source {
             MotionSource::None | MotionSource::Constant => return None,
             MotionSource::JointState | MotionSource::Encoder => {
@@ -171,7 +171,7 @@ impl Positions {
     }
 
     /// Applies new parameters. Discards samples of a joint or encoder, whose meaning may have changed.
-    pub fn reconfigure(&mut self, params: &MotionParams) {
+    pub(crate) fn reconfigure(&mut self, params: &MotionParams) {
         if self.params == *params {
             return;
         }
@@ -187,7 +187,7 @@ impl Positions {
     }
 
     /// Discards all samples before another recording, whose times are unrelated.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         match &mut self.known {
             Known::Axis(track) => track.clear(),
             Known::Frames(tree) => tree.forget_moving(),
@@ -199,24 +199,24 @@ impl Positions {
     }
 
     /// Maximum number of waiting frames.
-    pub const fn max_wait_frames(&self) -> usize {
+    pub(crate) const fn max_wait_frames(&self) -> usize {
         self.params.max_wait_frames as usize
     }
 
     /// Messages and samples that could not be used.
-    pub const fn num_refused(&self) -> u64 {
+    pub(crate) const fn num_refused(&self) -> u64 {
         self.num_refused
     }
 
     /// Sets the frame of the images.
-    pub fn set_camera_frame(&mut self, frame_id: &str) {
+    pub(crate) fn set_camera_frame(&mut self, frame_id: &str) {
         if self.camera_frame != frame_id {
             frame_id.clone_into(&mut self.camera_frame);
         }
     }
 
     /// Processes a message about the axis. Counts messages that cannot be used, and warns about the first.
-    pub fn take(&mut self, message: &RawMessage) {
+    pub(crate) fn take(&mut self, message: &RawMessage) {
         let taken = match self.params.source {
             MotionSource::JointState => self.take_joint(message),
             MotionSource::Encoder => self.take_encoder(message),
@@ -228,7 +228,7 @@ impl Positions {
     }
 
     /// Counts messages that were lost before they were processed.
-    pub fn count_lost(&mut self, num_lost: u64, why: &str) {
+    pub(crate) fn count_lost(&mut self, num_lost: u64, why: &str) {
         if num_lost > 0 {
             if self.num_refused == 0 {
                 tracing::warn!("positions lost: {why}; further ones are only counted");
@@ -248,7 +248,7 @@ impl Positions {
     }
 
     /// True if no later message can change the position of a frame of that stamp.
-    pub fn has_reached(&self, stamp_ns: i64) -> bool {
+    pub(crate) fn has_reached(&self, stamp_ns: i64) -> bool {
         let time_ns = self.exposed_ns(stamp_ns);
         match &self.known {
             Known::Axis(track) => track.has_reached(time_ns),
@@ -257,7 +257,7 @@ impl Positions {
     }
 
     /// Time after reception at which a frame stops waiting, nanoseconds; `None`: only when the queue is full.
-    pub fn patience_ns(&self) -> Option<i64> {
+    pub(crate) fn patience_ns(&self) -> Option<i64> {
         let gap_ns = match &self.known {
             Known::Axis(track) => track.gap_ns(),
             Known::Frames(tree) => tree.gap_ns(self.frames()),
@@ -266,7 +266,7 @@ impl Positions {
     }
 
     /// The position of a frame of that stamp, received at `received_ns`; `None` if it is unknown.
-    pub fn at(&mut self, stamp_ns: i64, received_ns: i64) -> Option<Position> {
+    pub(crate) fn at(&mut self, stamp_ns: i64, received_ns: i64) -> Option<Position> {
         let time_ns = self.exposed_ns(stamp_ns);
         let patience_ns = self.patience_ns().unwrap_or(i64::MAX);
         let until_ns = received_ns.saturating_add(patience_ns);

@@ -24,7 +24,7 @@ use super::{
 
 /// The reason that nothing more can be published.
 #[derive(Debug, Error)]
-pub enum PublishError {
+pub(crate) enum PublishError {
     /// A sink has failed, and reports the reason itself.
     #[error("a sink has failed")]
     SinkFailed,
@@ -34,7 +34,7 @@ pub enum PublishError {
 }
 
 /// Publishes the results of a worker.
-pub struct Publisher<'a> {
+pub(crate) struct Publisher<'a> {
     fan_out: &'a FanOut<'a>,
     buffer: Vec<u8>,
     /// Number of messages sent on each topic.
@@ -45,7 +45,7 @@ pub struct Publisher<'a> {
 
 impl<'a> Publisher<'a> {
     /// Creates a publisher of `num_topics` result topics and the input topics.
-    pub fn new(fan_out: &'a FanOut<'a>, num_topics: usize) -> Self {
+    pub(crate) fn new(fan_out: &'a FanOut<'a>, num_topics: usize) -> Self {
         let sequences = vec![0; num_topics];
         Self { fan_out, buffer: Vec::new(), sequences, num_bytes: 0, encoding: Duration::ZERO }
     }
@@ -54,7 +54,7 @@ impl<'a> Publisher<'a> {
     ///
     /// # Errors
     /// A sink has failed, or the message cannot be encoded.
-    pub fn publish<M: Message>(
+    pub(crate) fn publish<M: Message>(
         &mut self,
         output: Output,
         time_ns: i64,
@@ -75,7 +75,11 @@ impl<'a> Publisher<'a> {
     ///
     /// # Errors
     /// A sink has failed.
-    pub fn forward(&mut self, message: &RawMessage, place: usize) -> Result<(), PublishError> {
+    pub(crate) fn forward(
+        &mut self,
+        message: &RawMessage,
+        place: usize,
+    ) -> Result<(), PublishError> {
         let &RawMessage { log_time_ns, publish_time_ns, sequence, ref data, .. } = message;
         // The topics of inputs follow the published ones.
         let topic = self.sequences.len() + place;
@@ -84,17 +88,17 @@ impl<'a> Publisher<'a> {
     }
 
     /// Bytes sent so far.
-    pub const fn num_bytes(&self) -> u64 {
+    pub(crate) const fn num_bytes(&self) -> u64 {
         self.num_bytes
     }
 
     /// Messages that have not reached the sinks of that purpose, counted once per sink.
-    pub fn num_dropped(&self, purpose: Purpose) -> u64 {
+    pub(crate) fn num_dropped(&self, purpose: Purpose) -> u64 {
         self.fan_out.num_dropped(purpose)
     }
 
     /// Time spent on encoding since the last call.
-    pub fn take_encoding_time(&mut self) -> Duration {
+    pub(crate) fn take_encoding_time(&mut self) -> Duration {
         std::mem::take(&mut self.encoding)
     }
 

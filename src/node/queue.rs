@@ -8,7 +8,7 @@ use std::{
 
 /// Behaviour of a full queue when an item is pushed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WhenFull {
+pub(crate) enum WhenFull {
     /// Drops and counts the oldest items: for live input.
     DropOldest,
     /// Makes the sender wait for room: for replay.
@@ -17,11 +17,11 @@ pub enum WhenFull {
 
 /// Bound of a queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bound {
+pub(crate) struct Bound {
     /// Items, at least 1.
-    pub items: usize,
+    pub(crate) items: usize,
     /// Bytes of all items together. An item larger than this passes only through an empty queue.
-    pub bytes: usize,
+    pub(crate) bytes: usize,
 }
 
 /// Maximum number of urgent items; a push beyond that returns an error.
@@ -29,11 +29,11 @@ const MAX_URGENT: usize = 64;
 
 /// The queue is closed or full of urgent items; returns the item.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Closed<T>(pub T);
+pub(crate) struct Closed<T>(pub T);
 
 /// Result of a pop.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Popped<T> {
+pub(crate) enum Popped<T> {
     /// The next item, and the number of items dropped before it.
     Item(T, u32),
     /// The deadline passed.
@@ -57,7 +57,7 @@ struct State<T> {
 }
 
 /// A queue for any number of senders and receivers.
-pub struct Queue<T> {
+pub(crate) struct Queue<T> {
     bound: Bound,
     when_full: WhenFull,
     state: Mutex<State<T>>,
@@ -67,7 +67,7 @@ pub struct Queue<T> {
 
 impl<T> Queue<T> {
     /// Creates an open, empty queue.
-    pub fn new(bound: Bound, when_full: WhenFull) -> Self {
+    pub(crate) fn new(bound: Bound, when_full: WhenFull) -> Self {
         let bound = Bound { items: bound.items.max(1), ..bound };
         let items = VecDeque::with_capacity(bound.items);
         let urgent = VecDeque::with_capacity(MAX_URGENT);
@@ -93,7 +93,7 @@ impl<T> Queue<T> {
     ///
     /// # Errors
     /// The queue is closed or was closed while waiting for room.
-    pub fn push(&self, item: T, bytes: usize) -> Result<usize, Closed<T>> {
+    pub(crate) fn push(&self, item: T, bytes: usize) -> Result<usize, Closed<T>> {
         let mut state = self.lock();
         let mut num_dropped = 0;
         while !state.is_closed && !self.has_room_for(&state, bytes) {
@@ -123,7 +123,7 @@ impl<T> Queue<T> {
     ///
     /// # Errors
     /// The queue is closed or full of urgent items.
-    pub fn push_urgent(&self, item: T) -> Result<(), Closed<T>> {
+    pub(crate) fn push_urgent(&self, item: T) -> Result<(), Closed<T>> {
         let mut state = self.lock();
         if state.is_closed || state.urgent.len() == MAX_URGENT {
             return Err(Closed(item));
@@ -134,7 +134,7 @@ impl<T> Queue<T> {
     }
 
     /// Waits for the next item. `None`: the queue is closed and empty.
-    pub fn pop(&self) -> Option<T> {
+    pub(crate) fn pop(&self) -> Option<T> {
         match self.pop_counted(None) {
             Popped::Item(item, _) => Some(item),
             Popped::TimedOut | Popped::Closed => None,
@@ -142,7 +142,7 @@ impl<T> Queue<T> {
     }
 
     /// Waits for the next item until `deadline`. Returns it with the number of items dropped since the previous pop.
-    pub fn pop_counted(&self, deadline: Option<Instant>) -> Popped<T> {
+    pub(crate) fn pop_counted(&self, deadline: Option<Instant>) -> Popped<T> {
         let mut state = self.lock();
         loop {
             if let Some(item) = state.urgent.pop_front() {
@@ -185,25 +185,15 @@ impl<T> Queue<T> {
     }
 
     /// Closes the queue for further items; queued items can still be popped.
-    pub fn close(&self) {
+    pub(crate) fn close(&self) {
         self.lock().is_closed = true;
         self.has_item.notify_all();
         self.has_room.notify_all();
     }
 
     /// Number of queued items, without the urgent ones.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.lock().items.len()
-    }
-
-    /// True if the queue is empty.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The bound of the queue.
-    pub const fn bound(&self) -> Bound {
-        self.bound
     }
 
     /// Locks the state. Every change under the lock is atomic, so the state is valid even after a panic.

@@ -16,15 +16,15 @@ const FLUSH_PERIOD_NS: u64 = 1_000_000_000;
 #[derive(Clone, Debug, Default)]
 pub struct Description {
     /// The effective parameters as canonical YAML.
-    pub parameters: String,
+    pub(crate) parameters: String,
     /// SHA-256 of the parameters that affect the results, as in `Centerline.method`.
-    pub parameters_sha256: String,
+    pub(crate) parameters_sha256: String,
     /// Names of the input recordings without their directories, so that equal input gives equal bytes on any machine.
-    pub inputs: Vec<String>,
+    pub(crate) inputs: Vec<String>,
     /// Input topic.
-    pub input_topic: String,
+    pub(crate) input_topic: String,
     /// Text of the calibration, if there is one.
-    pub calibration: Option<String>,
+    pub(crate) calibration: Option<String>,
 }
 
 impl Description {
@@ -55,7 +55,7 @@ impl Description {
 }
 
 /// A recorder of results.
-pub struct ResultsBag {
+pub(crate) struct ResultsBag {
     recorder: Option<Recorder>,
     ids: Vec<TopicId>,
     /// The calibration is removed once it is stored.
@@ -68,9 +68,9 @@ impl ResultsBag {
     ///
     /// # Errors
     /// The output exists already or cannot be written.
-    pub fn create(
+    pub(crate) fn create(
         directory: &Path,
-        options: &RecordOptions,
+        options: RecordOptions,
         topics: &[Topic],
         description: Description,
     ) -> Result<Self, RecordError> {
@@ -156,7 +156,7 @@ mod tests {
             calibration: Some("type: of_laser".to_owned()),
             ..Description::default()
         };
-        ResultsBag::create(directory, &RecordOptions::default(), &[topic], description).unwrap()
+        ResultsBag::create(directory, RecordOptions::default(), &[topic], description).unwrap()
     }
 
     fn open(directory: &Path) -> BagReader {

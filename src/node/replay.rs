@@ -33,10 +33,10 @@ use super::{
     stop::Stop,
 };
 use camera_replay::CameraReplay;
-pub use stages::Stage;
+pub(crate) use stages::Stage;
 
 /// Name of the node before remapping.
-pub const NODE_NAME: &str = "laser_profiler";
+pub(crate) const NODE_NAME: &str = "laser_profiler";
 
 /// Allowance for data in the same record as the largest frame: its header and the chunk's other messages, bytes.
 const RECORD_MARGIN_BYTES: usize = 16 << 20;
@@ -62,7 +62,7 @@ pub struct ReplayRequest {
 
 /// The reason that a replay cannot start or complete.
 #[derive(Debug, Error)]
-pub enum ReplayError {
+pub(crate) enum ReplayError {
     /// A name or remap rule.
     #[error(transparent)]
     Name(#[from] NameError),
@@ -138,7 +138,7 @@ pub enum ReplayError {
 
 impl ReplayError {
     /// True if the request is wrong, rather than a file or the machine.
-    pub const fn is_usage(&self) -> bool {
+    pub(crate) const fn is_usage(&self) -> bool {
         match self {
             Self::Input { source, .. } => source.is_usage(),
             Self::Bag(_)
@@ -152,7 +152,7 @@ impl ReplayError {
 }
 
 /// A replay that is ready to run: all inputs exist and are consistent.
-pub struct Replay {
+pub(crate) struct Replay {
     request: ReplayRequest,
     names: NodeNames,
     options: RecordOptions,
@@ -165,7 +165,7 @@ impl Replay {
     ///
     /// # Errors
     /// The first invalid input; nothing has been written.
-    pub fn prepare(request: ReplayRequest) -> Result<Self, ReplayError> {
+    pub(crate) fn prepare(request: ReplayRequest) -> Result<Self, ReplayError> {
         let (mut replay, values) = Self::open(request)?;
         replay.measure_by(&values)?;
         Ok(replay)
@@ -175,7 +175,7 @@ impl Replay {
     ///
     /// # Errors
     /// A name, a parameter or a recording is invalid.
-    pub fn open(request: ReplayRequest) -> Result<(Self, Parameters), ReplayError> {
+    pub(crate) fn open(request: ReplayRequest) -> Result<(Self, Parameters), ReplayError> {
         request.rate.map(Pacer::new).transpose()?;
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let values = Parameters::load(&names, &request.ros)?;
@@ -197,7 +197,7 @@ impl Replay {
     ///
     /// # Errors
     /// The first invalid input.
-    pub fn measure_by(&mut self, values: &Parameters) -> Result<(), ReplayError> {
+    pub(crate) fn measure_by(&mut self, values: &Parameters) -> Result<(), ReplayError> {
         let cameras = NodeParams::new(values)?.cameras;
         let camera = self.request.camera.as_deref();
         let chosen = camera::choose(cameras, camera, &self.bags, &self.names)?;
@@ -215,17 +215,17 @@ impl Replay {
     }
 
     /// Returns the chosen image topics, one per camera.
-    pub fn image_topics(&self) -> impl Iterator<Item = &ImageTopic> {
+    pub(crate) fn image_topics(&self) -> impl Iterator<Item = &ImageTopic> {
         self.cameras.iter().map(|camera| &camera.image_topic)
     }
 
     /// Returns the position topics of all cameras.
-    pub fn position_topics(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn position_topics(&self) -> impl Iterator<Item = &str> {
         self.cameras.iter().flat_map(|camera| &camera.position_topics).map(String::as_str)
     }
 
     /// Returns the number of messages according to the recordings; `None` if unknown.
-    pub fn num_messages(&self) -> Option<u64> {
+    pub(crate) fn num_messages(&self) -> Option<u64> {
         let of_bag = |bag: &BagReader| {
             let counts = bag.message_counts()?;
             let mut topics = self.image_topics();
@@ -240,7 +240,11 @@ impl Replay {
     ///
     /// # Errors
     /// The results cannot be written; earlier results stay readable.
-    pub fn run(self, stop: &Stop, on_message: &mut dyn FnMut(u64)) -> Result<Summary, ReplayError> {
+    pub(crate) fn run(
+        self,
+        stop: &Stop,
+        on_message: &mut dyn FnMut(u64),
+    ) -> Result<Summary, ReplayError> {
         let images = self.image_topics().map(|topic| topic.name.as_str());
         let side: Vec<_> = self.cameras.iter().flat_map(CameraReplay::side_topics).collect();
         let filter = Filter::topics(images.chain(side.iter().map(String::as_str)));

@@ -37,7 +37,7 @@ pub(super) struct Measured<'a> {
 }
 
 /// Values repeated in every result, and buffers.
-pub struct Results {
+pub(crate) struct Results {
     roi: RegionOfInterest,
     stripe_direction: StripeDirection,
     method: String,
@@ -54,7 +54,7 @@ pub struct Results {
 
 impl Results {
     /// Creates a converter for these values; `parameters_sha256` is the hash of the camera's parameters.
-    pub fn new(
+    pub(crate) fn new(
         params: &Params,
         calibration: Option<&Calibration>,
         parameters_sha256: &str,
@@ -76,7 +76,7 @@ impl Results {
     }
 
     /// Replaces the values for subsequent results.
-    pub fn reconfigure(&mut self, params: &Params, parameters_sha256: &str) {
+    pub(crate) fn reconfigure(&mut self, params: &Params, parameters_sha256: &str) {
         let hash = parameters_sha256.get(..8).unwrap_or(parameters_sha256);
         self.roi = params.roi;
         self.stripe_direction = params.stripe_direction;
@@ -86,12 +86,12 @@ impl Results {
 
     /// Sets the frame of slices and height maps.
     #[must_use]
-    pub fn with_part_frame(self, part_frame: String) -> Self {
+    pub(crate) fn with_part_frame(self, part_frame: String) -> Self {
         Self { part_frame, ..self }
     }
 
     /// Sets the part identity of subsequent slices.
-    pub fn set_part_id(&mut self, part_id: String) {
+    pub(crate) fn set_part_id(&mut self, part_id: String) {
         self.part_id = part_id;
     }
 

@@ -46,7 +46,7 @@ thread_local! {
 
 /// Where the layer finds its way to the node.
 #[derive(Clone, Default)]
-pub struct RosoutSlot(Arc<Slot>);
+pub(crate) struct RosoutSlot(Arc<Slot>);
 
 #[derive(Default)]
 struct Slot {
@@ -56,7 +56,7 @@ struct Slot {
 
 impl RosoutSlot {
     /// Log lines that did not fit into the queue.
-    pub fn num_dropped(&self) -> u64 {
+    pub(crate) fn num_dropped(&self) -> u64 {
         self.0.num_dropped.load(Ordering::Relaxed)
     }
 
@@ -75,10 +75,10 @@ impl RosoutSlot {
 }
 
 /// Takes part in logging: hands this program's events to whatever node the slot is connected to.
-pub struct RosoutLayer(RosoutSlot);
+pub(crate) struct RosoutLayer(RosoutSlot);
 
 /// The layer and its slot.
-pub fn layer() -> (RosoutLayer, RosoutSlot) {
+pub(crate) fn layer() -> (RosoutLayer, RosoutSlot) {
     let slot = RosoutSlot::default();
     (RosoutLayer(slot.clone()), slot)
 }
@@ -98,7 +98,7 @@ fn is_own(target: &str) -> bool {
 
 /// The reason that `/rosout` cannot be started.
 #[derive(Debug, Error)]
-pub enum RosoutError {
+pub(crate) enum RosoutError {
     /// The middleware refuses the topic.
     #[error(transparent)]
     Transport(#[from] TransportError),
@@ -108,7 +108,7 @@ pub enum RosoutError {
 }
 
 /// The node's log on `/rosout`. Dropping it sends what waits, and disconnects.
-pub struct Rosout {
+pub(crate) struct Rosout {
     slot: RosoutSlot,
     thread: Option<JoinHandle<()>>,
 }
@@ -118,7 +118,7 @@ impl Rosout {
     ///
     /// # Errors
     /// The middleware refuses the topic, or the system a thread.
-    pub fn start(
+    pub(crate) fn start(
         transport: &dyn Transport,
         names: &NodeNames,
         slot: RosoutSlot,

@@ -26,14 +26,14 @@ use super::{
 
 /// Bound of the queue of a live camera: enough frames to keep the worker busy, few enough to fit into memory. The bytes
 /// allow the largest frames.
-pub const INPUT_BOUND: Bound = Bound { items: 4, bytes: 256 << 20 };
+pub(crate) const INPUT_BOUND: Bound = Bound { items: 4, bytes: 256 << 20 };
 /// Bound of a worker's queue in a replay. The bytes are few, so that queued frames and reused buffers stay in the
 /// processor's cache.
-pub const REPLAY_BOUND: Bound = Bound { items: 8, bytes: 12 << 20 };
+pub(crate) const REPLAY_BOUND: Bound = Bound { items: 8, bytes: 12 << 20 };
 
 /// The reason that a run ended early.
 #[derive(Debug, Error)]
-pub enum RunError {
+pub(crate) enum RunError {
     /// A sink has failed, for example because the disk is full. Messages written before are kept.
     #[error(transparent)]
     Sink(#[from] SinkError),
@@ -46,27 +46,27 @@ pub enum RunError {
 }
 
 /// The processing of one camera's images.
-pub struct Chain {
+pub(crate) struct Chain {
     /// Topic of its images.
-    pub topic: String,
+    pub(crate) topic: String,
     /// The worker that measures them.
-    pub worker: Worker,
+    pub(crate) worker: Worker,
     /// Sinks of the results.
-    pub outlets: Vec<Outlet>,
+    pub(crate) outlets: Vec<Outlet>,
     /// Number of published topics.
-    pub num_topics: usize,
+    pub(crate) num_topics: usize,
 }
 
 /// Source, cameras and end of a run.
-pub struct Run<'a> {
+pub(crate) struct Run<'a> {
     /// Source of the images.
-    pub source: &'a mut dyn Source,
+    pub(crate) source: &'a mut dyn Source,
     /// The cameras.
-    pub chains: Vec<Chain>,
+    pub(crate) chains: Vec<Chain>,
     /// Flag that ends the run early.
-    pub stop: &'a Stop,
+    pub(crate) stop: &'a Stop,
     /// Called with the number of messages read, for a progress bar.
-    pub on_message: &'a mut dyn FnMut(u64),
+    pub(crate) on_message: &'a mut dyn FnMut(u64),
 }
 
 impl Run<'_> {
@@ -77,7 +77,7 @@ impl Run<'_> {
     ///
     /// # Errors
     /// A sink has failed; all earlier results are written.
-    pub fn replay(self) -> Result<Summary, RunError> {
+    pub(crate) fn replay(self) -> Result<Summary, RunError> {
         let started = Instant::now();
         let Run { source, chains, stop, on_message } = self;
         let is_packed = |chain: &Chain| chain.worker.unpacks_bytes().is_some();
@@ -126,7 +126,7 @@ impl Chain {
 ///
 /// # Errors
 /// An essential sink has failed; all earlier results are written.
-pub fn work(
+pub(crate) fn work(
     worker: Worker,
     input: &Queue<Input>,
     spare: &Queue<Vec<u8>>,

@@ -26,10 +26,10 @@ pub struct Outgoing {
 #[error("{sink}: {source}")]
 pub struct SinkError {
     /// Name of the sink.
-    pub sink: String,
+    pub(crate) sink: String,
     /// The reason.
     #[source]
-    pub source: Box<dyn std::error::Error + Send + Sync>,
+    pub(crate) source: Box<dyn std::error::Error + Send + Sync>,
 }
 
 /// A consumer of results.
@@ -47,20 +47,9 @@ pub trait Sink: Send {
     fn finish(&mut self) -> Result<(), SinkError>;
 }
 
-/// The kinds of messages that a sink receives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Takes {
-    /// Results.
-    Results,
-    /// Input images.
-    Images,
-    /// Both.
-    All,
-}
-
 /// The purpose of a sink; dropped messages are counted by purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
+pub(crate) enum Purpose {
     /// To publish messages.
     Publish,
     /// To record messages.
@@ -68,22 +57,22 @@ pub enum Purpose {
 }
 
 /// A sink and how messages reach it.
-pub struct Outlet {
+pub(crate) struct Outlet {
     /// The consumer.
-    pub sink: Box<dyn Sink>,
-    /// The kinds of messages that it receives.
-    pub takes: Takes,
+    pub(crate) sink: Box<dyn Sink>,
+    /// True if it receives the input images besides the results.
+    pub(crate) takes_images: bool,
     /// Its purpose.
-    pub purpose: Purpose,
+    pub(crate) purpose: Purpose,
     /// Its way of delivery.
-    pub way: Way,
+    pub(crate) way: Way,
     /// True if its failure ends the run. Otherwise the failure is logged, and the other sinks continue.
-    pub is_essential: bool,
+    pub(crate) is_essential: bool,
 }
 
 /// Delivery of messages to a sink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub(crate) enum Way {
     /// A direct call by the sender, for a sink that never blocks.
     Direct,
     /// Through a queue to the sink's own thread.
@@ -92,10 +81,10 @@ pub enum Way {
 
 impl Outlet {
     /// Creates the sink of a replay, which waits for it and fails with it.
-    pub fn replay(sink: Box<dyn Sink>) -> Self {
+    pub(crate) fn replay(sink: Box<dyn Sink>) -> Self {
         Self {
             sink,
-            takes: Takes::All,
+            takes_images: true,
             purpose: Purpose::Record,
             way: Way::Queued(SINK_BOUND, WhenFull::Wait),
             is_essential: true,
@@ -104,16 +93,4 @@ impl Outlet {
 }
 
 /// Bound of a sink's queue: enough for the burst at the end of a slice.
-pub const SINK_BOUND: Bound = Bound { items: 256, bytes: 64 << 20 };
-
-impl Takes {
-    /// True if it includes results.
-    pub const fn has_results(self) -> bool {
-        !matches!(self, Self::Images)
-    }
-
-    /// True if it includes input images.
-    pub const fn has_images(self) -> bool {
-        !matches!(self, Self::Results)
-    }
-}
+pub(crate) const SINK_BOUND: Bound = Bound { items: 256, bytes: 64 << 20 };

@@ -6,11 +6,11 @@ use super::{command::Command, unpack::Ahead};
 
 /// Index of a publisher among those seen on the topic, from 0. Each publisher numbers its own messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PublisherId(pub u32);
+pub(crate) struct PublisherId(pub u32);
 
 /// The next item from a source.
 #[derive(Debug)]
-pub enum Input {
+pub(crate) enum Input {
     /// The next image message.
     Message(RawMessage, PublisherId),
     /// The next image message, which another thread is decompressing.
@@ -30,7 +30,7 @@ pub enum Input {
 }
 
 /// A stream of messages of one image topic: raw CDR bytes, their times and their counter.
-pub trait Source {
+pub(crate) trait Source {
     /// Waits for the next item; `None` at the end.
     fn next(&mut self) -> Option<Input>;
 

@@ -15,7 +15,7 @@ use super::endpoints::{self, SendError};
 
 /// The reason that a frame cannot be placed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum StaticFrameError {
+pub(crate) enum StaticFrameError {
     /// The images have no `frame_id`.
     #[error("images have no frame_id: the laser plane {child:?} cannot be placed in it")]
     Empty {
@@ -42,14 +42,22 @@ struct Place {
     camera_from_laser: Isometry3<f64>,
 }
 
+/// Names of the frames of an image and of its laser plane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PlaneFrames<'a> {
+    /// Frame of the camera.
+    pub(crate) camera: &'a str,
+    /// Frame of the laser plane.
+    pub(crate) laser: &'a str,
+}
+
 /// The publisher of `/tf_static` for all cameras of the node. Every message contains all transforms, because a late
 /// subscriber receives only the last message.
-pub struct StaticTf {
+pub(crate) struct StaticTf {
     publication: Box<dyn Publication>,
     /// Pose of each camera's laser plane.
     places: Vec<Option<Place>>,
     refused: Vec<Option<StaticFrameError>>,
-    num_refused: u64,
 }
 
 impl StaticTf {
@@ -57,7 +65,7 @@ impl StaticTf {
     ///
     /// # Errors
     /// The middleware rejects the topic.
-    pub fn start(
+    pub(crate) fn start(
         transport: &dyn Transport,
         names: &NodeNames,
         num_cameras: usize,
@@ -66,25 +74,25 @@ impl StaticTf {
         let publication =
             endpoints::advertise::<TFMessage<'_>>(transport, names, "/tf_static", qos)?;
         let (places, refused) = (vec![None; num_cameras], vec![None; num_cameras]);
-        Ok(Self { publication, places, refused, num_refused: 0 })
+        Ok(Self { publication, places, refused })
     }
 
-    /// Places the laser plane of a camera; called for every image. `frames` are the camera's and the laser plane's.
-    /// Publishes if something changed. Counts planes that cannot be placed, and logs each reason once.
+    /// Places the laser plane of a camera; called for every image. Publishes if something changed. Logs the reason
+    /// once if a plane cannot be placed; [`refusal`](Self::refusal) returns it.
     ///
     /// # Panics
     /// `camera` is not below the number of cameras.
     ///
     /// # Errors
     /// The middleware rejects the message; the next image tries again.
-    pub fn place(
+    pub(crate) fn place(
         &mut self,
         camera: usize,
-        frames: (&str, &str),
+        frames: PlaneFrames<'_>,
         camera_from_laser: &Isometry3<f64>,
         now_ns: i64,
     ) -> Result<(), SendError> {
-        let (camera_frame, laser_frame) = frames;
+        let PlaneFrames { camera: camera_frame, laser: laser_frame } = frames;
         if self.is_placed(camera, camera_frame, laser_frame, camera_from_laser) {
             return Ok(());
         }
@@ -92,6 +100,7 @@ impl StaticTf {
             self.refuse(camera, error);
             return Ok(());
         }
+        self.refused[camera] = None;
         let place = Place {
             camera_frame: camera_frame.to_owned(),
             laser_frame: laser_frame.to_owned(),
@@ -105,9 +114,9 @@ impl StaticTf {
         sent
     }
 
-    /// Returns the number of images whose laser plane could not be placed.
-    pub fn num_refused(&self) -> u64 {
-        self.num_refused
+    /// Returns the reason why the pose of a camera's laser plane was last not published.
+    pub(crate) fn refusal(&self, camera: usize) -> Option<&StaticFrameError> {
+        self.refused[camera].as_ref()
     }
 
     fn is_placed(&self, camera: usize, parent: &str, child: &str, pose: &Isometry3<f64>) -> bool {
@@ -135,7 +144,6 @@ impl StaticTf {
     }
 
     fn refuse(&mut self, camera: usize, error: StaticFrameError) {
-        self.num_refused += 1;
         let last = &mut self.refused[camera];
         if last.as_ref() != Some(&error) {
             tracing::warn!("/tf_static: {error}");
@@ -207,7 +215,8 @@ mod tests {
             (received, subscription.unwrap())
         }
 
-        fn place(&mut self, camera: usize, frames: (&str, &str), z_m: f64) {
+        fn place(&mut self, camera: usize, (image, laser): (&str, &str), z_m: f64) {
+            let frames = PlaneFrames { camera: image, laser };
             let pose = Isometry3::from(Translation3::new(0.0, 0.0, z_m));
             self.tf.place(camera, frames, &pose, 5).unwrap();
         }
@@ -228,7 +237,7 @@ mod tests {
         rig.place(0, ("optical", "laser"), 0.4);
         rig.place(0, ("other", "laser"), 0.4);
         assert_eq!(take(&received), ["optical>laser 0.4", "other>laser 0.4"]);
-        assert_eq!(rig.tf.num_refused(), 0);
+        assert!(rig.tf.refusal(0).is_none());
     }
 
     #[test]
@@ -241,16 +250,18 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_would_not_form_a_tree_are_counted_and_not_sent() {
+    fn frames_that_would_not_form_a_tree_are_not_sent() {
         let mut rig = Rig::new(2);
         let (received, _subscription) = rig.listen();
         rig.place(0, ("", "laser"), 0.3);
         rig.place(0, ("laser", "laser"), 0.3);
         rig.place(0, ("/laser", "laser"), 0.3);
         assert!(take(&received).is_empty());
+        assert!(matches!(rig.tf.refusal(0), Some(StaticFrameError::Same(_))));
         rig.place(0, ("left", "laser"), 0.3);
         rig.place(1, ("right", "laser"), 0.3);
         assert_eq!(take(&received), ["left>laser 0.3"]);
-        assert_eq!(rig.tf.num_refused(), 4);
+        assert!(rig.tf.refusal(0).is_none());
+        assert!(matches!(rig.tf.refusal(1), Some(StaticFrameError::Taken(_))));
     }
 }

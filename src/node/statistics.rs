@@ -8,56 +8,56 @@ use super::histogram::Histogram;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Frames that arrived.
-    pub received: u64,
+    pub(crate) received: u64,
     /// Frames that were measured.
     pub processed: u64,
     /// Frames that the full queue dropped.
-    pub dropped_overload: u64,
+    pub(crate) dropped_overload: u64,
     /// Frames with an invalid size, step, encoding or CDR.
-    pub malformed: u64,
+    pub(crate) malformed: u64,
     /// Frames with the stamp of the previous frame.
-    pub duplicate: u64,
+    pub(crate) duplicate: u64,
     /// Frames with a stamp before the last one.
-    pub out_of_order: u64,
+    pub(crate) out_of_order: u64,
     /// Frames missing from the middleware's sequence numbers.
-    pub lost_transport: u64,
+    pub(crate) lost_transport: u64,
     /// Points of all centrelines.
-    pub points: u64,
+    pub(crate) points: u64,
     /// Slices published.
-    pub slices: u64,
+    pub(crate) slices: u64,
     /// Messages that a recorder's full queue dropped.
-    pub recorder_dropped: u64,
+    pub(crate) recorder_dropped: u64,
     /// Results that the middleware's full queue dropped.
-    pub unpublished: u64,
+    pub(crate) unpublished: u64,
     /// Bytes handed to the recorder.
-    pub recorder_bytes: u64,
+    pub(crate) recorder_bytes: u64,
     /// Frames measured without their other exposure although exposures alternate, including the first frame.
-    pub unpaired: u64,
+    pub(crate) unpaired: u64,
     /// Frames whose measured position was known.
-    pub located: u64,
+    pub(crate) located: u64,
     /// Frames without a known position, which are not in the scan.
-    pub unlocated: u64,
+    pub(crate) unlocated: u64,
     /// Frames whose position is in doubt.
-    pub doubtful: u64,
+    pub(crate) doubtful: u64,
     /// Position messages that could not be used.
-    pub positions_refused: u64,
+    pub(crate) positions_refused: u64,
     /// Frames with too many pixels above the segment threshold for a stripe.
-    pub flooded: u64,
+    pub(crate) flooded: u64,
 }
 
 impl Counts {
     /// Frames that arrived and were rejected.
-    pub const fn rejected(&self) -> u64 {
+    pub(crate) const fn rejected(&self) -> u64 {
         self.malformed + self.duplicate + self.out_of_order
     }
 
     /// Frames that never arrived.
-    pub const fn lost(&self) -> u64 {
+    pub(crate) const fn lost(&self) -> u64 {
         self.lost_transport
     }
 
     /// Adds the counts of `other`.
-    pub const fn add(&mut self, other: &Self) {
+    pub(crate) const fn add(&mut self, other: &Self) {
         self.received += other.received;
         self.processed += other.processed;
         self.dropped_overload += other.dropped_overload;
@@ -79,7 +79,7 @@ impl Counts {
     }
 
     /// True if every frame was measured and no result was dropped.
-    pub const fn is_complete(&self) -> bool {
+    pub(crate) const fn is_complete(&self) -> bool {
         self.rejected() == 0
             && self.dropped_overload == 0
             && self.lost() == 0
@@ -91,20 +91,20 @@ impl Counts {
 
 /// Durations of the stages of a frame on this machine: for the summary only, never in a message of a replay.
 #[derive(Clone, Debug, Default)]
-pub struct StageTimes {
+pub(crate) struct StageTimes {
     /// From the message to one channel of pixels.
-    pub decode: Histogram,
+    pub(crate) decode: Histogram,
     /// From the channel to the centreline.
-    pub extract: Histogram,
+    pub(crate) extract: Histogram,
     /// From the centreline to the profile in the scan.
-    pub triangulate: Histogram,
+    pub(crate) triangulate: Histogram,
     /// From the profile to the encoded results.
-    pub encode: Histogram,
+    pub(crate) encode: Histogram,
 }
 
 impl StageTimes {
     /// Adds the counts of `other`.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.decode.add(&other.decode);
         self.extract.add(&other.extract);
         self.triangulate.add(&other.triangulate);
@@ -112,7 +112,7 @@ impl StageTimes {
     }
 
     /// Returns the name and durations of each stage, in order.
-    pub fn named(&self) -> [(&'static str, &Histogram); 4] {
+    pub(crate) fn named(&self) -> [(&'static str, &Histogram); 4] {
         [
             ("decode", &self.decode),
             ("extract", &self.extract),
@@ -128,18 +128,18 @@ pub struct Summary {
     /// Counters of all frames.
     pub counts: Counts,
     /// Time per stage.
-    pub stages: StageTimes,
+    pub(crate) stages: StageTimes,
     /// Wall-clock time.
-    pub elapsed: Duration,
+    pub(crate) elapsed: Duration,
     /// Damaged places in the input; reading continued behind them.
-    pub num_damaged: u64,
+    pub(crate) num_damaged: u64,
     /// True if a signal ended the run before the input did.
-    pub was_interrupted: bool,
+    pub(crate) was_interrupted: bool,
 }
 
 impl Summary {
     /// Adds a subsequent run.
-    pub fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.counts.add(&other.counts);
         self.stages.add(&other.stages);
         self.elapsed += other.elapsed;
@@ -148,7 +148,7 @@ impl Summary {
     }
 
     /// True if all input was read and measured.
-    pub const fn is_complete(&self) -> bool {
+    pub(crate) const fn is_complete(&self) -> bool {
         self.counts.is_complete() && self.num_damaged == 0 && !self.was_interrupted
     }
 }

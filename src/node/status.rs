@@ -21,21 +21,21 @@ const PERIOD_NS: i64 = 1_000_000_000;
 
 /// Identity of the reporting node and camera.
 #[derive(Clone, Debug)]
-pub struct Reporter {
+pub(crate) struct Reporter {
     /// Fully qualified name of the node.
-    pub node: String,
+    pub(crate) node: String,
     /// The camera's name; empty for the only camera.
-    pub camera: String,
+    pub(crate) camera: String,
     /// Input topic, fully resolved.
-    pub topic: String,
+    pub(crate) topic: String,
     /// Capacity of the worker's queue, frames.
-    pub queue_capacity: u32,
+    pub(crate) queue_capacity: u32,
     /// Identity of the session.
-    pub session_id: [u8; 16],
+    pub(crate) session_id: [u8; 16],
 }
 
 /// Returns a version 8 UUID of the input and the parameters, so that a repeated replay has the same identity.
-pub fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
+pub(crate) fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
     let digest = Sha256::new()
         .chain_update(topic)
         .chain_update([0])
@@ -46,7 +46,7 @@ pub fn session_id(topic: &str, parameters_sha256: &str) -> [u8; 16] {
 
 /// Decides when a report is due, using only the times of the messages.
 #[derive(Debug, Default)]
-pub struct Schedule {
+pub(crate) struct Schedule {
     /// Start of the interval; `None` until its first frame.
     since_ns: Option<i64>,
     /// The counters at its start.
@@ -56,17 +56,17 @@ pub struct Schedule {
 
 /// Rate and state since the last report.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
+pub(crate) struct Interval {
     /// Frames received per second; 0 before the first interval ends.
-    pub rate_hz: f32,
+    pub(crate) rate_hz: f32,
     /// True if a frame was lost, dropped or rejected in the interval.
-    pub has_faults: bool,
+    pub(crate) has_faults: bool,
 }
 
 impl Schedule {
     /// Returns a report if one is due at `now_ns`: a second after the last one, or at once at the first fault of an
     /// interval. Time that steps back starts a new interval.
-    pub fn poll(&mut self, now_ns: i64, counts: &Counts) -> Option<Interval> {
+    pub(crate) fn poll(&mut self, now_ns: i64, counts: &Counts) -> Option<Interval> {
         let Some(since_ns) = self.since_ns else {
             self.since_ns = Some(now_ns);
             // The interval begins with this frame and counts the frames after it.
@@ -79,7 +79,7 @@ impl Schedule {
     }
 
     /// Ends the interval now.
-    pub fn close(&mut self, now_ns: i64, counts: &Counts) -> Interval {
+    pub(crate) fn close(&mut self, now_ns: i64, counts: &Counts) -> Interval {
         let since_ns = self.since_ns.unwrap_or(now_ns);
         let seconds = now_ns.saturating_sub(since_ns) as f64 / 1e9;
         let received = (counts.received - self.base.received) as f64;
@@ -92,7 +92,7 @@ impl Schedule {
     }
 
     /// Resets the schedule before another recording; the time in between belongs to no interval.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.since_ns = None;
     }
 }
@@ -108,15 +108,15 @@ const fn faults(counts: &Counts) -> u64 {
 
 /// Load of a camera on a network. A replay has no latency and no queue to report: NaN and 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Load {
+pub(crate) struct Load {
     /// Median latency from stamp to result, seconds.
-    pub latency_p50_s: f32,
+    pub(crate) latency_p50_s: f32,
     /// 99th percentile of the latency, seconds.
-    pub latency_p99_s: f32,
+    pub(crate) latency_p99_s: f32,
     /// Maximum latency, seconds.
-    pub latency_max_s: f32,
+    pub(crate) latency_max_s: f32,
     /// Maximum number of frames in the queue.
-    pub queue_depth: u32,
+    pub(crate) queue_depth: u32,
 }
 
 impl Default for Load {
@@ -132,39 +132,39 @@ impl Default for Load {
 
 /// A note about the stream from outside the worker, for diagnostics.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Note {
+pub(crate) struct Note {
     /// Level, as in `DiagnosticStatus.level`.
-    pub level: u8,
+    pub(crate) level: u8,
     /// Key in the diagnostics.
-    pub key: &'static str,
+    pub(crate) key: &'static str,
     /// Text; also part of the message if the level is above OK.
-    pub text: String,
+    pub(crate) text: String,
 }
 
 /// Content of a report.
 #[derive(Clone, Debug)]
-pub struct State {
+pub(crate) struct State {
     /// The counters.
-    pub counts: Counts,
+    pub(crate) counts: Counts,
     /// Changes since the last report.
-    pub interval: Interval,
+    pub(crate) interval: Interval,
     /// Load of the camera.
-    pub load: Load,
+    pub(crate) load: Load,
     /// Notes from outside the worker.
-    pub notes: Vec<Note>,
+    pub(crate) notes: Vec<Note>,
     /// Reason for the last rejection since the last report.
-    pub last_rejection: Option<String>,
+    pub(crate) last_rejection: Option<String>,
 }
 
 impl Reporter {
     /// Sets a new session identity after a time discontinuity. Counters continue.
-    pub fn begin_session(&mut self, now_ns: i64) {
+    pub(crate) fn begin_session(&mut self, now_ns: i64) {
         let before = format!("{:?}{now_ns}", self.session_id);
         self.session_id = session_id(&self.topic, &before);
     }
 
     /// Returns the counters as a message.
-    pub fn stream_status(&self, now_ns: i64, state: &State) -> StreamStatus<'_> {
+    pub(crate) fn stream_status(&self, now_ns: i64, state: &State) -> StreamStatus<'_> {
         let State { counts, interval, load, .. } = state;
         StreamStatus {
             header: header(now_ns),
@@ -200,7 +200,7 @@ impl Reporter {
     }
 
     /// Returns the state as text, for people and aggregators.
-    pub fn diagnostics(&self, now_ns: i64, state: &State) -> DiagnosticArray<'_> {
+    pub(crate) fn diagnostics(&self, now_ns: i64, state: &State) -> DiagnosticArray<'_> {
         let (level, message) = state.summary();
         let counts = &state.counts;
         let values = [

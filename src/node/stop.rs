@@ -17,18 +17,18 @@ struct StopFlag {
 
 impl Stop {
     /// Raises the flag and wakes all waiting threads.
-    pub fn raise(&self) {
+    pub(crate) fn raise(&self) {
         *self.0.is_raised.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.0.raised.notify_all();
     }
 
     /// True if the flag was raised.
-    pub fn is_raised(&self) -> bool {
+    pub(crate) fn is_raised(&self) -> bool {
         *self.0.is_raised.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits for `duration` or until the flag is raised. Returns true if it is raised.
-    pub fn wait(&self, duration: Duration) -> bool {
+    pub(crate) fn wait(&self, duration: Duration) -> bool {
         let guard = self.0.is_raised.lock().unwrap_or_else(PoisonError::into_inner);
         let waited = self.0.raised.wait_timeout_while(guard, duration, |is_raised| !*is_raised);
         *waited.unwrap_or_else(PoisonError::into_inner).0

@@ -20,7 +20,7 @@ use crate::{
 /// A published topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
-pub enum Output {
+pub(crate) enum Output {
     /// The centreline of every frame.
     Centerline,
     /// The centreline over the image, for viewers.
@@ -56,7 +56,7 @@ const OUTPUTS: [(Output, &str, &MessageType, QosProfile); 9] = [
 
 /// Returns the name of a camera's topic before remapping. With several cameras, the camera's name precedes it
 /// (`left/image_raw`, `~/left/centerline`). An absolute name belongs to the whole node.
-pub fn of_camera(camera: &str, name: &str) -> String {
+pub(crate) fn of_camera(camera: &str, name: &str) -> String {
     match (camera, name.strip_prefix("~/")) {
         ("", _) => name.to_owned(),
         _ if name.starts_with('/') => name.to_owned(),
@@ -70,7 +70,7 @@ pub fn of_camera(camera: &str, name: &str) -> String {
 ///
 /// # Errors
 /// A remap rule that gives a topic a name that ROS does not allow.
-pub fn published(
+pub(crate) fn published(
     names: &NodeNames,
     camera: &str,
     calibration: Option<&Calibration>,
@@ -84,7 +84,7 @@ pub fn published(
 }
 
 /// Converts the topics for a recording.
-pub fn recorded(endpoints: &[TopicEndpoint]) -> Vec<Topic> {
+pub(crate) fn recorded(endpoints: &[TopicEndpoint]) -> Vec<Topic> {
     let topic =
         |endpoint: &TopicEndpoint| Topic::new(endpoint.name.as_str(), endpoint.kind, endpoint.qos);
     endpoints.iter().map(topic).collect()

@@ -34,7 +34,7 @@ use super::{
 const MAX_THREADS: usize = 8;
 
 /// The pixels of a compressed image.
-pub struct Picture {
+pub(crate) struct Picture {
     pixels: Vec<u8>,
     shape: Shape,
     took: Duration,
@@ -43,18 +43,18 @@ pub struct Picture {
 }
 
 /// An image message, decompressed if possible. Otherwise the worker decodes it and reports the reason.
-pub struct Unpacked {
+pub(crate) struct Unpacked {
     /// The message.
-    pub message: RawMessage,
+    pub(crate) message: RawMessage,
     /// Its publisher.
-    pub publisher: PublisherId,
+    pub(crate) publisher: PublisherId,
     /// Its decompressed image, if any.
-    pub picture: Option<Picture>,
+    pub(crate) picture: Option<Picture>,
 }
 
 /// A message whose image is being decompressed.
 #[derive(Debug)]
-pub struct Ahead(Receiver<Unpacked>);
+pub(crate) struct Ahead(Receiver<Unpacked>);
 
 struct Job {
     message: RawMessage,
@@ -64,7 +64,7 @@ struct Job {
 }
 
 /// A pool of threads that decompress images.
-pub struct Unpacker {
+pub(crate) struct Unpacker {
     jobs: Queue<Job>,
     spare: Arc<Queue<Vec<u8>>>,
     num_threads: usize,
@@ -75,17 +75,17 @@ impl Picture {
     ///
     /// # Errors
     /// None for decompressed pixels.
-    pub fn image(&self) -> Result<Image<'_>, FrameRejected> {
+    pub(crate) fn image(&self) -> Result<Image<'_>, FrameRejected> {
         self.shape.image(&self.pixels)
     }
 
     /// Returns the duration of the decompression.
-    pub const fn took(&self) -> Duration {
+    pub(crate) const fn took(&self) -> Duration {
         self.took
     }
 
     /// Returns its memory for reuse.
-    pub fn give_back(self) {
+    pub(crate) fn give_back(self) {
         // If the queue is closed or full, the memory is freed.
         _ = self.home.push(self.pixels, 0);
     }
@@ -93,14 +93,14 @@ impl Picture {
 
 impl Ahead {
     /// Waits for the image. Returns `None` if the decompressing thread has ended, which loses the message.
-    pub fn wait(self) -> Option<Unpacked> {
+    pub(crate) fn wait(self) -> Option<Unpacked> {
         self.0.recv().ok()
     }
 }
 
 impl Unpacker {
     /// Creates a pool with one thread per core.
-    pub fn on_all_cores() -> Self {
+    pub(crate) fn on_all_cores() -> Self {
         let num_threads = thread::available_parallelism().map_or(1, usize::from).min(MAX_THREADS);
         Self {
             jobs: Queue::new(Bound { items: num_threads, bytes: usize::MAX }, WhenFull::Wait),
@@ -113,14 +113,14 @@ impl Unpacker {
     }
 
     /// Starts the threads; they end after [`close`](Self::close).
-    pub fn start<'scope>(&'scope self, scope: &'scope Scope<'scope, '_>) {
+    pub(crate) fn start<'scope>(&'scope self, scope: &'scope Scope<'scope, '_>) {
         for _ in 0..self.num_threads {
             named::spawn(scope, "unpack", || self.work());
         }
     }
 
     /// Returns the number of images that may wait for a worker: enough to keep every thread busy.
-    pub const fn num_ahead(&self) -> usize {
+    pub(crate) const fn num_ahead(&self) -> usize {
         self.num_threads + 1
     }
 
@@ -128,7 +128,7 @@ impl Unpacker {
     ///
     /// # Errors
     /// The threads have ended.
-    pub fn begin(
+    pub(crate) fn begin(
         &self,
         message: RawMessage,
         publisher: PublisherId,
@@ -141,7 +141,7 @@ impl Unpacker {
     }
 
     /// Closes the pool for further messages.
-    pub fn close(&self) {
+    pub(crate) fn close(&self) {
         self.jobs.close();
     }
 

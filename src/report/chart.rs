@@ -4,34 +4,34 @@ use serde::Serialize;
 
 /// Curves over a common axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Chart {
+pub(crate) struct Chart {
     /// Identifier: the element `chart-ID` of a page, the file `ID.svg`.
-    pub id: &'static str,
+    pub(crate) id: &'static str,
     /// Title.
-    pub title: &'static str,
+    pub(crate) title: &'static str,
     /// Label of the horizontal axis.
-    pub x_label: &'static str,
+    pub(crate) x_label: &'static str,
     /// Label of the vertical axis with its unit.
-    pub y_label: &'static str,
+    pub(crate) y_label: &'static str,
     /// Horizontal positions, ascending.
-    pub x: Vec<f64>,
+    pub(crate) x: Vec<f64>,
     /// The curves.
-    pub curves: Vec<Curve>,
+    pub(crate) curves: Vec<Curve>,
 }
 
 /// One curve.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Curve {
+pub(crate) struct Curve {
     /// Name in the legend.
-    pub name: String,
+    pub(crate) name: String,
     /// One value per horizontal position; NaN if missing.
-    pub values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
 }
 
 impl Curve {
     /// Creates a curve.
     #[must_use]
-    pub fn new(name: &str, values: Vec<f64>) -> Self {
+    pub(crate) fn new(name: &str, values: Vec<f64>) -> Self {
         // What is drawn has no more digits than a reader can use, and the file stays small.
         let values = values.into_iter().map(|value| (value * 1e6).round() / 1e6).collect();
         Self { name: name.to_owned(), values }
@@ -39,7 +39,7 @@ impl Curve {
 
     /// True if any value is finite and not zero.
     #[must_use]
-    pub fn is_something(&self) -> bool {
+    pub(crate) fn is_something(&self) -> bool {
         self.values.iter().any(|value| value.is_finite() && *value != 0.0)
     }
 }
@@ -47,7 +47,7 @@ impl Curve {
 impl Chart {
     /// Describes the range of each curve in words, for screen readers.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub(crate) fn told(&self) -> String {
         let curves = self.curves.iter().map(|curve| {
             let known = || curve.values.iter().filter(|value| value.is_finite());
             let low = known().fold(f64::INFINITY, |low, value| low.min(*value));

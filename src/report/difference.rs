@@ -20,49 +20,49 @@ const WORST: usize = 10;
 
 /// Two points of one cross-section.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Matched {
+pub(crate) struct Matched {
     /// Column, or row of a vertical stripe.
-    pub section: usize,
+    pub(crate) section: usize,
     /// B minus A across the stripe, pixels.
-    pub difference_px: f64,
+    pub(crate) difference_px: f64,
     flags: [u8; 2],
 }
 
 /// One frame's differences.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameDifference {
+pub(crate) struct FrameDifference {
     /// Number among the frames of A, from 0.
-    pub frame: u64,
+    pub(crate) frame: u64,
     /// Its stamp, nanoseconds.
-    pub stamp_ns: i64,
+    pub(crate) stamp_ns: i64,
     /// Points in both.
-    pub num: u64,
+    pub(crate) num: u64,
     /// Points only in A, and only in B.
-    pub only: [u64; 2],
+    pub(crate) only: [u64; 2],
     /// Mean difference, pixels.
-    pub bias_px: f64,
+    pub(crate) bias_px: f64,
     /// Root mean square, pixels.
-    pub rms_px: f64,
+    pub(crate) rms_px: f64,
     /// Largest magnitude, pixels.
-    pub largest_px: f64,
+    pub(crate) largest_px: f64,
     /// Cross-section of the largest difference.
-    pub worst_section: usize,
+    pub(crate) worst_section: usize,
 }
 
 /// One cross-section's differences over all frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SectionDifference {
+pub(crate) struct SectionDifference {
     num: u64,
     sum: f64,
     squares: f64,
     /// Points only in A, and only in B.
-    pub only: [u64; 2],
+    pub(crate) only: [u64; 2],
 }
 
 impl SectionDifference {
     /// Number of points in both, mean and root mean square of their differences.
     #[must_use]
-    pub fn figures(&self) -> SectionFigures {
+    pub(crate) fn figures(&self) -> SectionFigures {
         let num = self.num as f64;
         SectionFigures {
             num: self.num,
@@ -74,45 +74,45 @@ impl SectionDifference {
 
 /// Figures of one cross-section.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SectionFigures {
+pub(crate) struct SectionFigures {
     /// Points in both.
-    pub num: u64,
+    pub(crate) num: u64,
     /// Mean difference, pixels; NaN without points.
-    pub bias_px: f64,
+    pub(crate) bias_px: f64,
     /// Root mean square difference, pixels; NaN without points.
-    pub rms_px: f64,
+    pub(crate) rms_px: f64,
 }
 
 /// Figures over the frames, possibly several frames an entry.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FrameSeries {
+pub(crate) struct FrameSeries {
     /// First frame of every entry.
-    pub frames: Vec<f64>,
+    pub(crate) frames: Vec<f64>,
     /// Mean difference, pixels.
-    pub bias_px: Vec<f64>,
+    pub(crate) bias_px: Vec<f64>,
     /// Root mean square difference, pixels.
-    pub rms_px: Vec<f64>,
+    pub(crate) rms_px: Vec<f64>,
     /// Points only in A, and only in B.
-    pub only: [Vec<f64>; 2],
+    pub(crate) only: [Vec<f64>; 2],
 }
 
 /// Accumulated differences of two results.
 #[derive(Clone, Debug)]
-pub struct Differences {
+pub(crate) struct Differences {
     /// Across the stripe, pixels.
-    pub pixels: Spread,
+    pub(crate) pixels: Spread,
     /// Heights, micrometres.
-    pub heights: Spread,
+    pub(crate) heights: Spread,
     /// Frames in both; only in A; only in B.
-    pub num_frames: [u64; 3],
+    pub(crate) num_frames: [u64; 3],
     /// Points in both; only in A; only in B.
-    pub num_points: [u64; 3],
+    pub(crate) num_points: [u64; 3],
     /// For points in both: numbers with a flag only in A, and only in B.
-    pub num_flagged: [[u64; 2]; FLAGS.len()],
+    pub(crate) num_flagged: [[u64; 2]; FLAGS.len()],
     /// By cross-section.
-    pub sections: Vec<SectionDifference>,
+    pub(crate) sections: Vec<SectionDifference>,
     /// The frames that differ most, the worst first.
-    pub worst: Vec<FrameDifference>,
+    pub(crate) worst: Vec<FrameDifference>,
     series: Series<4>,
     matched: Vec<Matched>,
 }
@@ -135,7 +135,7 @@ impl Default for Differences {
 
 impl Differences {
     /// Adds a frame that both have and returns its matched points.
-    pub fn add(&mut self, pair: &FramePair<'_>) -> &[Matched] {
+    pub(crate) fn add(&mut self, pair: &FramePair<'_>) -> &[Matched] {
         let mut only = [0; 2];
         let mut matched = std::mem::take(&mut self.matched);
         matched.clear();
@@ -224,7 +224,7 @@ impl Differences {
 
     /// Returns the cross-sections that differ most, the worst first.
     #[must_use]
-    pub fn worst_sections(&self) -> Vec<usize> {
+    pub(crate) fn worst_sections(&self) -> Vec<usize> {
         let rms = |at: usize| self.sections[at].figures().rms_px;
         let mut differing: Vec<usize> =
             (0..self.sections.len()).filter(|at| rms(*at) > 0.0).collect();
@@ -235,7 +235,7 @@ impl Differences {
 
     /// Figures over the frames.
     #[must_use]
-    pub fn series(&self) -> FrameSeries {
+    pub(crate) fn series(&self) -> FrameSeries {
         let figure = |at| self.series.figure(at);
         FrameSeries {
             frames: self.series.frames(),

@@ -5,13 +5,13 @@ use serde::Serialize;
 use super::pack::pack;
 
 /// x, y and z of a point; all NaN if it was not measured.
-pub type Place = [f32; 3];
+pub(crate) type Place = [f32; 3];
 
 /// Maximum number of points of a page. Heights of pure noise take 7.5 MB of text, typical ones half of that; x and y take
 /// almost nothing along a straight axis.
-pub const MAX_POINTS: usize = 2_800_000;
+pub(crate) const MAX_POINTS: usize = 2_800_000;
 /// The code of a point that was not measured.
-pub const MISSING: i16 = i16::MIN;
+pub(crate) const MISSING: i16 = i16::MIN;
 /// Codes of numbers range from `-LAST_CODE` to `LAST_CODE`.
 const LAST_CODE: f64 = 32_767.0;
 /// Maximum number of heights that determine the colour scale.
@@ -19,15 +19,15 @@ const MAX_HEIGHTS: usize = 1 << 16;
 
 /// Size and range of rows of points.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Extent {
+pub(crate) struct Extent {
     /// Number of rows.
-    pub rows: usize,
+    pub(crate) rows: usize,
     /// Points of the longest row.
-    pub columns: usize,
+    pub(crate) columns: usize,
     /// Measured points.
-    pub num_measured: u64,
+    pub(crate) num_measured: u64,
     /// Smallest and largest x, y and z.
-    pub ranges: [[f32; 2]; 3],
+    pub(crate) ranges: [[f32; 2]; 3],
 }
 
 impl Default for Extent {
@@ -39,7 +39,7 @@ impl Default for Extent {
 
 impl Extent {
     /// Adds the next row.
-    pub fn add(&mut self, row: &[Place]) {
+    pub(crate) fn add(&mut self, row: &[Place]) {
         self.rows += 1;
         self.columns = self.columns.max(row.len());
         for place in row.iter().filter(|place| is_measured(place)) {
@@ -57,7 +57,7 @@ fn is_measured(place: &Place) -> bool {
 
 /// Conversion of codes to numbers: `offset + step * code`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Scale {
+pub(crate) struct Scale {
     offset: f64,
     step: f64,
 }
@@ -82,7 +82,7 @@ impl Scale {
 
 /// Rows of points in codes: all points, or every n-th if there are more than [`MAX_POINTS`].
 #[derive(Clone, Debug)]
-pub struct Grid {
+pub(crate) struct Grid {
     rows: usize,
     columns: usize,
     steps: [usize; 2],
@@ -93,7 +93,7 @@ pub struct Grid {
 
 /// Description of a grid; the codes are stored separately.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct About {
+pub(crate) struct About {
     rows: usize,
     columns: usize,
     /// Every `row_step`-th row and every `column_step`-th point of a row is kept.
@@ -109,7 +109,7 @@ pub struct About {
 impl About {
     /// Centres the colour scale at zero.
     #[must_use]
-    pub fn about_zero(self) -> Self {
+    pub(crate) fn about_zero(self) -> Self {
         let largest = self.colors[0].abs().max(self.colors[1].abs());
         Self { colors: [-largest, largest], ..self }
     }
@@ -118,7 +118,7 @@ impl About {
 impl Grid {
     /// Creates a grid for rows of this extent.
     #[must_use]
-    pub fn new(extent: &Extent) -> Self {
+    pub(crate) fn new(extent: &Extent) -> Self {
         let mut steps = [1, 1];
         let count =
             |steps: [usize; 2]| [extent.rows.div_ceil(steps[0]), extent.columns.div_ceil(steps[1])];
@@ -141,12 +141,12 @@ impl Grid {
 
     /// Steps between kept rows, and between kept points of a row.
     #[must_use]
-    pub const fn steps(&self) -> [usize; 2] {
+    pub(crate) const fn steps(&self) -> [usize; 2] {
         self.steps
     }
 
     /// Adds the next row. Ignores rows beyond the extent.
-    pub fn push(&mut self, row: &[Place]) {
+    pub(crate) fn push(&mut self, row: &[Place]) {
         let is_kept = self.num_pushed.is_multiple_of(self.steps[0])
             && self.num_pushed / self.steps[0] < self.rows;
         self.num_pushed += 1;
@@ -165,7 +165,7 @@ impl Grid {
 
     /// Returns the description and the packed codes of x, y and z. Rows that were not added are missing.
     #[must_use]
-    pub fn finish(mut self) -> (About, String) {
+    pub(crate) fn finish(mut self) -> (About, String) {
         for codes in &mut self.codes {
             codes.resize(self.rows * self.columns, MISSING);
         }

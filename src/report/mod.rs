@@ -8,22 +8,22 @@
 //! | `section-across`, `section-along` | the profile under the pointer, and the section along the motion through the same point |
 //! | `readout` | position and height under the pointer, as text |
 //! | `color-low`, `color-high`, `color-reset` | the ends of the colour scale |
-//! | `chart-…` | one [`chart::Chart`] |
-//! | `report-data`, `map-data` | the data: JSON, and the packed [`grid::Grid`] |
+//! | `chart-…` | one `chart::Chart` |
+//! | `report-data`, `map-data` | the data: JSON, and the packed `grid::Grid` |
 //!
 //! uPlot (`src/report/uplot`, MIT licence, unchanged) draws the curves.
 
-pub mod pack;
+pub(crate) mod pack;
 pub(crate) mod date;
 pub(crate) mod color;
-pub mod grid;
-pub mod series;
-pub mod quality;
-pub mod chart;
-pub mod overlay;
-pub mod spread;
-pub mod difference;
-pub mod page;
+pub(crate) mod grid;
+pub(crate) mod series;
+pub(crate) mod quality;
+pub(crate) mod chart;
+pub(crate) mod overlay;
+pub(crate) mod spread;
+pub(crate) mod difference;
+pub(crate) mod page;
 mod status;
 mod gathered;
 mod described;

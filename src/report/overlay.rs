@@ -6,29 +6,29 @@ use crate::msg::laser_profiler_msgs::Centerline;
 
 /// One frame on a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Overlay {
+pub(crate) struct Overlay {
     /// Number of the frame in the recording, from 0.
-    pub frame: u64,
+    pub(crate) frame: u64,
     /// Stamp, nanoseconds.
-    pub stamp_ns: i64,
+    pub(crate) stamp_ns: i64,
     /// Time of reception of its image, nanoseconds.
-    pub received_ns: i64,
+    pub(crate) received_ns: i64,
     /// Columns and rows of the image.
-    pub size_px: [u32; 2],
+    pub(crate) size_px: [u32; 2],
     /// Number of points.
-    pub num_points: usize,
+    pub(crate) num_points: usize,
     /// The image as `data:` address; empty without one.
-    pub image: String,
+    pub(crate) image: String,
     /// Reduction factor of the image; 1: full size.
-    pub reduction: usize,
+    pub(crate) reduction: usize,
     /// Points of each connected stripe: `u,v u,v …`.
-    pub lines: Vec<String>,
+    pub(crate) lines: Vec<String>,
 }
 
 impl Overlay {
     /// Creates a frame without its image.
     #[must_use]
-    pub fn new(frame: u64, line: &Centerline<'_>) -> Self {
+    pub(crate) fn new(frame: u64, line: &Centerline<'_>) -> Self {
         Self {
             frame,
             stamp_ns: line.header.stamp.to_ns(),
@@ -45,7 +45,7 @@ impl Overlay {
     ///
     /// # Errors
     /// Errors of the template; none are expected.
-    pub fn svg(&self) -> Result<String, askama::Error> {
+    pub(crate) fn svg(&self) -> Result<String, askama::Error> {
         Picture { overlay: self }.render()
     }
 }

@@ -11,7 +11,7 @@ const LEVEL: u8 = 6;
 
 /// Packs planes of codes one after another, each with `columns` codes per row.
 #[must_use]
-pub fn pack(planes: &[&[i16]], columns: usize) -> String {
+pub(crate) fn pack(planes: &[&[i16]], columns: usize) -> String {
     let mut bytes = Vec::with_capacity(planes.iter().map(|plane| 2 * plane.len()).sum());
     for plane in planes {
         let residuals = || {

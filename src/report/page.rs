@@ -23,99 +23,99 @@ const LICENCE: &str = include_str!("uplot/LICENSE");
 
 /// A named value in the list of facts.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fact {
+pub(crate) struct Fact {
     /// Title.
-    pub name: String,
+    pub(crate) name: String,
     /// Value with its unit.
-    pub value: String,
+    pub(crate) value: String,
 }
 
 impl Fact {
     /// Creates a fact.
     #[must_use]
-    pub fn new(name: &str, value: impl Into<String>) -> Self {
+    pub(crate) fn new(name: &str, value: impl Into<String>) -> Self {
         Self { name: name.to_owned(), value: value.into() }
     }
 }
 
 /// One axis of a map.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Axis {
+pub(crate) struct Axis {
     /// Label, as in `x, along the stripe`.
-    pub label: &'static str,
+    pub(crate) label: &'static str,
     /// Display unit.
-    pub unit: &'static str,
+    pub(crate) unit: &'static str,
     /// Factor from the grid's unit to the display unit.
-    pub factor: f64,
+    pub(crate) factor: f64,
     /// Number of decimals.
-    pub digits: u8,
+    pub(crate) digits: u8,
 }
 
 /// A map and the sections through it.
 #[derive(Clone, Debug)]
-pub struct Map {
+pub(crate) struct Map {
     /// Title.
-    pub title: &'static str,
+    pub(crate) title: &'static str,
     /// Caption.
-    pub caption: String,
+    pub(crate) caption: String,
     /// Titles of the sections across and along the motion.
-    pub sections: [&'static str; 2],
+    pub(crate) sections: [&'static str; 2],
     /// Axes of x, y and z.
-    pub axes: [Axis; 3],
+    pub(crate) axes: [Axis; 3],
     /// True if x and y are lengths and share one scale.
-    pub is_metric: bool,
+    pub(crate) is_metric: bool,
     /// 256 colours from the lowest to the highest, `#rrggbb`.
-    pub colors: Vec<String>,
+    pub(crate) colors: Vec<String>,
     /// Description of the grid.
-    pub about: About,
+    pub(crate) about: About,
     /// The packed grid.
-    pub packed: String,
+    pub(crate) packed: String,
 }
 
 /// A long text, collapsed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Document {
+pub(crate) struct Document {
     /// Title.
-    pub title: String,
+    pub(crate) title: String,
     /// The text.
-    pub text: String,
+    pub(crate) text: String,
 }
 
 /// A table with a header row.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Table {
+pub(crate) struct Table {
     /// Title.
-    pub title: String,
+    pub(crate) title: String,
     /// Column headers.
-    pub heads: Vec<String>,
+    pub(crate) heads: Vec<String>,
     /// Rows with one cell per header.
-    pub rows: Vec<Vec<String>>,
+    pub(crate) rows: Vec<Vec<String>>,
 }
 
 /// A page. Empty parts are omitted.
 #[derive(Clone, Debug, Default, Template)]
 #[template(path = "page.html")]
-pub struct Page {
+pub(crate) struct Page {
     /// Title.
-    pub title: String,
+    pub(crate) title: String,
     /// Line below the title.
-    pub subtitle: String,
+    pub(crate) subtitle: String,
     /// The most important figures.
-    pub facts: Vec<Fact>,
+    pub(crate) facts: Vec<Fact>,
     /// Notes on missing or lost data and anything unusual.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
     /// Height map.
-    pub map: Option<Map>,
+    pub(crate) map: Option<Map>,
     /// Frames with their centrelines.
-    pub overlays: Vec<Overlay>,
+    pub(crate) overlays: Vec<Overlay>,
     /// Charts over the frames.
-    pub charts: Vec<Chart>,
+    pub(crate) charts: Vec<Chart>,
     /// Tables.
-    pub tables: Vec<Table>,
+    pub(crate) tables: Vec<Table>,
     /// Calibration, parameters and other texts.
-    pub documents: Vec<Document>,
+    pub(crate) documents: Vec<Document>,
     /// Program and version.
-    pub program: String,
+    pub(crate) program: String,
 }
 
 impl Page {
@@ -123,7 +123,7 @@ impl Page {
     ///
     /// # Errors
     /// Errors of the template; none are expected.
-    pub fn html(&self) -> Result<String, askama::Error> {
+    pub(crate) fn html(&self) -> Result<String, askama::Error> {
         self.render()
     }
 

@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// Bits of a point's flags and their names.
-pub const FLAGS: [(u8, &str); 5] = [
+pub(crate) const FLAGS: [(u8, &str); 5] = [
     (flag::SATURATED, "saturated"),
     (flag::MULTIPLE_PEAKS, "several candidates"),
     (flag::CLIPPED, "cut by the border"),
@@ -33,22 +33,22 @@ const NUM: usize = GAPS + 1;
 
 /// Quality of the centrelines over a recording.
 #[derive(Clone, Debug)]
-pub struct Quality {
+pub(crate) struct Quality {
     series: Series<NUM>,
     found: Vec<u32>,
     numbers: Vec<f32>,
     /// Frames.
-    pub num_frames: u64,
+    pub(crate) num_frames: u64,
     /// Points of all frames.
-    pub num_points: u64,
+    pub(crate) num_points: u64,
     /// Cross-sections searched in all frames.
-    pub num_sections: u64,
+    pub(crate) num_sections: u64,
     /// Cross-sections in which a stripe was found.
-    pub num_found: u64,
+    pub(crate) num_found: u64,
     /// Points with each of [`FLAGS`].
-    pub num_flagged: [u64; FLAGS.len()],
+    pub(crate) num_flagged: [u64; FLAGS.len()],
     /// Frames known to be missing between them.
-    pub num_lost: u64,
+    pub(crate) num_lost: u64,
 }
 
 impl Default for Quality {
@@ -74,7 +74,7 @@ impl Quality {
     ///
     /// # Errors
     /// A centreline that does not state the direction of the stripe; it is not added.
-    pub fn add(&mut self, line: &Centerline<'_>) -> Result<(), UnknownDirection> {
+    pub(crate) fn add(&mut self, line: &Centerline<'_>) -> Result<(), UnknownDirection> {
         let [sections, found] = self.sections(line, stripe_direction(line)?);
         let num_points = line.u.len() as u64;
         let mut figures = [f64::NAN; NUM];
@@ -128,25 +128,25 @@ impl Quality {
 
     /// Median over all frames of their median uncertainty, pixels; NaN if none is stated.
     #[must_use]
-    pub fn sigma_px(&self) -> f64 {
+    pub(crate) fn sigma_px(&self) -> f64 {
         median(self.series.figure(SIGMA))
     }
 
     /// Median over all frames of the median stripe width, pixels; NaN if none is stated.
     #[must_use]
-    pub fn width_px(&self) -> f64 {
+    pub(crate) fn width_px(&self) -> f64 {
         median(self.series.figure(WIDTH))
     }
 
     /// Fraction of searched cross-sections without a point; NaN without cross-sections.
     #[must_use]
-    pub fn missing(&self) -> f64 {
+    pub(crate) fn missing(&self) -> f64 {
         share(self.num_sections - self.num_found, self.num_sections)
     }
 
     /// Returns the charts over the frames.
     #[must_use]
-    pub fn charts(&self) -> Vec<Chart> {
+    pub(crate) fn charts(&self) -> Vec<Chart> {
         if self.num_frames == 0 {
             return Vec::new();
         }

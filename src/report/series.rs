@@ -1,11 +1,11 @@
 //! Figures of an unbounded stream in bounded memory.
 
 /// Maximum number of entries.
-pub const MAX_BINS: usize = 2048;
+pub(crate) const MAX_BINS: usize = 2048;
 
 /// Rule that merges figures of neighbouring frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Merge {
+pub(crate) enum Merge {
     /// Mean.
     Mean,
     /// Maximum.
@@ -16,7 +16,7 @@ pub enum Merge {
 
 /// `N` figures per frame, merged over 2, 4, 8, … frames as the stream grows.
 #[derive(Clone, Debug)]
-pub struct Series<const N: usize> {
+pub(crate) struct Series<const N: usize> {
     merges: [Merge; N],
     per_bin: usize,
     bins: Vec<[f64; N]>,
@@ -27,12 +27,12 @@ pub struct Series<const N: usize> {
 impl<const N: usize> Series<N> {
     /// Creates an empty series.
     #[must_use]
-    pub const fn new(merges: [Merge; N]) -> Self {
+    pub(crate) const fn new(merges: [Merge; N]) -> Self {
         Self { merges, per_bin: 1, bins: Vec::new(), open: Vec::new() }
     }
 
     /// Adds the figures of the next frame; NaN if missing.
-    pub fn push(&mut self, figures: [f64; N]) {
+    pub(crate) fn push(&mut self, figures: [f64; N]) {
         if self.bins.len() == MAX_BINS {
             self.bins = self.bins.chunks(2).map(|pair| self.merged(pair)).collect();
             self.per_bin *= 2;
@@ -45,20 +45,20 @@ impl<const N: usize> Series<N> {
     }
 
     /// Frames per entry.
-    #[must_use]
-    pub const fn per_bin(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) const fn per_bin(&self) -> usize {
         self.per_bin
     }
 
     /// First frame of every entry, from 0.
     #[must_use]
-    pub fn frames(&self) -> Vec<f64> {
+    pub(crate) fn frames(&self) -> Vec<f64> {
         (0..self.len()).map(|bin| (bin * self.per_bin) as f64).collect()
     }
 
     /// One figure for every entry.
     #[must_use]
-    pub fn figure(&self, at: usize) -> Vec<f64> {
+    pub(crate) fn figure(&self, at: usize) -> Vec<f64> {
         let last = (!self.open.is_empty()).then(|| self.merged(&self.open));
         self.bins.iter().copied().chain(last).map(|bin| bin[at]).collect()
     }

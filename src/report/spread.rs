@@ -9,7 +9,7 @@ const NORMAL: f64 = 1.4826;
 
 /// A histogram of differences.
 #[derive(Clone, Debug)]
-pub struct Spread {
+pub(crate) struct Spread {
     bin: f64,
     counts: Vec<u64>,
     num: u64,
@@ -20,32 +20,32 @@ pub struct Spread {
 
 /// Figures of a [`Spread`], in its unit; NaN without differences.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Figures {
+pub(crate) struct Figures {
     /// Number of differences.
-    pub num: u64,
+    pub(crate) num: u64,
     /// Mean.
-    pub bias: f64,
+    pub(crate) bias: f64,
     /// Median.
-    pub median: f64,
+    pub(crate) median: f64,
     /// Root mean square.
-    pub rms: f64,
+    pub(crate) rms: f64,
     /// Robust standard deviation: 1.4826 times the median absolute deviation.
-    pub robust: f64,
+    pub(crate) robust: f64,
     /// 95 % quantile of the magnitudes.
-    pub p95: f64,
+    pub(crate) p95: f64,
     /// Largest magnitude.
-    pub largest: f64,
+    pub(crate) largest: f64,
 }
 
 impl Spread {
     /// Creates an empty histogram. Quantiles are multiples of `bin`, up to 32,768 of them on each side.
     #[must_use]
-    pub fn new(bin: f64) -> Self {
+    pub(crate) fn new(bin: f64) -> Self {
         Self { bin, counts: vec![0; 2 * HALF + 1], num: 0, sum: 0.0, squares: 0.0, largest: 0.0 }
     }
 
     /// Adds a difference; ignores NaN.
-    pub fn add(&mut self, difference: f64) {
+    pub(crate) fn add(&mut self, difference: f64) {
         if !difference.is_finite() {
             return;
         }
@@ -60,7 +60,7 @@ impl Spread {
 
     /// Returns the figures.
     #[must_use]
-    pub fn figures(&self) -> Figures {
+    pub(crate) fn figures(&self) -> Figures {
         let num = self.num as f64;
         if self.num == 0 {
             let no = f64::NAN;

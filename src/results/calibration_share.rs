@@ -17,7 +17,7 @@ use crate::{
 /// # Errors
 /// The reason why the share is unknown: no calibration in the bag or none with a covariance, profiles placed by poses,
 /// positions that are not recorded.
-pub fn calibration_share<const N: usize>(
+pub(crate) fn calibration_share<const N: usize>(
     results: &Results,
     scanned: &[&Scanned],
     measure: impl Fn(&[Surface]) -> anyhow::Result<[f64; N]>,

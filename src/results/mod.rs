@@ -1,8 +1,8 @@
 //! Results of a recording: from the bag that `replay` or the node wrote to surfaces, parameters and calibration.
 //!
-//! - [`Results`]: the point clouds of one scan, profile by profile or as a [`Surface`](crate::metrology::surface::Surface)
-//! - [`ResultsRecording`]: all topics of one camera; reports what is missing instead of failing
-//! - [`Provenance`]: version, parameters and calibration that the bag carries
+//! - `Results`: the point clouds of one scan, profile by profile or as a [`Surface`](crate::metrology::surface::Surface)
+//! - `ResultsRecording`: all topics of one camera; reports what is missing instead of failing
+//! - `Provenance`: version, parameters and calibration that the bag carries
 //! - `calibration_share`: the law that adds the calibration's uncertainty to that of a measurement
 //! - `outline`, `pairs`, `reasons`: extent of a scan, two results frame by frame, why they differ
 
@@ -18,16 +18,16 @@ mod calibration_share;
 mod pairs;
 mod reasons;
 
-pub use calibration_share::calibration_share;
-pub use notes::Notes;
-pub use outline::{Outline, Placing, color_scale_m};
-pub use pairs::{FramePair, NumUnpaired, for_each_pair};
-pub use provenance::Provenance;
-pub use reasons::{Reason, different_inputs, reasons};
-pub use recording::ResultsRecording;
+pub(crate) use calibration_share::calibration_share;
+pub(crate) use notes::Notes;
+pub(crate) use outline::{Outline, Placing, color_scale_m};
+pub(crate) use pairs::{FramePair, for_each_pair};
+pub(crate) use provenance::Provenance;
+pub(crate) use reasons::{Reason, different_inputs, reasons};
+pub(crate) use recording::ResultsRecording;
 pub(crate) use recording::add_error;
-pub use scan::{ANY_HEIGHT_M, ReadCounts, Results, Scanned};
-pub use selection::{ScanSelection, SelectionError};
+pub(crate) use scan::{ANY_HEIGHT_M, ReadCounts, Results, Scanned};
+pub(crate) use selection::{ScanSelection, SelectionError};
 
 use crate::bag::ReadOptions;
 

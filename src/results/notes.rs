@@ -2,7 +2,7 @@
 
 /// Notes for the reader of a report, each once, and the number of losses among them.
 #[derive(Clone, Debug, Default)]
-pub struct Notes {
+pub(crate) struct Notes {
     texts: Vec<String>,
     num_lost: u64,
 }
@@ -12,7 +12,7 @@ impl Notes {
     const MAX_NOTES: usize = 24;
 
     /// Adds a note unless it is there already.
-    pub fn add(&mut self, note: impl Into<String>) {
+    pub(crate) fn add(&mut self, note: impl Into<String>) {
         let note = note.into();
         if !self.texts.contains(&note) && self.texts.len() < Self::MAX_NOTES {
             self.texts.push(note);
@@ -20,7 +20,7 @@ impl Notes {
     }
 
     /// Adds a note on data that could not be read. The same note again is the same loss.
-    pub fn add_loss(&mut self, note: impl Into<String>) {
+    pub(crate) fn add_loss(&mut self, note: impl Into<String>) {
         let note = note.into();
         if !self.texts.contains(&note) {
             self.num_lost += 1;
@@ -29,19 +29,19 @@ impl Notes {
     }
 
     /// Logs all notes as warnings.
-    pub fn log(&self) {
+    pub(crate) fn log(&self) {
         self.texts.iter().for_each(|note| tracing::warn!("{note}"));
     }
 
     /// The notes in the order in which they were added.
     #[must_use]
-    pub fn texts(&self) -> &[String] {
+    pub(crate) fn texts(&self) -> &[String] {
         &self.texts
     }
 
     /// Number of different losses.
     #[must_use]
-    pub const fn num_lost(&self) -> u64 {
+    pub(crate) const fn num_lost(&self) -> u64 {
         self.num_lost
     }
 }

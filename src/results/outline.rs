@@ -19,13 +19,13 @@ const MAX_HEIGHTS: usize = 1 << 18;
 
 /// Selection of points, and a motion that is applied to them afterwards.
 #[derive(Clone, Debug)]
-pub struct Placing {
+pub(crate) struct Placing {
     /// Region in x and y.
-    pub region: Region,
+    pub(crate) region: Region,
     /// Lowest and highest height, metres.
-    pub heights_m: [f64; 2],
+    pub(crate) heights_m: [f64; 2],
     /// Motion of the selected points; none leaves them where they are.
-    pub motion: Option<Isometry3<f64>>,
+    pub(crate) motion: Option<Isometry3<f64>>,
 }
 
 impl Default for Placing {
@@ -60,7 +60,7 @@ impl Placing {
     }
 
     /// Returns the selected points of a profile after their motion, metres and intensity.
-    pub fn points(&self, profile: &[Point]) -> impl Iterator<Item = Point> {
+    pub(crate) fn points(&self, profile: &[Point]) -> impl Iterator<Item = Point> {
         profile.iter().filter_map(|point| {
             let Placed { place_m: place, intensity } = self.placed(point)?;
             Some([place.x as f32, place.y as f32, place.z as f32, intensity])
@@ -70,17 +70,17 @@ impl Placing {
 
 /// Number, extent and density of the selected points.
 #[derive(Clone, Debug)]
-pub struct Outline {
+pub(crate) struct Outline {
     /// Number of points.
-    pub num_points: u64,
+    pub(crate) num_points: u64,
     /// Smallest x, y and z, metres.
-    pub from_m: [f64; 3],
+    pub(crate) from_m: [f64; 3],
     /// Largest x, y and z, metres.
-    pub to_m: [f64; 3],
+    pub(crate) to_m: [f64; 3],
     /// Typical distance of neighbours in a profile, and of neighbouring profiles, metres.
-    pub pitch_m: [f64; 2],
+    pub(crate) pitch_m: [f64; 2],
     /// Profiles and clouds read.
-    pub counts: ReadCounts,
+    pub(crate) counts: ReadCounts,
     /// A sample of the heights in ascending order.
     heights_m: Vec<f32>,
 }
@@ -88,14 +88,14 @@ pub struct Outline {
 impl Outline {
     /// Returns the smallest region that contains all points.
     #[must_use]
-    pub fn region(&self) -> Region {
+    pub(crate) fn region(&self) -> Region {
         let corner = |place: [f64; 3]| [place[0], place[1]];
         Region { from_m: corner(self.from_m), to_m: corner(self.to_m) }
     }
 
     /// Returns the colour scale of the heights, metres; see [`color_scale_m`].
     #[must_use]
-    pub fn color_scale_m(&self) -> [f32; 2] {
+    pub(crate) fn color_scale_m(&self) -> [f32; 2] {
         color_scale_m(&self.heights_m)
     }
 
@@ -103,7 +103,7 @@ impl Outline {
     ///
     /// # Errors
     /// All points lie on one line.
-    pub fn cell_m(&self) -> Result<f64, SelectionError> {
+    pub(crate) fn cell_m(&self) -> Result<f64, SelectionError> {
         let cell_m = (self.pitch_m[0] * self.pitch_m[1]).sqrt();
         if cell_m > 0.0 {
             return Ok(cell_m);
@@ -116,7 +116,7 @@ impl Outline {
 
 /// Returns a colour scale for heights in ascending order: without the lowest and highest half percent, never empty.
 #[must_use]
-pub fn color_scale_m(sorted_m: &[f32]) -> [f32; 2] {
+pub(crate) fn color_scale_m(sorted_m: &[f32]) -> [f32; 2] {
     let last = sorted_m.len().saturating_sub(1);
     let at =
         |share: f64| sorted_m.get((share * last as f64).round() as usize).copied().unwrap_or(0.0);
@@ -129,7 +129,7 @@ impl Results {
     ///
     /// # Errors
     /// A scan without such points.
-    pub fn outline(&self, placing: &Placing) -> anyhow::Result<Outline> {
+    pub(crate) fn outline(&self, placing: &Placing) -> anyhow::Result<Outline> {
         outline(self, placing)
     }
 
@@ -137,7 +137,7 @@ impl Results {
     ///
     /// # Errors
     /// More cells than memory should hold.
-    pub fn height_map(
+    pub(crate) fn height_map(
         &self,
         placing: &Placing,
         outline: &Outline,

@@ -17,19 +17,19 @@ use crate::{
 
 /// One frame as both results have it.
 #[derive(Clone, Copy, Debug)]
-pub struct FramePair<'a> {
+pub(crate) struct FramePair<'a> {
     /// Number of the frame among those of A, from 0.
-    pub frame: u64,
+    pub(crate) frame: u64,
     /// The centrelines of A and B.
-    pub lines: [&'a Centerline<'a>; 2],
+    pub(crate) lines: [&'a Centerline<'a>; 2],
     /// Directions of the stripe in A and B.
-    pub directions: [StripeDirection; 2],
+    pub(crate) directions: [StripeDirection; 2],
     /// The profiles of A and B; none unless both have a calibration.
-    pub profiles: Option<[&'a Profile<'a>; 2]>,
+    pub(crate) profiles: Option<[&'a Profile<'a>; 2]>,
 }
 
 /// Number of frames that only A has, and that only B has.
-pub type NumUnpaired = [u64; 2];
+pub(crate) type NumUnpaired = [u64; 2];
 
 /// One frame of a results bag, not decoded.
 struct Frame {
@@ -99,7 +99,7 @@ fn stamp_and_direction(line: &RawMessage) -> anyhow::Result<(i64, StripeDirectio
 ///
 /// # Errors
 /// Results without centrelines.
-pub fn for_each_pair(
+pub(crate) fn for_each_pair(
     recordings: [&ResultsRecording; 2],
     notes: &mut Notes,
     mut take: impl FnMut(&FramePair<'_>),

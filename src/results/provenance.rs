@@ -11,11 +11,11 @@ pub(super) type Entries = BTreeMap<String, String>;
 
 /// The origin of a results bag; everything is empty in a bag that this program did not write.
 #[derive(Clone, Debug, Default)]
-pub struct Provenance {
+pub(crate) struct Provenance {
     /// The metadata record `laser_profiler`: version, parameters, input and others, each a text.
-    pub record: BTreeMap<String, String>,
+    pub(crate) record: BTreeMap<String, String>,
     /// Text of the calibration file.
-    pub calibration: Option<String>,
+    pub(crate) calibration: Option<String>,
 }
 
 impl Provenance {
@@ -44,13 +44,13 @@ impl Provenance {
 
     /// A text of the record; none where it is missing or empty.
     #[must_use]
-    pub fn recorded(&self, key: &str) -> Option<&str> {
+    pub(crate) fn recorded(&self, key: &str) -> Option<&str> {
         self.record.get(key).map(String::as_str).filter(|text| !text.is_empty())
     }
 
     /// Parameters by name, as in `extraction.blur_radius`; empty without.
     #[must_use]
-    pub fn parameters(&self) -> BTreeMap<String, String> {
+    pub(crate) fn parameters(&self) -> BTreeMap<String, String> {
         const PREFIX: &str = "/**.ros__parameters.";
         let all = yaml_leaves(self.recorded("parameters").unwrap_or_default()).into_iter();
         all.map(|(key, value)| (key.strip_prefix(PREFIX).unwrap_or(&key).to_owned(), value))
@@ -59,7 +59,7 @@ impl Provenance {
 
     /// True if profiles were placed by poses of tf, by the recorded parameters.
     #[must_use]
-    pub fn is_posed(&self) -> bool {
+    pub(crate) fn is_posed(&self) -> bool {
         let parameters = self.parameters();
         parameters.iter().any(|(name, value)| name.ends_with("motion.source") && value == "tf")
     }

@@ -9,16 +9,16 @@ use super::{
 
 /// An entry whose values in A and B are not equal; empty where one of them does not have it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Reason {
+pub(crate) struct Reason {
     /// Name of the entry: `version`, a parameter, or `calibration: ` and a path in the file.
-    pub name: String,
+    pub(crate) name: String,
     /// Values in A and in B.
-    pub values: [String; 2],
+    pub(crate) values: [String; 2],
 }
 
 /// Returns all entries of version, parameters and calibration whose values differ.
 #[must_use]
-pub fn reasons(provenances: [&Provenance; 2]) -> Vec<Reason> {
+pub(crate) fn reasons(provenances: [&Provenance; 2]) -> Vec<Reason> {
     let versions = provenances.map(|provenance| {
         let version = provenance.recorded("version").unwrap_or_default();
         BTreeMap::from([("version".to_owned(), version.to_owned())])
@@ -43,7 +43,10 @@ fn differing(prefix: &str, entries: &[Entries; 2]) -> Vec<Reason> {
 /// Returns in which inputs two results differ: the recording that they were made from, or its topic. Notes an input that is
 /// not stated.
 #[must_use]
-pub fn different_inputs(recordings: [&ResultsRecording; 2], notes: &mut Notes) -> Vec<String> {
+pub(crate) fn different_inputs(
+    recordings: [&ResultsRecording; 2],
+    notes: &mut Notes,
+) -> Vec<String> {
     let mut found = Vec::new();
     for key in ["input", "input_topic"] {
         let inputs = recordings.map(|recording| recording.provenance().recorded(key));

@@ -16,7 +16,7 @@ use crate::{
 const TRUTH: &str = "/truth/";
 
 /// An open results bag: one camera's topics, version, parameters and calibration.
-pub struct ResultsRecording {
+pub(crate) struct ResultsRecording {
     path: PathBuf,
     pub(super) bag: BagReader,
     /// Prefix of the camera's topics, as in `/laser_profiler/`; none without results.
@@ -30,7 +30,7 @@ impl ResultsRecording {
     ///
     /// # Errors
     /// No bag, or one that cannot be read.
-    pub fn open(selection: &ScanSelection, notes: &mut Notes) -> anyhow::Result<Self> {
+    pub(crate) fn open(selection: &ScanSelection, notes: &mut Notes) -> anyhow::Result<Self> {
         let bag = BagReader::open(&selection.bag, &read_options())?;
         bag.notes().iter().for_each(|note| notes.add(note));
         let prefix = choose_prefix(&bag, selection.topic.as_deref(), notes);
@@ -43,37 +43,37 @@ impl ResultsRecording {
 
     /// Path of the bag.
     #[must_use]
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Version, parameters and calibration.
     #[must_use]
-    pub const fn provenance(&self) -> &Provenance {
+    pub(crate) const fn provenance(&self) -> &Provenance {
         &self.provenance
     }
 
     /// The bag, for topics and messages of any kind.
     #[must_use]
-    pub const fn bag(&self) -> &BagReader {
+    pub(crate) const fn bag(&self) -> &BagReader {
         &self.bag
     }
 
     /// Returns the full name of a topic of the camera, as in `centerline`; none where the bag does not have it.
     #[must_use]
-    pub fn topic(&self, name: &str) -> Option<String> {
+    pub(crate) fn topic(&self, name: &str) -> Option<String> {
         let name = format!("{}{name}", self.prefix.as_ref()?);
         self.bag.topics().iter().any(|topic| topic.name == name).then_some(name)
     }
 
     /// Number of messages on a topic; none where the bag has no index.
     #[must_use]
-    pub fn num_messages(&self, topic: &str) -> Option<u64> {
+    pub(crate) fn num_messages(&self, topic: &str) -> Option<u64> {
         self.bag.message_counts()?.get(topic).copied()
     }
 
     /// Calls `take` with every message on the topics. Notes and skips what cannot be read or `take` refuses.
-    pub fn for_each_message(
+    pub(crate) fn for_each_message(
         &self,
         topics: &[&String],
         notes: &mut Notes,
@@ -95,7 +95,7 @@ impl ResultsRecording {
 
     /// Topics with images that are not results.
     #[must_use]
-    pub fn image_topics(&self) -> Vec<String> {
+    pub(crate) fn image_topics(&self) -> Vec<String> {
         let own = |name: &str| self.prefix.as_ref().is_some_and(|prefix| name.starts_with(prefix));
         let kinds = [Image::TYPE.name, CompressedImage::TYPE.name];
         let topics = self.bag.topics().iter();

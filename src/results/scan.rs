@@ -22,12 +22,12 @@ use crate::{
 };
 
 /// Heights without limits, metres.
-pub const ANY_HEIGHT_M: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+pub(crate) const ANY_HEIGHT_M: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 /// Most points of a surface in memory: 1.5 GiB.
 const MAX_POINTS: usize = 1 << 26;
 
 /// One scan of an open results bag.
-pub struct Results {
+pub(crate) struct Results {
     pub(super) bag: BagReader,
     topic: String,
     provenance: Provenance,
@@ -38,22 +38,22 @@ pub struct Results {
 
 /// The points of a region.
 #[derive(Clone, Debug)]
-pub struct Scanned {
+pub(crate) struct Scanned {
     /// Points row by row, a row a profile; profiles without a point in the region are left out.
-    pub surface: Surface,
+    pub(crate) surface: Surface,
     /// Number of each row's profile in the scan, from 0.
-    pub profile_numbers: Vec<usize>,
+    pub(crate) profile_numbers: Vec<usize>,
     /// Profiles and clouds read.
-    pub counts: ReadCounts,
+    pub(crate) counts: ReadCounts,
 }
 
 /// Counts of reading a scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ReadCounts {
+pub(crate) struct ReadCounts {
     /// Profiles read.
-    pub profiles: u64,
+    pub(crate) profiles: u64,
     /// Clouds that could not be read.
-    pub rejected: u64,
+    pub(crate) rejected: u64,
 }
 
 impl Results {
@@ -61,7 +61,7 @@ impl Results {
     ///
     /// # Errors
     /// No bag, no clouds; [`SelectionError`](super::SelectionError) where topic or scan must be chosen.
-    pub fn open(selection: &ScanSelection) -> anyhow::Result<Self> {
+    pub(crate) fn open(selection: &ScanSelection) -> anyhow::Result<Self> {
         let bag = BagReader::open(&selection.bag, &read_options())?;
         bag.notes().iter().for_each(|note| tracing::warn!("{note}"));
         let topic = choose_topic(&bag, selection)?;
@@ -75,19 +75,19 @@ impl Results {
 
     /// Topic of the point clouds.
     #[must_use]
-    pub fn topic(&self) -> &str {
+    pub(crate) fn topic(&self) -> &str {
         &self.topic
     }
 
     /// Version, parameters and calibration.
     #[must_use]
-    pub const fn provenance(&self) -> &Provenance {
+    pub(crate) const fn provenance(&self) -> &Provenance {
         &self.provenance
     }
 
     /// Topic of the profiles beside the clouds; none without.
     #[must_use]
-    pub fn profile_topic(&self) -> Option<String> {
+    pub(crate) fn profile_topic(&self) -> Option<String> {
         self.topic_beside("profile")
     }
 
@@ -100,7 +100,7 @@ impl Results {
     ///
     /// # Errors
     /// The reason why it is unknown: no centrelines, or those of a version that did not state it.
-    pub fn stripe_direction(&self) -> Result<StripeDirection, String> {
+    pub(crate) fn stripe_direction(&self) -> Result<StripeDirection, String> {
         let missing = "the recording has no centrelines, which state the direction of the stripe";
         let topic = self.topic_beside("centerline").ok_or(missing)?;
         let first = self.messages(&topic).flatten().next().ok_or(missing)?;
@@ -115,7 +115,7 @@ impl Results {
 
     /// True if the scan covers a frame, or if the bag has no account of its slices.
     #[must_use]
-    pub fn has_frame(&self, number: u64) -> bool {
+    pub(crate) fn has_frame(&self, number: u64) -> bool {
         let mut frames = self.accounts().map(|account| account.frames).peekable();
         frames.peek().is_none() || frames.any(|[first, last]| (first..=last).contains(&number))
     }
@@ -132,7 +132,7 @@ impl Results {
     ///
     /// # Errors
     /// Those of `take`.
-    pub fn for_each_profile(
+    pub(crate) fn for_each_profile(
         &self,
         mut take: impl FnMut(&[Point]) -> anyhow::Result<()>,
     ) -> anyhow::Result<ReadCounts> {
@@ -168,7 +168,11 @@ impl Results {
     ///
     /// # Errors
     /// No such point, profiles of different lengths, more than 2^26 points.
-    pub fn surface(&self, region: &Region, [low_m, high_m]: [f64; 2]) -> anyhow::Result<Scanned> {
+    pub(crate) fn surface(
+        &self,
+        region: &Region,
+        [low_m, high_m]: [f64; 2],
+    ) -> anyhow::Result<Scanned> {
         let mut surface = Surface::default();
         let (mut profile_numbers, mut number) = (Vec::new(), 0);
         let nowhere = Point3::new(f64::NAN, f64::NAN, f64::NAN);

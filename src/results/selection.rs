@@ -11,19 +11,19 @@ use crate::{
 
 /// A scan in a results bag.
 #[derive(Clone, Debug, Default)]
-pub struct ScanSelection {
+pub(crate) struct ScanSelection {
     /// A rosbag2 directory or an .mcap file.
-    pub bag: PathBuf,
+    pub(crate) bag: PathBuf,
     /// Topic of the point clouds; without it the only topic of organised clouds.
-    pub topic: Option<String>,
+    pub(crate) topic: Option<String>,
     /// Number of the scan, from 0; without it the only scan.
-    pub scan: Option<usize>,
+    pub(crate) scan: Option<usize>,
 }
 
 /// A selection that matches no scan or several. The text names the option that resolves it.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{0}")]
-pub struct SelectionError(pub String);
+pub(crate) struct SelectionError(pub String);
 
 /// Chooses the topic of the point clouds.
 ///

@@ -27,11 +27,11 @@ pub enum ArgumentError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assignment {
     /// The node it speaks of; `None` is every node.
-    pub node: Option<String>,
+    pub(crate) node: Option<String>,
     /// The parameter.
-    pub name: String,
+    pub(crate) name: String,
     /// What it is set to.
-    pub value: Value,
+    pub(crate) value: Value,
 }
 
 /// All `--ros-args` groups of a command line.

@@ -2,7 +2,7 @@
 
 mod motion;
 
-pub use motion::Moved;
+pub(crate) use motion::Moved;
 
 use std::path::PathBuf;
 
@@ -102,7 +102,7 @@ impl CameraParams {
     }
 
     /// The measurement with slices whose message, in the frame `frame_id`, fits into `points_max_bytes`.
-    pub fn scanner_for(&self, frame_id: &str) -> Params {
+    pub(crate) fn scanner_for(&self, frame_id: &str) -> Params {
         let slice_max_points = match self.points_max_bytes {
             None => MAX_SLICE_POINTS,
             Some(bytes) => {
@@ -113,7 +113,7 @@ impl CameraParams {
     }
 
     /// The frame of the scan: its point clouds and height maps. Empty without a calibration.
-    pub fn part_frame(&self, calibration: Option<&Calibration>) -> String {
+    pub(crate) fn part_frame(&self, calibration: Option<&Calibration>) -> String {
         let Some(calibration) = calibration else { return String::new() };
         let is_laser_plane = calibration.axis().is_none() && calibration.part().is_none();
         match self.moved.part_frame.as_str() {
@@ -124,18 +124,18 @@ impl CameraParams {
     }
 
     /// Whether poses that are measured are those of the laser plane itself.
-    pub fn tracks_laser(&self, calibration: Option<&Calibration>) -> bool {
+    pub(crate) fn tracks_laser(&self, calibration: Option<&Calibration>) -> bool {
         let frame = calibration.map_or("", Calibration::frame_id);
         !frame.is_empty() && self.moved.sensor_frame == frame
     }
 
     /// Returns the type of the images, if a file or option sets it; otherwise a recording decides.
-    pub fn chosen_transport(&self) -> Option<ImageTransport> {
+    pub(crate) fn chosen_transport(&self) -> Option<ImageTransport> {
         self.is_transport_set.then_some(self.image_transport)
     }
 
     /// The full name of a parameter of this camera.
-    pub fn full_name(&self, name: &str) -> String {
+    pub(crate) fn full_name(&self, name: &str) -> String {
         if self.name.is_empty() { name.to_owned() } else { format!("{}.{name}", self.name) }
     }
 

@@ -24,16 +24,16 @@ named_enum! {
 
 /// What decides how a middleware is joined, besides the environment.
 #[derive(Clone, Copy, Debug)]
-pub struct JoinOptions {
+pub(crate) struct JoinOptions {
     /// How services are spoken on DDS.
-    pub service_mapping: ServiceMapping,
+    pub(crate) service_mapping: ServiceMapping,
     /// Whether the node is its own Zenoh router.
-    pub is_router: bool,
+    pub(crate) is_router: bool,
 }
 
 impl Middleware {
     /// That of the environment's `RMW_IMPLEMENTATION`: Zenoh where it says so, else DDS.
-    pub fn of_environment(variable: &dyn Fn(&str) -> Option<String>) -> Self {
+    pub(crate) fn of_environment(variable: &dyn Fn(&str) -> Option<String>) -> Self {
         match variable("RMW_IMPLEMENTATION").as_deref() {
             Some("rmw_zenoh_cpp") => Self::Zenoh,
             _ => Self::Dds,
@@ -44,7 +44,7 @@ impl Middleware {
     ///
     /// # Errors
     /// A setting that cannot be followed, nobody to join, or a program that was built without this middleware.
-    pub fn join(
+    pub(crate) fn join(
         self,
         node: &NodeIdentity,
         options: JoinOptions,

@@ -3,15 +3,15 @@
 
 pub mod names;
 pub mod arguments;
-pub mod value;
-pub mod table;
-pub mod parameter_file;
-pub mod qos_overrides;
+pub(crate) mod value;
+pub(crate) mod table;
+pub(crate) mod parameter_file;
+pub(crate) mod qos_overrides;
 pub mod parameters;
 pub mod camera_params;
 pub mod node_params;
 pub mod transport;
-pub mod middleware;
+pub(crate) mod middleware;
 #[cfg(feature = "zenoh")]
 pub mod zenoh;
 #[cfg(feature = "dds")]

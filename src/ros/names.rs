@@ -57,12 +57,12 @@ impl NodeNames {
     }
 
     /// The node's name without its namespace.
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
     /// The node's namespace, `/` for none.
-    pub fn namespace(&self) -> &str {
+    pub(crate) fn namespace(&self) -> &str {
         &self.namespace
     }
 
@@ -72,7 +72,7 @@ impl NodeNames {
     }
 
     /// Name of the node's logger: namespace and name with dots, as in `cell.laser_profiler`.
-    pub fn logger(&self) -> String {
+    pub(crate) fn logger(&self) -> String {
         self.fully_qualified().trim_start_matches('/').replace('/', ".")
     }
 
@@ -88,7 +88,7 @@ impl NodeNames {
     ///
     /// # Errors
     /// A name that ROS does not allow.
-    pub fn remapped(&self, topic: &str) -> Result<Option<String>, NameError> {
+    pub(crate) fn remapped(&self, topic: &str) -> Result<Option<String>, NameError> {
         let expanded = self.expand(topic)?;
         for rule in &self.rules {
             if rule.applies_to_node(&self.name) && self.expand(topic_of(rule))? == expanded {

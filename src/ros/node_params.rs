@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use laser_triangulation::{named_enum, parameter_group};
 
-pub use super::camera_params::ImageTransport;
+pub(crate) use super::camera_params::ImageTransport;
 use super::{
     camera_params::CameraParams,
     parameters::{ParameterError, Parameters},

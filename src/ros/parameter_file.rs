@@ -36,31 +36,31 @@ pub enum FileError {
 
 /// One parameter in a file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Setting {
+pub(crate) struct Setting {
     /// Full name, levels joined by dots.
-    pub name: String,
+    pub(crate) name: String,
     /// Its value.
-    pub value: Value,
+    pub(crate) value: Value,
     /// Whether the section names this very node, without a wildcard.
-    pub is_exact: bool,
+    pub(crate) is_exact: bool,
 }
 
 /// What a file holds for one node.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct FileSettings {
+pub(crate) struct FileSettings {
     /// Parameters in the order of the file.
-    pub settings: Vec<Setting>,
+    pub(crate) settings: Vec<Setting>,
     /// Names of all sections, for a warning when none matches.
-    pub sections: Vec<String>,
+    pub(crate) sections: Vec<String>,
     /// Whether some section speaks of this node.
-    pub has_section: bool,
+    pub(crate) has_section: bool,
 }
 
 /// Reads the sections of `path` that speak of the node with that fully qualified name.
 ///
 /// # Errors
 /// A file that cannot be read, is larger than 1 MiB or is no parameter file.
-pub fn read(path: &Path, node: &str) -> Result<FileSettings, FileError> {
+pub(crate) fn read(path: &Path, node: &str) -> Result<FileSettings, FileError> {
     let read = |source| FileError::Read { path: path.to_owned(), source };
     let content = |reason| FileError::Content { path: path.to_owned(), reason };
     let size = std::fs::metadata(path).map_err(read)?.len();

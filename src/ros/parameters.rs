@@ -21,7 +21,7 @@ use super::{
     table::{CAMERA, CAMERAS, NODE},
     value::Value,
 };
-pub use declared::Declared;
+pub(crate) use declared::Declared;
 pub(super) use declared::Section;
 
 /// Longest name of a camera, bytes.
@@ -147,7 +147,12 @@ impl Parameters {
     ///
     /// # Errors
     /// An undeclared name, another type, a value out of range.
-    pub fn set(&mut self, name: &str, value: Value, origin: &str) -> Result<(), ParameterError> {
+    pub(crate) fn set(
+        &mut self,
+        name: &str,
+        value: Value,
+        origin: &str,
+    ) -> Result<(), ParameterError> {
         self.put(name, value, (origin.to_owned(), PathBuf::new()))
     }
 
@@ -155,7 +160,12 @@ impl Parameters {
     ///
     /// # Errors
     /// As there, and a read-only parameter.
-    pub fn change(&mut self, name: &str, value: Value, origin: &str) -> Result<(), ParameterError> {
+    pub(crate) fn change(
+        &mut self,
+        name: &str,
+        value: Value,
+        origin: &str,
+    ) -> Result<(), ParameterError> {
         let Some(declared) = self.get(name) else {
             return Err(unknown(name, origin, self.hint(name)));
         };
@@ -231,7 +241,7 @@ impl Parameters {
     }
 
     /// Names of the cameras, at least one; a single camera without a name is called by the empty text.
-    pub fn cameras(&self) -> &[String] {
+    pub(crate) fn cameras(&self) -> &[String] {
         &self.cameras
     }
 
@@ -241,30 +251,30 @@ impl Parameters {
     }
 
     /// The parameter of that full name.
-    pub fn get(&self, name: &str) -> Option<&Declared> {
+    pub(crate) fn get(&self, name: &str) -> Option<&Declared> {
         self.declared.iter().find(|declared| declared.name == name)
     }
 
     /// Whether a file or option set this parameter.
-    pub fn is_set(&self, name: &str) -> bool {
+    pub(crate) fn is_set(&self, name: &str) -> bool {
         self.get(name).is_some_and(|declared| declared.origin.is_some())
     }
 
     /// The canonical text: a parameter file in the order of [`iter`](Self::iter). Of paths only the file's name, so that
     /// the same settings give the same text on every machine.
-    pub fn to_yaml(&self) -> String {
+    pub(crate) fn to_yaml(&self) -> String {
         to_yaml(self.iter().map(|declared| (declared.name(), declared)))
     }
 
     /// The canonical text of what decides the results of one camera: its parameters by the names that a camera without
     /// a name has. So neither its name nor how results are recorded changes it.
-    pub fn camera_yaml(&self, camera: &str) -> String {
+    pub(crate) fn camera_yaml(&self, camera: &str) -> String {
         let Section(declared) = self.of_camera(camera);
         to_yaml(declared.iter().map(|declared| (declared.row.name, declared)))
     }
 
     /// SHA-256 of [`camera_yaml`](Self::camera_yaml), 64 hexadecimal digits.
-    pub fn camera_sha256(&self, camera: &str) -> String {
+    pub(crate) fn camera_sha256(&self, camera: &str) -> String {
         let digest = Sha256::digest(self.camera_yaml(camera).as_bytes());
         digest.iter().fold(String::with_capacity(64), |mut out, byte| {
             _ = write!(out, "{byte:02x}");

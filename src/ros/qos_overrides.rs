@@ -58,7 +58,7 @@ const POLICIES: &[Parameter] = &[
 
 /// The side of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
+pub(crate) enum Side {
     /// Who sends.
     Publisher,
     /// Who receives.
@@ -67,7 +67,7 @@ pub enum Side {
 
 /// The policies that were set.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct QosOverrides(Vec<Override>);
+pub(crate) struct QosOverrides(Vec<Override>);
 
 #[derive(Clone, Debug, PartialEq)]
 struct Override {
@@ -79,7 +79,7 @@ struct Override {
 
 impl QosOverrides {
     /// The overrides among these values.
-    pub fn of(values: &Parameters) -> Self {
+    pub(crate) fn of(values: &Parameters) -> Self {
         Self::new(values.iter().map(|declared| (declared.name(), declared.value())))
     }
 
@@ -94,7 +94,7 @@ impl QosOverrides {
 
     /// The quality of service of one side of a topic, whose name is absolute and after remapping.
     #[must_use]
-    pub fn apply(&self, topic: &str, side: Side, mut qos: QosProfile) -> QosProfile {
+    pub(crate) fn apply(&self, topic: &str, side: Side, mut qos: QosProfile) -> QosProfile {
         for change in self.0.iter().filter(|change| change.topic == topic && change.side == side) {
             change.apply(&mut qos);
         }

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-pub use laser_triangulation::parameters::{Kind, Parameter};
+pub(crate) use laser_triangulation::parameters::{Kind, Parameter};
 
 use super::{camera_params::CameraParams, node_params::NodeParams};
 
@@ -22,8 +22,8 @@ pub(super) const CAMERAS: &str = "cameras";
 const MAX_CAMERAS: usize = 16;
 
 /// The parameters that a node has once.
-pub static NODE: LazyLock<Vec<Parameter>> =
+pub(crate) static NODE: LazyLock<Vec<Parameter>> =
     LazyLock::new(|| [vec![CAMERAS_ROW], NodeParams::parameters()].concat());
 
 /// The parameters of a camera; with several cameras, each has them under its name.
-pub static CAMERA: LazyLock<Vec<Parameter>> = LazyLock::new(CameraParams::table);
+pub(crate) static CAMERA: LazyLock<Vec<Parameter>> = LazyLock::new(CameraParams::table);

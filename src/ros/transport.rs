@@ -75,7 +75,7 @@ pub enum Fault {
 }
 
 /// Takes what arrives, on a thread of the transport: hands it on and returns at once.
-pub type OnArrival = Box<dyn FnMut(Result<Arrival, Fault>) + Send>;
+pub(crate) type OnArrival = Box<dyn FnMut(Result<Arrival, Fault>) + Send>;
 
 /// Answers a request with the CDR bytes of the response. `None`: the request is malformed and gets no answer. Called on
 /// a thread that serves requests and nothing else: it may take a moment.

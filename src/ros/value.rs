@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-pub use laser_triangulation::parameters::Value;
+pub(crate) use laser_triangulation::parameters::Value;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
 /// A node of a YAML document: mappings in their order.

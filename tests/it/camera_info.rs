@@ -69,7 +69,7 @@ impl Bags {
         let reader = BagReader::open(&self.path("whole"), &ReadOptions::default()).unwrap();
         let path = self.path(name);
         let options = RecordOptions { compression: Compression::None, ..RecordOptions::default() };
-        let mut recorder = Recorder::create(&path, &options).unwrap();
+        let mut recorder = Recorder::create(&path, options).unwrap();
         for topic_name in [INFO_TOPIC, IMAGE_TOPIC] {
             let topic = reader.topics().iter().find(|topic| topic.name == topic_name).unwrap();
             let id = recorder.add_topic(topic).unwrap();

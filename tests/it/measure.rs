@@ -44,7 +44,7 @@ fn record_with(
     std::fs::create_dir_all(directory).unwrap();
     let bag = directory.join("results");
     let options = RecordOptions { compression: Compression::None, force: false };
-    let mut recorder = Recorder::create(&bag, &options).unwrap();
+    let mut recorder = Recorder::create(&bag, options).unwrap();
     let qos = QosProfile::reliable(10);
     let topic = Topic::new("/laser_profiler/points", PointCloud2::TYPE, qos);
     let id = recorder.add_topic(&topic).unwrap();

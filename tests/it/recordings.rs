@@ -102,7 +102,7 @@ pub(crate) fn topic(name: &str, kind: &MessageType) -> Topic {
 /// the file each was complete.
 pub(crate) fn record(directory: &Path, topics: &[Topic], messages: &[Vec<u8>]) -> Vec<u64> {
     let options = RecordOptions { compression: Compression::None, force: false };
-    let mut recorder = Recorder::create(directory, &options).unwrap();
+    let mut recorder = Recorder::create(directory, options).unwrap();
     let ids: Vec<_> = topics.iter().map(|topic| recorder.add_topic(topic).unwrap()).collect();
     let mut ends = Vec::new();
     for (number, message) in messages.iter().enumerate() {

@@ -269,7 +269,7 @@ fn a_page_of_a_thousand_wide_profiles_is_small() {
     let bag = directory.path().join("wide");
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let options = RecordOptions { compression: Compression::None, force: false };
-    let mut recorder = Recorder::create(&bag, &options).unwrap();
+    let mut recorder = Recorder::create(&bag, options).unwrap();
     let id = recorder.add_topic(&topic("/laser_profiler/points", PointCloud2::TYPE)).unwrap();
     let mut data = Vec::new();
     for number in 0..10 {

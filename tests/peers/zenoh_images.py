@@ -97,6 +97,8 @@ def is_over(arguments, received, begin):
     num, quiet = len(received.sequences), now - received.last
     if arguments.count and num >= arguments.count:
         return True
+    if arguments.last and num and max(received.sequences) >= arguments.last:
+        return True
     return (num and quiet > arguments.idle) or now - begin > arguments.seconds + arguments.idle
 
 
@@ -121,7 +123,8 @@ def main():
     parser.add_argument("--fps", type=float, default=22.0)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--count", type=int, default=0, help="messages, instead of --seconds")
-    parser.add_argument("--idle", type=float, default=5.0, help="ends receiving after so many quiet seconds")
+    parser.add_argument("--last", type=int, default=0, help="ends receiving at the message of this sequence number")
+    parser.add_argument("--idle", type=float, default=5.0, help="ends receiving after this many quiet seconds")
     parser.add_argument("--linger", type=float, default=2.0, help="seconds a sender stays behind its last image")
     parser.add_argument("--subscribers", type=int, default=1, help="how many a sender waits for")
     parser.add_argument("--slow", type=float, default=0.0, help="seconds that a receiver takes for each message")

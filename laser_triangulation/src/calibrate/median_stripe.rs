@@ -39,7 +39,7 @@ pub struct GaugePicture {
 impl GaugePicture {
     /// Returns the middle of the picture along the stripe, pixels.
     #[must_use]
-    pub fn middle_px(&self) -> f64 {
+    pub(crate) fn middle_px(&self) -> f64 {
         let [width, height] = self.size_px;
         let length = match self.direction {
             StripeDirection::Horizontal => width,

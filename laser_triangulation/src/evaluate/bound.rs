@@ -32,13 +32,13 @@ pub enum Samples {
 
 /// A camera's noise, grey levels of its bit depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SensorNoise {
+pub(crate) struct SensorNoise {
     /// Standard deviation of the read noise.
-    pub read_noise: f64,
+    pub(crate) read_noise: f64,
     /// Variance of the shot noise per grey level.
-    pub shot_gain: f64,
+    pub(crate) shot_gain: f64,
     /// Level at which samples are clipped.
-    pub full_scale: f64,
+    pub(crate) full_scale: f64,
 }
 
 /// Returns the bound for a scene's stripe in one column, pixels: the root mean square over all sub-pixel phases. A
@@ -63,7 +63,7 @@ pub fn of_scene(scene: &StripeScene, slope_px: f64, samples: Samples) -> f64 {
 }
 
 /// Returns the smallest standard deviation of the centre of a cross-section over an even background, pixels.
-pub fn center_sigma_px(
+pub(crate) fn center_sigma_px(
     section: &CrossSection,
     background: f64,
     noise: &SensorNoise,
@@ -112,7 +112,7 @@ impl SensorNoise {
 }
 
 /// Returns the Fisher information about the expected level in one rounded and clipped sample: see [`Samples::Exact`].
-pub fn exact_information(level: f64, noise: &SensorNoise) -> f64 {
+pub(crate) fn exact_information(level: f64, noise: &SensorNoise) -> f64 {
     let sigma = noise.variance(level).sqrt();
     let sigma_by_level = if level > 0.0 { noise.shot_gain / (2.0 * sigma) } else { 0.0 };
     let reach = REACH_SIGMAS * sigma + 1.0;

@@ -47,11 +47,11 @@ const GRAIN_PX: f64 = 1.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// Name of the scene.
-    pub name: String,
+    pub(crate) name: String,
     /// Value of the varied quantity; NaN if none is varied.
-    pub value: f64,
+    pub(crate) value: f64,
     /// The scene.
-    pub scene: Scene,
+    pub(crate) scene: Scene,
 }
 
 /// Results of an experiment, scene by scene.

@@ -2,21 +2,21 @@
 //! 2023.
 //! Pure: a result is a function of the scene, the seed and the parameters.
 //!
-//! Ground truth never comes from the extractor: [`scene`] renders stripes around known centres, and a recording of
+//! Ground truth never comes from the extractor: `scene` renders stripes around known centres, and a recording of
 //! `laser_profiler simulate` carries its own ground truth. [`bound`] gives the smallest possible error.
 //!
 //! | file | content |
 //! |---|---|
 //! | [`statistics`] | errors as a few numbers |
 //! | [`bound`] | the Cramér–Rao bound of the centre |
-//! | [`scene`], [`trial`] | a stripe with known centres, and the methods on it |
+//! | `scene`, [`trial`] | a stripe with known centres, and the methods on it |
 //! | [`experiment`], [`locking`], [`edge`], [`smoothing`] | the experiments |
 //! | [`paper`], [`table3`], [`added_noise`] | the protocol of the paper, its numbers, its noise |
 
 pub mod statistics;
-pub mod normal;
+pub(crate) mod normal;
 pub mod bound;
-pub mod scene;
+pub(crate) mod scene;
 pub mod trial;
 pub mod experiment;
 pub mod locking;

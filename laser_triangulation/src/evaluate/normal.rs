@@ -3,13 +3,13 @@
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// Returns φ, the density at `x`.
-pub fn density(x: f64) -> f64 {
+pub(crate) fn density(x: f64) -> f64 {
     libm::exp(-0.5 * x * x) / TAU.sqrt()
 }
 
 /// Returns the probability between `from` and `to`. It stays accurate if both lie far out on the same side. Infinite
 /// ends are allowed.
-pub fn share_between(from: f64, to: f64) -> f64 {
+pub(crate) fn share_between(from: f64, to: f64) -> f64 {
     // Subtracts small tails, not numbers near one.
     let tail = |x: f64| 0.5 * libm::erfc(x * FRAC_1_SQRT_2);
     if from > 0.0 { tail(from) - tail(to) } else { tail(-to) - tail(-from) }

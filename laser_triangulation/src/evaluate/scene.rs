@@ -21,7 +21,7 @@ const SUB_COLUMNS: u32 = 16;
 
 /// The centre of the stripe as a function of the column, pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Course {
+pub(crate) enum Course {
     /// A slow wave that covers every sub-pixel phase many times: 110 + 0.0137 u + 4 sin(u / 211).
     Wave,
     /// Constant.
@@ -49,7 +49,7 @@ pub enum Course {
 
 impl Course {
     /// Returns the centre of the stripe at a position along it.
-    pub fn center_px(&self, column: f64) -> f64 {
+    pub(crate) fn center_px(&self, column: f64) -> f64 {
         match *self {
             Self::Wave => 110.0 + 0.0137 * column + 4.0 * libm::sin(column / 211.0),
             Self::Level { center_px } => center_px,
@@ -61,7 +61,7 @@ impl Course {
     }
 
     /// Returns the rise, pixels per column, where it matters within a column.
-    pub const fn slope_px(&self) -> f64 {
+    pub(crate) const fn slope_px(&self) -> f64 {
         match *self {
             Self::Slope { rise_px, .. } => rise_px,
             _ => 0.0,
@@ -72,13 +72,13 @@ impl Course {
 /// One stripe in 8-bit images: light, course and speckle. Frames of a scene differ only in their noise and in their
 /// speckle pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scene {
+pub(crate) struct Scene {
     /// Size, light and noise. The stripe runs from left to right.
-    pub stripe: StripeScene,
+    pub(crate) stripe: StripeScene,
     /// Centre of the stripe.
-    pub course: Course,
+    pub(crate) course: Course,
     /// Speckle of the stripe.
-    pub speckle: Option<Speckle>,
+    pub(crate) speckle: Option<Speckle>,
 }
 
 impl Scene {
@@ -86,7 +86,7 @@ impl Scene {
     ///
     /// A sloping stripe has the standard deviation `sigma_px` at right angles to its course; its light is integrated
     /// over the pixels in both directions.
-    pub fn render(&self, number: u32, picture: &mut Picture) {
+    pub(crate) fn render(&self, number: u32, picture: &mut Picture) {
         let StripeScene { width, height, amplitude, sigma_px, background, .. } = self.stripe;
         let mut rng = frame_rng(self.stripe.seed, u64::from(number));
         let exposure = &mut picture.exposure;
@@ -119,7 +119,7 @@ impl Scene {
 
 /// A rendered frame.
 #[derive(Debug, Default)]
-pub struct Picture {
+pub(crate) struct Picture {
     exposure: Exposure,
     samples: Vec<u8>,
     size_px: (usize, usize),
@@ -127,7 +127,7 @@ pub struct Picture {
 
 impl Picture {
     /// Its samples.
-    pub fn plane(&self) -> AnyPlane<'_> {
+    pub(crate) fn plane(&self) -> AnyPlane<'_> {
         let (width, height) = self.size_px;
         AnyPlane::Eight(Plane { width, height, stride: width, samples: &self.samples })
     }

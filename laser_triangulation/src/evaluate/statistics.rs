@@ -15,9 +15,9 @@ const MAX_LAG: usize = 64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
     /// Measured − true position across the stripe, pixels.
-    pub error_px: f64,
+    pub(crate) error_px: f64,
     /// The standard deviation that the method reports, pixels; NaN if it reports none.
-    pub sigma_px: f64,
+    pub(crate) sigma_px: f64,
 }
 
 /// Accuracy of a method over many columns. Shares are 0 … 1, NaN if there was nothing to count.
@@ -145,7 +145,7 @@ impl Tally {
 /// length of a uniform mean with the same noise. ρₖ is estimated from `noise`: rows of errors of neighbouring columns
 /// without their systematic part, NaN if missing. The sum ends where the correlation is no longer significant. NaN
 /// without noise.
-pub fn columns_averaged(noise: &[Vec<f64>]) -> f64 {
+pub(crate) fn columns_averaged(noise: &[Vec<f64>]) -> f64 {
     let (variance, _) = mean_product(noise, 0);
     if variance.is_nan() || variance <= 0.0 {
         return f64::NAN;

@@ -56,7 +56,7 @@ pub fn deviation(point: Option<Point>, truth_px: f64) -> Option<Deviation> {
 
 /// Renders frames of a scene and passes on, for each frame and method, the points by column: `(frame, method, points)`,
 /// where `method` is the index in the plan.
-pub fn centerlines(
+pub(crate) fn centerlines(
     plan: &Plan,
     scene: &Scene,
     frames: u32,
@@ -87,7 +87,7 @@ pub fn centerlines(
 }
 
 /// Returns the accuracy of each method and the number of columns it averages, without the [`BORDER_COLUMNS`].
-pub fn run(plan: &Plan, scene: &Scene) -> Vec<(Accuracy, f64)> {
+pub(crate) fn run(plan: &Plan, scene: &Scene) -> Vec<(Accuracy, f64)> {
     let mut tallies = vec![Tally::default(); plan.methods.len()];
     let mut errors: Vec<Vec<Vec<f64>>> = vec![Vec::new(); plan.methods.len()];
     let counted = BORDER_COLUMNS..(scene.stripe.width as usize).saturating_sub(BORDER_COLUMNS);

@@ -1,6 +1,6 @@
 //! Deviations of a part's upper side from its smooth shape: connected areas above or below a surface of second order.
 //!
-//! 1. The part is separated from the table ([`on_part`]).
+//! 1. The part is separated from the table (`on_part`).
 //! 2. A surface of second order is fitted to it by least squares, again and again without the outliers.
 //! 3. Neighbouring points that leave this reference on the same side by more than a threshold form an area.
 //! 4. An area that reaches the edge of the part belongs to the part's shape and is dropped; so is a small one.

@@ -14,7 +14,7 @@ pub struct Form {
 /// Returns the form deviations of residuals, in metres; `effective` of the residuals are independent. `None` for fewer
 /// than 20.
 #[must_use]
-pub fn form(residuals: &[f64], effective: f64) -> Option<Form> {
+pub(crate) fn form(residuals: &[f64], effective: f64) -> Option<Form> {
     let mut sorted: Vec<f64> = residuals.iter().copied().filter(|r| r.is_finite()).collect();
     let num = sorted.len();
     if num < 20 {

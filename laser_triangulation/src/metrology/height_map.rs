@@ -18,7 +18,7 @@ use thiserror::Error;
 use super::surface::{Region, is_measured};
 
 /// Largest number of cells of a grid: with its sums it takes 1 GiB.
-pub const MAX_CELLS: u64 = 1 << 26;
+pub(crate) const MAX_CELLS: u64 = 1 << 26;
 /// Coarsest and finest lattice in a cell, per side.
 const MIN_SAMPLES: u32 = 3;
 const MAX_SAMPLES: u32 = 8;

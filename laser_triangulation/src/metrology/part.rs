@@ -7,7 +7,7 @@ use super::surface::Surface;
 /// Returns, for every point in order, true if it lies on the part: it was measured, and it is nearer to the highest
 /// point of the scan than to height 0, the table.
 #[must_use]
-pub fn on_part(surface: &Surface) -> Vec<bool> {
+pub(crate) fn on_part(surface: &Surface) -> Vec<bool> {
     let top_m = surface.measured().map(|(_, point)| point.z).reduce(f64::max);
     let limit_m = top_m.map_or(f64::INFINITY, |top_m| 0.5 * top_m);
     surface.points.iter().map(|point| point.z > limit_m).collect()

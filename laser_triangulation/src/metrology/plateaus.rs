@@ -65,9 +65,9 @@ fn listed(places: &[[i64; 2]]) -> String {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Piece {
     /// From border to border.
-    pub whole: Range<usize>,
+    pub(crate) whole: Range<usize>,
     /// Without the outer sixths, which blur and the edges of the gauge spoil.
-    pub inner: Range<usize>,
+    pub(crate) inner: Range<usize>,
 }
 
 /// Cuts a line into `count` plateaus: pieces that are straight, perhaps inclined, with a jump at every border.

@@ -21,24 +21,24 @@ const ROUNDING: f64 = 1e-12;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Equation<const P: usize> {
     /// Coefficients.
-    pub row: SVector<f64, P>,
+    pub(crate) row: SVector<f64, P>,
     /// Right-hand side.
-    pub value: f64,
+    pub(crate) value: f64,
 }
 
 /// A robust solution.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Fit<const P: usize> {
     /// The solution.
-    pub x: SVector<f64, P>,
+    pub(crate) x: SVector<f64, P>,
     /// Residuals, in the order of the equations: value - row · x.
-    pub residuals: Vec<f64>,
+    pub(crate) residuals: Vec<f64>,
     /// Tukey's weights, 0 to 1; 0: an outlier.
-    pub weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
     /// Robust standard deviation of the residuals, in their unit.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// Covariance of `x` for independent residuals of any spread.
-    pub covariance: SMatrix<f64, P, P>,
+    pub(crate) covariance: SMatrix<f64, P, P>,
 }
 
 /// Solves by iteratively reweighted least squares with Tukey's biweight (Holland and Welsch 1977). Starts from the

@@ -13,7 +13,7 @@ pub enum AxisKind {
 
 impl AxisKind {
     /// Returns the name in files.
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Prismatic => "prismatic",
             Self::Revolute => "revolute",
@@ -21,7 +21,7 @@ impl AxisKind {
     }
 
     /// Returns the kind with that name.
-    pub fn from_name(name: &str) -> Option<Self> {
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
         [Self::Prismatic, Self::Revolute].into_iter().find(|kind| kind.name() == name)
     }
 }

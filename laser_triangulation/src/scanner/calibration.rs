@@ -178,15 +178,15 @@ impl Calibration {
 
 /// A point of the laser plane and its derivative with respect to the image position across the stripe.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlacedPoint {
+pub(crate) struct PlacedPoint {
     /// Along the stripe, metres.
-    pub x_m: f64,
+    pub(crate) x_m: f64,
     /// Height, metres.
-    pub z_m: f64,
+    pub(crate) z_m: f64,
     /// dx/d(pixel across the stripe), metres a pixel.
-    pub x_m_per_px: f64,
+    pub(crate) x_m_per_px: f64,
     /// dz/d(pixel across the stripe), metres a pixel.
-    pub z_m_per_px: f64,
+    pub(crate) z_m_per_px: f64,
 }
 
 #[cfg(test)]

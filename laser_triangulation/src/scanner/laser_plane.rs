@@ -14,7 +14,7 @@ pub struct LaserPlane {
 }
 
 impl LaserPlane {
-    /// The [`perpendicular_basis`] of the normal: the tilts a and b of a normal move it to n + a t₁ + b t₂.
+    /// The `perpendicular_basis` of the normal: the tilts a and b of a normal move it to n + a t₁ + b t₂.
     pub fn tangents(&self) -> [Vector3<f64>; 2] {
         perpendicular_basis(&self.normal)
     }

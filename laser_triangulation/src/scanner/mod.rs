@@ -5,7 +5,7 @@
 pub mod image;
 mod plane;
 pub mod channel;
-pub mod ambient;
+pub(crate) mod ambient;
 pub mod coverage;
 pub mod stripe;
 pub mod exposure_pair;
@@ -13,7 +13,7 @@ pub mod axis;
 pub mod calibration;
 pub mod camera;
 pub mod laser_plane;
-pub mod pose;
+pub(crate) mod pose;
 pub mod profile;
 pub mod motion;
 pub mod frame_index;

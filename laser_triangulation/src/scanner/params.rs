@@ -277,7 +277,7 @@ pub struct FullScaleError {
 
 impl Params {
     /// Where slices and scans end.
-    pub const fn scan_limits(&self) -> ScanLimits {
+    pub(crate) const fn scan_limits(&self) -> ScanLimits {
         ScanLimits {
             slice_profiles: self.slice_profiles,
             slice_points: self.slice_max_points,

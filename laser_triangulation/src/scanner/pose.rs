@@ -9,7 +9,7 @@ use super::{
 
 /// Returns two unit vectors perpendicular to a unit vector and to each other: `first × second = normal`. The first lies
 /// as near to x as possible, or to y if the normal is almost x.
-pub fn perpendicular_basis(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
+pub(crate) fn perpendicular_basis(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let near = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let first = (near - normal * normal.dot(&near)).normalize();
     [first, normal.cross(&first)]

@@ -24,7 +24,7 @@ pub struct Profile {
 
 impl Profile {
     /// `length` entries, none of them measured; keeps the memory.
-    pub fn reset(&mut self, length: usize) {
+    pub(crate) fn reset(&mut self, length: usize) {
         for values in [&mut self.x_m, &mut self.z_m, &mut self.sigma_x_m, &mut self.sigma_z_m] {
             values.clear();
             values.resize(length, f32::NAN);

@@ -30,44 +30,44 @@ pub struct Camera {
     pub height_px: u32,
     /// Bits per sample: 8, 12 or 16.
     #[serde(default)]
-    pub bit_depth: BitDepth,
+    pub(crate) bit_depth: BitDepth,
     /// Direction of the stripe.
     #[serde(default = "horizontal", deserialize_with = "direction")]
-    pub stripe_direction: StripeDirection,
+    pub(crate) stripe_direction: StripeDirection,
     /// Standard deviation of the read noise, grey levels.
     #[serde(default)]
-    pub read_noise: f64,
+    pub(crate) read_noise: f64,
     /// Variance of the shot noise per grey level, grey levels.
     #[serde(default)]
-    pub shot_gain: f64,
+    pub(crate) shot_gain: f64,
     /// a: from the lens centre to the image, metres.
-    pub image_distance_m: f64,
+    pub(crate) image_distance_m: f64,
     /// b: from the base point to the lens centre, metres.
-    pub object_distance_m: f64,
+    pub(crate) object_distance_m: f64,
     /// β: angle between laser and camera axis, radians.
-    pub beta_rad: f64,
+    pub(crate) beta_rad: f64,
     /// Pixel pitch on the sensor, metres.
-    pub pixel_pitch_m: f64,
+    pub(crate) pixel_pitch_m: f64,
     /// Row (column, for a vertical stripe) of the base line, at height 0, pixels.
-    pub base_row_px: f64,
+    pub(crate) base_row_px: f64,
     /// Column (row, for a vertical stripe) of the optical axis, pixels.
-    pub center_column_px: f64,
+    pub(crate) center_column_px: f64,
     /// 1 if heights grow with the row (column, for a vertical stripe), -1 if they fall.
-    pub height_sign: i8,
+    pub(crate) height_sign: i8,
 }
 
 /// A point in the laser plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlanePoint {
+pub(crate) struct PlanePoint {
     /// Along the stripe, metres.
-    pub x_m: f64,
+    pub(crate) x_m: f64,
     /// Above the table, metres.
-    pub height_m: f64,
+    pub(crate) height_m: f64,
 }
 
 impl Camera {
     /// Returns the number of pixels along the stripe, which is the number of its cross-sections.
-    pub const fn length_px(&self) -> u32 {
+    pub(crate) const fn length_px(&self) -> u32 {
         match self.stripe_direction {
             StripeDirection::Horizontal => self.width_px,
             StripeDirection::Vertical => self.height_px,
@@ -75,7 +75,7 @@ impl Camera {
     }
 
     /// Returns the number of pixels across the stripe.
-    pub const fn across_px(&self) -> u32 {
+    pub(crate) const fn across_px(&self) -> u32 {
         match self.stripe_direction {
             StripeDirection::Horizontal => self.height_px,
             StripeDirection::Vertical => self.width_px,
@@ -83,12 +83,12 @@ impl Camera {
     }
 
     /// Returns the sensor.
-    pub const fn sensor(&self) -> Sensor {
+    pub(crate) const fn sensor(&self) -> Sensor {
         Sensor { bit_depth: self.bit_depth, read_noise: self.read_noise, shot_gain: self.shot_gain }
     }
 
     /// Returns the image (column, row) of a point of the laser plane; (row, column) for a vertical stripe.
-    pub fn project(&self, point: PlanePoint) -> (f64, f64) {
+    pub(crate) fn project(&self, point: PlanePoint) -> (f64, f64) {
         let depth_m = self.depth_m(point.height_m);
         let across_m = self.image_distance_m * point.height_m * libm::sin(self.beta_rad) / depth_m;
         let along_m = self.image_distance_m * point.x_m / depth_m;
@@ -100,7 +100,12 @@ impl Camera {
 
     /// Returns the point of the part that the laser lights at `position_m` and that `column` shows; `None` if the part
     /// hides it from the camera or the column shows a wall. If a column shows two lit points, the higher one counts.
-    pub fn lit_point(&self, part: &Part, position_m: f64, column: u32) -> Option<PlanePoint> {
+    pub(crate) fn lit_point(
+        &self,
+        part: &Part,
+        position_m: f64,
+        column: u32,
+    ) -> Option<PlanePoint> {
         let offset_m = (f64::from(column) - self.center_column_px) * self.pixel_pitch_m;
         let x_at = |height_m: f64| offset_m * self.depth_m(height_m) / self.image_distance_m;
         let mut height_m = part.ceiling_m();

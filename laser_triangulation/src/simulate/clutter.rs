@@ -9,53 +9,53 @@ use super::scenario_error::{ScenarioError, check_entries, check_range};
 #[serde(deny_unknown_fields, default)]
 pub struct Clutter {
     /// Grey level of the ambient light in the middle of the image.
-    pub ambient: f64,
+    pub(crate) ambient: f64,
     /// Increase from the first to the last column, grey levels.
-    pub ambient_gain_across_columns: f64,
+    pub(crate) ambient_gain_across_columns: f64,
     /// Increase from the first to the last row, grey levels.
-    pub ambient_gain_across_rows: f64,
+    pub(crate) ambient_gain_across_rows: f64,
     /// Weaker copies of the stripe.
-    pub reflections: Vec<Reflection>,
+    pub(crate) reflections: Vec<Reflection>,
     /// Bright round spots.
-    pub spots: Vec<Spot>,
+    pub(crate) spots: Vec<Spot>,
 }
 
 /// A weaker copy of the stripe, as a glossy part reflects it.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Reflection {
+pub(crate) struct Reflection {
     /// Distance from the stripe, pixels; positive towards higher rows (columns, for a vertical stripe).
-    pub offset_px: f64,
+    pub(crate) offset_px: f64,
     /// Brightness as a share of the stripe's.
-    pub share: f64,
+    pub(crate) share: f64,
     /// First column (row, for a vertical stripe) in which it is visible.
-    pub first: u32,
+    pub(crate) first: u32,
     /// Last column (row, for a vertical stripe) in which it is visible.
-    pub last: u32,
+    pub(crate) last: u32,
 }
 
 /// A round Gaussian spot at a fixed position.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Spot {
+pub(crate) struct Spot {
     /// Column of its centre, pixels.
-    pub column_px: f64,
+    pub(crate) column_px: f64,
     /// Row of its centre, pixels.
-    pub row_px: f64,
+    pub(crate) row_px: f64,
     /// Standard deviation, pixels.
-    pub sigma_px: f64,
+    pub(crate) sigma_px: f64,
     /// Grey level at its centre.
-    pub level: f64,
+    pub(crate) level: f64,
     /// First frame in which it is visible.
-    pub first_frame: u32,
+    pub(crate) first_frame: u32,
     /// Last frame in which it is visible.
-    pub last_frame: u32,
+    pub(crate) last_frame: u32,
 }
 
 impl Clutter {
     /// Returns the grey level at (column, row) of an image of `size_px` (width, height) in a frame, without
     /// reflections.
-    pub fn level(&self, frame: u32, size_px: [u32; 2], at_px: [u32; 2]) -> f64 {
+    pub(crate) fn level(&self, frame: u32, size_px: [u32; 2], at_px: [u32; 2]) -> f64 {
         // From -½ at the first to ½ at the last pixel.
         let [u, v] = [0, 1].map(|axis| {
             f64::from(at_px[axis]) / f64::from(size_px[axis].saturating_sub(1).max(1)) - 0.5

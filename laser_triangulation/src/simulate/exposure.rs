@@ -48,7 +48,7 @@ impl Exposure {
     }
 
     /// Multiplies each pixel, row by row, by its factor; pixels beyond the last factor stay unchanged.
-    pub fn multiply(&mut self, factors: &[f32]) {
+    pub(crate) fn multiply(&mut self, factors: &[f32]) {
         for (pixel, factor) in self.levels.iter_mut().zip(factors) {
             *pixel *= factor;
         }

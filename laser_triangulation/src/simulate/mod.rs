@@ -5,15 +5,15 @@
 //! tests and benchmarks.
 
 pub mod scenario;
-pub mod scenario_error;
+pub(crate) mod scenario_error;
 pub mod scene;
 pub mod rig;
-pub mod part;
-pub mod camera;
-pub mod clutter;
+pub(crate) mod part;
+pub(crate) mod camera;
+pub(crate) mod clutter;
 pub mod exposure;
 pub mod noise;
-pub mod speckle;
+pub(crate) mod speckle;
 pub mod sensor;
 pub mod stripe;
 pub mod texture;

@@ -23,13 +23,13 @@ pub struct Part {
 #[serde(deny_unknown_fields)]
 pub struct Cell {
     /// Size along the stripe, metres.
-    pub width_m: f64,
+    pub(crate) width_m: f64,
     /// Size along the motion, metres.
-    pub length_m: f64,
+    pub(crate) length_m: f64,
     /// Height, metres.
-    pub height_m: f64,
+    pub(crate) height_m: f64,
     /// Brightness of the stripe on the bare cell as a share of the laser's amplitude.
-    pub reflectance: f64,
+    pub(crate) reflectance: f64,
 }
 
 /// A film on top of the cell; the heights of its defects add up.
@@ -61,11 +61,11 @@ pub struct Film {
 #[serde(deny_unknown_fields)]
 pub struct Warp {
     /// Height of the edges parallel to the motion over the middle, metres.
-    pub bow_x_m: f64,
+    pub(crate) bow_x_m: f64,
     /// Height of the first and last edge over the middle, metres.
-    pub bow_y_m: f64,
+    pub(crate) bow_y_m: f64,
     /// Height of two opposite corners, metres; the other two are as much lower.
-    pub twist_m: f64,
+    pub(crate) twist_m: f64,
 }
 
 /// A raised spherical cap.
@@ -138,7 +138,7 @@ impl Part {
     }
 
     /// Returns a height above every point of the surface, metres.
-    pub fn ceiling_m(&self) -> f64 {
+    pub(crate) fn ceiling_m(&self) -> f64 {
         let film = &self.film;
         let warp = &film.warp;
         self.cell.height_m

@@ -27,8 +27,8 @@ use crate::scanner::{
     params::StripeDirection,
 };
 
-pub use boards::Boards;
-pub use gauge::{Gauge, Shape};
+pub(crate) use boards::Boards;
+pub(crate) use gauge::Gauge;
 pub use lens::Lens;
 
 /// A recording of a gauge that moves through the laser plane, or of boards held in front of the camera.
@@ -66,22 +66,22 @@ pub struct Rig {
     pub height_px: u32,
     /// Bits per sample: 8, 12 or 16.
     #[serde(default)]
-    pub bit_depth: BitDepth,
+    pub(crate) bit_depth: BitDepth,
     /// Standard deviation of the read noise, grey levels.
     #[serde(default)]
-    pub read_noise: f64,
+    pub(crate) read_noise: f64,
     /// Variance of the shot noise per grey level, grey levels.
     #[serde(default)]
-    pub shot_gain: f64,
+    pub(crate) shot_gain: f64,
     /// Lens and sensor.
     pub lens: Lens,
     /// Normal of the laser plane in the camera's frame; of any length.
-    pub laser_normal: [f64; 3],
+    pub(crate) laser_normal: [f64; 3],
     /// Distance from the lens to the laser plane, metres.
-    pub laser_distance_m: f64,
+    pub(crate) laser_distance_m: f64,
     /// `vertical` if the stripe runs from top to bottom.
     #[serde(default)]
-    pub is_vertical: bool,
+    pub(crate) is_vertical: bool,
 }
 
 const fn still() -> Motion {
@@ -90,7 +90,7 @@ const fn still() -> Motion {
 
 impl Rig {
     /// Returns the direction of the stripe.
-    pub const fn stripe_direction(&self) -> StripeDirection {
+    pub(crate) const fn stripe_direction(&self) -> StripeDirection {
         if self.is_vertical { StripeDirection::Vertical } else { StripeDirection::Horizontal }
     }
 
@@ -104,7 +104,7 @@ impl Rig {
     }
 
     /// Returns the result of a perfect calibration, with the axis that moves the gauge.
-    pub fn calibration(&self) -> CameraAndPlane {
+    pub(crate) fn calibration(&self) -> CameraAndPlane {
         let Lens { focal_px, center_px, tilt_rad, .. } = self.lens;
         let geometry = geometry::World::new(self);
         CameraAndPlane {

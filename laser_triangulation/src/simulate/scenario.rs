@@ -62,15 +62,15 @@ pub struct Motion {
 #[serde(deny_unknown_fields)]
 pub struct Laser {
     /// Peak grey level on a surface of reflectance 1, for infinitely small pixels.
-    pub amplitude: f64,
+    pub(crate) amplitude: f64,
     /// Standard deviation across the stripe, pixels.
-    pub sigma_px: f64,
+    pub(crate) sigma_px: f64,
     /// Standard deviation of the brightness along the stripe as a share of its mean.
     #[serde(default)]
-    pub speckle_contrast: f64,
+    pub(crate) speckle_contrast: f64,
     /// Standard deviation of the Gaussian that smooths the speckle along the stripe, pixels; 0: white speckle.
     #[serde(default)]
-    pub speckle_sigma_px: f64,
+    pub(crate) speckle_sigma_px: f64,
 }
 
 impl Scenario {
@@ -95,7 +95,7 @@ impl Scenario {
     }
 
     /// Returns the light of a frame as a share of the stated levels.
-    pub fn exposure_factor(&self, frame: u32) -> f64 {
+    pub(crate) fn exposure_factor(&self, frame: u32) -> f64 {
         let factors = &self.exposure_factors;
         if factors.is_empty() { 1.0 } else { factors[frame as usize % factors.len()] }
     }

@@ -9,16 +9,16 @@ use rand_distr::{Distribution, StandardNormal};
 
 /// Speckle across an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Speckle {
+pub(crate) struct Speckle {
     /// Standard deviation of the brightness over its mean, 0 … 1.
-    pub contrast: f64,
+    pub(crate) contrast: f64,
     /// Size of a grain, pixels: brightness at a distance d correlates with exp(−d² / (2 · `grain_px`²)).
-    pub grain_px: f64,
+    pub(crate) grain_px: f64,
 }
 
 impl Speckle {
     /// Returns the brightness of every pixel of an image, row by row, as a share of the mean.
-    pub fn pattern(&self, rng: &mut impl Rng, (width, height): (usize, usize)) -> Vec<f32> {
+    pub(crate) fn pattern(&self, rng: &mut impl Rng, (width, height): (usize, usize)) -> Vec<f32> {
         let kernel = kernel(self.grain_px);
         let mut part = || field(rng, (width, height), &kernel);
         let (real, imaginary) = (part(), part());
@@ -32,7 +32,7 @@ impl Speckle {
     ///
     /// With weights w = N(0, s²) and the covariance above, Var = C² ∬ x y w(x) w(y) exp(−(x − y)² / 2g²) dx dy
     /// = C² s² k (1 − k²) / 2 with k² = g² / (g² + 2 s²).
-    pub fn centroid_sigma_px(&self, sigma_px: f64) -> f64 {
+    pub(crate) fn centroid_sigma_px(&self, sigma_px: f64) -> f64 {
         let grain = self.grain_px * self.grain_px;
         let k2 = grain / (grain + 2.0 * sigma_px * sigma_px);
         self.contrast * sigma_px * (0.5 * k2.sqrt() * (1.0 - k2)).sqrt()

@@ -173,7 +173,7 @@ fn recovering_skips_the_damage_and_keeps_the_rest() {
     bytes.truncate(chunks[6] + 60);
     let directory = tempfile::tempdir().unwrap();
     let (path, output) = (bare(directory.path(), &bytes), directory.path().join("whole"));
-    let recovery = recover(&path, &output, &RecoverOptions::default()).unwrap();
+    let recovery = recover(&path, &output, RecoverOptions::default()).unwrap();
     let offsets: Vec<_> = recovery.damaged.iter().map(|range| range.offset).collect();
     assert_eq!(offsets, [chunks[2] as u64, chunks[6] as u64]);
     assert_eq!(recovery.damaged[0].end, chunks[3] as u64);
@@ -191,7 +191,7 @@ fn recovering_skips_the_damage_and_keeps_the_rest() {
     assert_eq!(assert_subset(&messages), 8);
     assert!(fs::read(&path).unwrap() == bytes, "the input is untouched");
     assert!(
-        recover(&output, &output, &RecoverOptions { force: true, compression: None }).is_err(),
+        recover(&output, &output, RecoverOptions { force: true, compression: None }).is_err(),
         "the output would replace the input"
     );
 }
@@ -201,7 +201,7 @@ fn recovering_an_intact_bag_copies_it() {
     let directory = tempfile::tempdir().unwrap();
     let (input, output) = (directory.path().join("bag"), directory.path().join("copy").join("bag"));
     record(&input, Compression::Zstd, &small_entries(), 2);
-    assert!(recover(&input, &output, &RecoverOptions::default()).unwrap().damaged.is_empty());
+    assert!(recover(&input, &output, RecoverOptions::default()).unwrap().damaged.is_empty());
     let [original, copy] =
         [&input, &output].map(|bag| read_all(bag, &ReadOptions::default()).unwrap().0);
     assert_eq!(original, copy);

@@ -71,7 +71,7 @@ pub(super) fn record(
     flush_every: usize,
 ) -> RecordSummary {
     let mut recorder =
-        Recorder::create(directory, &RecordOptions { compression, force: false }).unwrap();
+        Recorder::create(directory, RecordOptions { compression, force: false }).unwrap();
     let topics =
         ["/image_raw", "/profile", "/silent"].map(|name| recorder.add_topic(&topic(name)).unwrap());
     recorder.attach(&calibration()).unwrap();

@@ -40,7 +40,7 @@ fn every_compression_brings_back_topics_messages_attachments_and_metadata() {
 fn no_chunk_is_without_messages() {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("bag");
-    let mut recorder = Recorder::create(&output, &RecordOptions::default()).unwrap();
+    let mut recorder = Recorder::create(&output, RecordOptions::default()).unwrap();
     let first = recorder.add_topic(&topic("/image_raw")).unwrap();
     recorder.metadata(&parameters()).unwrap();
     recorder.flush().unwrap();
@@ -146,10 +146,10 @@ fn an_existing_output_is_replaced_only_when_forced_and_only_when_a_bag() {
     fs::write(output.join("notes.txt"), "mine").unwrap();
     let force = RecordOptions { force: true, ..RecordOptions::default() };
     assert!(matches!(
-        Recorder::create(&output, &RecordOptions::default()),
+        Recorder::create(&output, RecordOptions::default()),
         Err(RecordError::Exists(_))
     ));
-    let summary = Recorder::create(&output, &force).unwrap().finish().unwrap();
+    let summary = Recorder::create(&output, force).unwrap().finish().unwrap();
     assert_eq!(summary.messages, 0);
     assert_eq!(fs::read_to_string(output.join("notes.txt")).unwrap(), "mine");
     assert!(read_all(&output, &ReadOptions::default()).unwrap().0.is_empty());
@@ -159,7 +159,7 @@ fn an_existing_output_is_replaced_only_when_forced_and_only_when_a_bag() {
     fs::write(foreign.join("thesis.tex"), "years").unwrap();
     for output in [foreign.clone(), foreign.join("thesis.tex")] {
         assert!(
-            matches!(Recorder::create(&output, &force), Err(RecordError::NotABag(_))),
+            matches!(Recorder::create(&output, force), Err(RecordError::NotABag(_))),
             "{output:?}"
         );
     }
@@ -170,7 +170,7 @@ fn an_existing_output_is_replaced_only_when_forced_and_only_when_a_bag() {
 fn a_wrong_call_is_refused_and_harms_nothing() {
     let directory = tempfile::tempdir().unwrap();
     let mut recorder =
-        Recorder::create(&directory.path().join("bag"), &RecordOptions::default()).unwrap();
+        Recorder::create(&directory.path().join("bag"), RecordOptions::default()).unwrap();
     let id = recorder.add_topic(&topic("/a")).unwrap();
     assert_eq!(recorder.add_topic(&topic("/a")).unwrap(), id);
     let other = Topic { type_name: "std_msgs/msg/Empty".into(), ..topic("/a") };
@@ -216,7 +216,7 @@ proptest! {
 fn more_topics_than_the_format_holds_are_refused() {
     let directory = tempfile::tempdir().unwrap();
     let mut recorder =
-        Recorder::create(&directory.path().join("bag"), &RecordOptions::default()).unwrap();
+        Recorder::create(&directory.path().join("bag"), RecordOptions::default()).unwrap();
     // Without a schema: only their number matters.
     let topic = |number: usize| Topic {
         type_name: String::new(),

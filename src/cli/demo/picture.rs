@@ -25,7 +25,7 @@ const TRUTH: RGBColor = RGBColor(213, 94, 0);
 ///
 /// # Errors
 /// A scan without points, or a file that cannot be written.
-pub fn save_height_map(
+pub(crate) fn save_height_map(
     path: &Path,
     title: &str,
     surface: &Surface,
@@ -102,7 +102,7 @@ fn draw_key(area: &Area<'_>) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// A profile without points, or a file that cannot be written.
-pub fn save_profile(
+pub(crate) fn save_profile(
     path: &Path,
     title: &str,
     profile: &[Point3<f64>],
@@ -155,7 +155,7 @@ pub fn save_profile(
 }
 
 /// Returns the smallest and the largest value; `None` without values.
-pub fn range_of(values: impl Iterator<Item = f32>) -> Option<[f32; 2]> {
+pub(crate) fn range_of(values: impl Iterator<Item = f32>) -> Option<[f32; 2]> {
     values.fold(None, |range, value| {
         let [low, high] = range.unwrap_or([value, value]);
         Some([low.min(value), high.max(value)])

@@ -4,17 +4,17 @@ use crate::simulate::scenario::Scenario;
 
 /// A defect of the scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct KnownDefect {
+pub(crate) struct KnownDefect {
     /// Kind: bubble, pit or fold.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// Center (x, y), metres; y counts from the first frame.
-    pub center_m: [f64; 2],
+    pub(crate) center_m: [f64; 2],
     /// Height above the film, metres; negative for a pit.
-    pub height_m: f64,
+    pub(crate) height_m: f64,
 }
 
 /// Returns all defects of a scenario.
-pub fn known_defects(scenario: &Scenario) -> Vec<KnownDefect> {
+pub(crate) fn known_defects(scenario: &Scenario) -> Vec<KnownDefect> {
     let film = &scenario.part.film;
     let known = |name, x_m: f64, y_m: f64, height_m| KnownDefect {
         name,
@@ -31,7 +31,11 @@ pub fn known_defects(scenario: &Scenario) -> Vec<KnownDefect> {
 }
 
 /// Returns the defect whose center is nearest to a place; `None` if it is farther away than `reach_m`, metres.
-pub fn nearest(known: &[KnownDefect], center_m: [f64; 2], reach_m: f64) -> Option<&KnownDefect> {
+pub(crate) fn nearest(
+    known: &[KnownDefect],
+    center_m: [f64; 2],
+    reach_m: f64,
+) -> Option<&KnownDefect> {
     let distance_m = |defect: &KnownDefect| {
         (defect.center_m[0] - center_m[0]).hypot(defect.center_m[1] - center_m[1])
     };

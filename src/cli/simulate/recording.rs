@@ -27,27 +27,27 @@ use crate::{
 };
 
 /// Images of the simulated camera.
-pub const IMAGE_TOPIC: &str = "/camera/image_raw";
+pub(crate) const IMAGE_TOPIC: &str = "/camera/image_raw";
 /// Description of the simulated camera, unless it is that of formula 6.
-pub const INFO_TOPIC: &str = "/camera/camera_info";
+pub(crate) const INFO_TOPIC: &str = "/camera/camera_info";
 /// Position of the simulated axis.
-pub const AXIS_TOPIC: &str = "/axis/joint_states";
+pub(crate) const AXIS_TOPIC: &str = "/axis/joint_states";
 /// Exact centre of the stripe in every image.
-pub const TRUTH_TOPIC: &str = "/truth/centerline";
+pub(crate) const TRUTH_TOPIC: &str = "/truth/centerline";
 
 /// Summary of a rendered recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Summary {
+pub(crate) struct Summary {
     /// Frames taken by the camera.
-    pub frames: u32,
+    pub(crate) frames: u32,
     /// Images in the recording.
-    pub images: u64,
+    pub(crate) images: u64,
     /// Dropped frames of the scenario.
-    pub dropped: u64,
+    pub(crate) dropped: u64,
     /// Path of the recording.
-    pub output: PathBuf,
+    pub(crate) output: PathBuf,
     /// Length of its MCAP file, bytes.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
 }
 
 /// Renders a scenario with the text `yaml` into the rosbag2 directory `output`, and writes its calibration next to the
@@ -55,7 +55,7 @@ pub struct Summary {
 ///
 /// # Errors
 /// An output that exists or cannot be written.
-pub fn record(
+pub(crate) fn record(
     scene: &dyn Scene,
     yaml: &str,
     output: &Path,
@@ -104,7 +104,7 @@ impl<'a> Writer<'a> {
         output: &Path,
         options: RecordOptions,
     ) -> Result<Self, RecordError> {
-        let mut recorder = Recorder::create(output, &options)?;
+        let mut recorder = Recorder::create(output, options)?;
         Ok(Self {
             scene,
             info: scene

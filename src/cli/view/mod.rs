@@ -17,7 +17,7 @@ const IMAGES: [&str; 3] = ["full", "preview", "none"];
 /// Options of the live view.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Live view")]
-pub struct ViewArgs {
+pub(crate) struct ViewArgs {
     /// Serve a live view to Foxglove on this machine (Open connection, Foxglove WebSocket, ws://HOST:PORT): images,
     /// centreline, profile, cloud, height map, status, adjustable parameters.
     #[arg(
@@ -27,20 +27,20 @@ pub struct ViewArgs {
         require_equals = true,
         default_missing_value = DEFAULT_ADDRESS
     )]
-    pub view: Option<String>,
+    pub(crate) view: Option<String>,
     /// Images in the view: `preview` (reduced, at most 15 per second, on `~/preview` with `~/preview_annotations`),
     /// `full` (every image on its own topic with `~/annotations`) or `none`.
     #[arg(long, value_name = "SIZE", default_value = "preview", value_parser = IMAGES, requires = "view")]
-    pub view_image: String,
+    pub(crate) view_image: String,
 }
 
 /// Options of the live view of a replay.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub struct ReplayViewArgs {
+pub(crate) struct ReplayViewArgs {
     /// Contents and address of the view.
     #[command(flatten)]
-    pub view: ViewArgs,
+    pub(crate) view: ViewArgs,
     /// End the view after the recording has been played once.
     #[arg(long, requires = "view", help_heading = "Live view")]
-    pub view_exit: bool,
+    pub(crate) view_exit: bool,
 }

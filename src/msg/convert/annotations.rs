@@ -17,7 +17,7 @@ const CENTER_FROM_CORNER_PX: f64 = 0.5;
 /// Replaces the lines of `annotations` by a centreline: one line for each connected stripe, nothing across gaps.
 ///
 /// Keeps the memory of the lines that stay.
-pub fn draw(stamp: Time, line: &Centerline, annotations: &mut ImageAnnotations<'_>) {
+pub(crate) fn draw(stamp: Time, line: &Centerline, annotations: &mut ImageAnnotations<'_>) {
     annotations.points.resize_with(line.stripe_start.len(), PointsAnnotation::default);
     let ends = line.stripe_start.iter().skip(1).map(|&start| start as usize).chain([line.len()]);
     for ((strip, &start), end) in annotations.points.iter_mut().zip(&line.stripe_start).zip(ends) {

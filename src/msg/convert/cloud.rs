@@ -37,7 +37,11 @@ pub fn organised<'a>(frame_id: &'a str, slice: &'a Slice) -> PointCloud2<'a> {
 }
 
 /// A slice without its missing points, in one row, for viewers. `points` holds them: its old content is lost.
-pub fn dense<'a>(frame_id: &'a str, slice: &Slice, points: &'a mut Vec<Point>) -> PointCloud2<'a> {
+pub(crate) fn dense<'a>(
+    frame_id: &'a str,
+    slice: &Slice,
+    points: &'a mut Vec<Point>,
+) -> PointCloud2<'a> {
     points.clear();
     points.extend(slice.points.iter().filter(|point| point.iter().all(|v| v.is_finite())));
     let width = points.len() as u32;
@@ -62,7 +66,7 @@ fn cloud<'a>(frame_id: &'a str, stamp_ns: i64, width: u32, points: &'a [Point]) 
 }
 
 /// How many points a cloud may have, so that its message in the frame `frame_id` has no more than `max_bytes`.
-pub fn points_within(max_bytes: usize, frame_id: &str) -> usize {
+pub(crate) fn points_within(max_bytes: usize, frame_id: &str) -> usize {
     let mut empty = Vec::new();
     // An empty cloud with a name has bytes, or nothing fits.
     match cdr::encode(&cloud(frame_id, 0, 0, &[]), &mut empty) {
@@ -72,7 +76,7 @@ pub fn points_within(max_bytes: usize, frame_id: &str) -> usize {
 }
 
 /// A scan's heights as an image of floats (REP 118): metres, NaN where nothing was measured.
-pub fn height_map<'a>(frame_id: &'a str, map: &'a HeightMap) -> Image<'a> {
+pub(crate) fn height_map<'a>(frame_id: &'a str, map: &'a HeightMap) -> Image<'a> {
     Image {
         header: Header { stamp: Time::from_ns(map.stamp_ns), frame_id: Cow::Borrowed(frame_id) },
         height: map.height,

@@ -40,7 +40,7 @@ const MIN_DECODER_BYTES: u64 = 1 << 16;
 
 /// Size and kind of the pixels of a decoded image.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape {
+pub(crate) struct Shape {
     width: u32,
     height: u32,
     format: PixelFormat,
@@ -51,17 +51,17 @@ impl Shape {
     ///
     /// # Errors
     /// Pixels of another image.
-    pub fn image<'a>(&self, pixels: &'a [u8]) -> Result<Image<'a>, FrameRejected> {
+    pub(crate) fn image<'a>(&self, pixels: &'a [u8]) -> Result<Image<'a>, FrameRejected> {
         let &Self { width, height, format } = self;
         let step = width.saturating_mul(format.bytes_per_pixel() as u32);
         Ok(Image::new(width, height, step, format, pixels)?)
     }
 }
 
-/// Decodes a compressed image into `pixels`, as [`unpack`] does, and shows it.
+/// Decodes a compressed image into `pixels`, as `unpack` does, and shows it.
 ///
 /// # Errors
-/// Those of [`unpack`].
+/// Those of `unpack`.
 pub fn image<'a>(
     message: &CompressedImage<'_>,
     max_frame_bytes: u64,
@@ -78,7 +78,7 @@ pub fn image<'a>(
 ///
 /// # Errors
 /// A format other than JPEG and PNG, a size beyond the limit, a file that is damaged or of another kind than stated.
-pub fn unpack(
+pub(crate) fn unpack(
     message: &CompressedImage<'_>,
     max_frame_bytes: u64,
     pixels: &mut Vec<u8>,

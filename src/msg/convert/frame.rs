@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Encodings that the scanner reads.
-pub const ENCODINGS: &str = "mono8, mono16, 8UC1, 16UC1, rgb8, bgr8, rgba8, bgra8, \
+pub(crate) const ENCODINGS: &str = "mono8, mono16, 8UC1, 16UC1, rgb8, bgr8, rgba8, bgra8, \
                              bayer_{rggb,bggr,gbrg,grbg}{8,16}";
 
 /// Why a camera's message is not a frame. The frame is skipped and counted; the stream goes on.
@@ -74,7 +74,7 @@ pub enum FrameRejected {
 ///
 /// # Errors
 /// An unknown encoding; more than `max_frame_bytes` bytes, stated or needed; size, step and data that disagree.
-pub fn image<'a>(
+pub(crate) fn image<'a>(
     message: &sensor_msgs::Image<'a>,
     max_frame_bytes: u64,
 ) -> Result<Image<'a>, FrameRejected> {

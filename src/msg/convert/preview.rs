@@ -9,17 +9,17 @@ use crate::{
 };
 
 /// Widest picture, pixels.
-pub const MAX_WIDTH_PX: u32 = 640;
+pub(crate) const MAX_WIDTH_PX: u32 = 640;
 
 /// Side of the squares that become one pixel each, for an image of that width: 1 where it is small enough.
-pub const fn factor(width_px: u32) -> u32 {
+pub(crate) const fn factor(width_px: u32) -> u32 {
     let factor = width_px.div_ceil(MAX_WIDTH_PX);
     if factor == 0 { 1 } else { factor }
 }
 
 /// Replaces `pixels` by the small picture, 8 bit grey, row after row; returns its width and height. Of a colour its
 /// strongest part counts; samples of 16 bit lose as many low bits as the brightest needs above eight.
-pub fn reduce(image: &Image<'_>, factor: u32, pixels: &mut Vec<u8>) -> (u32, u32) {
+pub(crate) fn reduce(image: &Image<'_>, factor: u32, pixels: &mut Vec<u8>) -> (u32, u32) {
     let factor = factor.max(1);
     let (width, height) = (image.width().div_ceil(factor), image.height().div_ceil(factor));
     pixels.clear();
@@ -67,7 +67,7 @@ fn bits_above_eight(data: &[u8], order: ByteOrder) -> u32 {
 }
 
 /// Moves drawings from an image to its small picture. Their coordinates count from the image's corner.
-pub fn scale(annotations: &mut ImageAnnotations<'_>, factor: u32) {
+pub(crate) fn scale(annotations: &mut ImageAnnotations<'_>, factor: u32) {
     let factor = f64::from(factor.max(1));
     for point in annotations.points.iter_mut().flat_map(|line| &mut line.points) {
         point.x /= factor;

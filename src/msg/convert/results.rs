@@ -20,23 +20,23 @@ use crate::{
 
 /// What results repeat of the frame that they came from.
 #[derive(Clone, Debug)]
-pub struct FrameSource<'a> {
+pub(crate) struct FrameSource<'a> {
     /// Header of the image.
-    pub header: Header<'a>,
+    pub(crate) header: Header<'a>,
     /// Where the frame sits in the stream.
-    pub trace: FrameTrace,
+    pub(crate) trace: FrameTrace,
     /// Columns of the image.
-    pub image_width: u32,
+    pub(crate) image_width: u32,
     /// Rows of the image.
-    pub image_height: u32,
+    pub(crate) image_height: u32,
     /// Searched part of the image.
-    pub roi: params::RegionOfInterest,
+    pub(crate) roi: params::RegionOfInterest,
     /// Direction of the stripe.
-    pub stripe_direction: StripeDirection,
+    pub(crate) stripe_direction: StripeDirection,
 }
 
 /// The centreline of a frame; `method` is the extraction's name, `/` and a hash of its parameters.
-pub fn centerline<'a>(
+pub(crate) fn centerline<'a>(
     source: &'a FrameSource<'_>,
     method: &'a str,
     line: &'a stripe::Centerline,
@@ -68,13 +68,13 @@ pub fn centerline<'a>(
     "the centreline does not state the direction of the stripe (stripe_direction is {0}): results of an older version, replay the \
      recording again"
 )]
-pub struct UnknownDirection(pub u8);
+pub(crate) struct UnknownDirection(pub u8);
 
 /// Returns the direction of the stripe.
 ///
 /// # Errors
 /// No valid direction, as in messages of versions without the field.
-pub const fn stripe_direction(
+pub(crate) const fn stripe_direction(
     line: &laser_profiler_msgs::Centerline<'_>,
 ) -> Result<StripeDirection, UnknownDirection> {
     match line.stripe_direction {
@@ -98,7 +98,7 @@ fn region(source: &FrameSource<'_>) -> sensor_msgs::RegionOfInterest {
 }
 
 /// The profile of a frame in the laser plane's frame `frame_id`, with the calibration's hash.
-pub fn profile<'a>(
+pub(crate) fn profile<'a>(
     source: &FrameSource<'_>,
     frame_id: &'a str,
     calibration_id: &'a str,
@@ -119,7 +119,7 @@ pub fn profile<'a>(
 }
 
 /// What a slice of the part `part_id` covers, in the scan frame `frame_id`; same header as its cloud.
-pub fn slice_info<'a>(
+pub(crate) fn slice_info<'a>(
     frame_id: &'a str,
     part_id: &'a str,
     slice: &scan::Slice,

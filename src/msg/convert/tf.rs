@@ -9,7 +9,7 @@ use crate::msg::{
 };
 
 /// The entry of `/tf_static` that places frame `child` in frame `parent`; `stamp_ns`: nanoseconds since the epoch.
-pub fn transform<'a>(
+pub(crate) fn transform<'a>(
     stamp_ns: i64,
     parent: &'a str,
     child: &'a str,

@@ -10,42 +10,42 @@ use super::{
 use crate::msg::schema::{ServiceType, message, request_text, response_text};
 
 /// Says what parameters are.
-pub const DESCRIBE_PARAMETERS: ServiceType = ServiceType {
+pub(crate) const DESCRIBE_PARAMETERS: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/DescribeParameters",
     text: include_str!("../definitions/rcl_interfaces/DescribeParameters.srv"),
     hash: "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
 };
 
 /// Tells values.
-pub const GET_PARAMETERS: ServiceType = ServiceType {
+pub(crate) const GET_PARAMETERS: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/GetParameters",
     text: include_str!("../definitions/rcl_interfaces/GetParameters.srv"),
     hash: "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
 };
 
 /// Tells types.
-pub const GET_PARAMETER_TYPES: ServiceType = ServiceType {
+pub(crate) const GET_PARAMETER_TYPES: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/GetParameterTypes",
     text: include_str!("../definitions/rcl_interfaces/GetParameterTypes.srv"),
     hash: "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
 };
 
 /// Finds names.
-pub const LIST_PARAMETERS: ServiceType = ServiceType {
+pub(crate) const LIST_PARAMETERS: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/ListParameters",
     text: include_str!("../definitions/rcl_interfaces/ListParameters.srv"),
     hash: "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
 };
 
 /// Sets parameters one after another.
-pub const SET_PARAMETERS: ServiceType = ServiceType {
+pub(crate) const SET_PARAMETERS: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/SetParameters",
     text: include_str!("../definitions/rcl_interfaces/SetParameters.srv"),
     hash: "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
 };
 
 /// Sets all parameters or none.
-pub const SET_PARAMETERS_ATOMICALLY: ServiceType = ServiceType {
+pub(crate) const SET_PARAMETERS_ATOMICALLY: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/SetParametersAtomically",
     text: include_str!("../definitions/rcl_interfaces/SetParametersAtomically.srv"),
     hash: "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
@@ -53,100 +53,100 @@ pub const SET_PARAMETERS_ATOMICALLY: ServiceType = ServiceType {
 
 /// Asks for [`DESCRIBE_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct DescribeParametersRequest<'a> {
+pub(crate) struct DescribeParametersRequest<'a> {
     /// Full names.
     #[serde(borrow)]
-    pub names: Vec<Text<'a>>,
+    pub(crate) names: Vec<Text<'a>>,
 }
 
 /// Answers [`DESCRIBE_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct DescribeParametersResponse<'a> {
+pub(crate) struct DescribeParametersResponse<'a> {
     /// One for each name, in their order; of type `NOT_SET` where there is none.
     #[serde(borrow)]
-    pub descriptors: Vec<ParameterDescriptor<'a>>,
+    pub(crate) descriptors: Vec<ParameterDescriptor<'a>>,
 }
 
 /// Asks for [`GET_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct GetParametersRequest<'a> {
+pub(crate) struct GetParametersRequest<'a> {
     /// Full names.
     #[serde(borrow)]
-    pub names: Vec<Text<'a>>,
+    pub(crate) names: Vec<Text<'a>>,
 }
 
 /// Answers [`GET_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct GetParametersResponse<'a> {
+pub(crate) struct GetParametersResponse<'a> {
     /// One for each name, in their order; of type `NOT_SET` where there is none.
     #[serde(borrow)]
-    pub values: Vec<ParameterValue<'a>>,
+    pub(crate) values: Vec<ParameterValue<'a>>,
 }
 
 /// Asks for [`GET_PARAMETER_TYPES`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct GetParameterTypesRequest<'a> {
+pub(crate) struct GetParameterTypesRequest<'a> {
     /// Full names.
     #[serde(borrow)]
-    pub names: Vec<Text<'a>>,
+    pub(crate) names: Vec<Text<'a>>,
 }
 
 /// Answers [`GET_PARAMETER_TYPES`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct GetParameterTypesResponse<'a> {
+pub(crate) struct GetParameterTypesResponse<'a> {
     /// One for each name, in their order: a constant of [`parameter_type`](super::parameter_type).
     #[serde(borrow, with = "serde_bytes")]
-    pub types: Cow<'a, [u8]>,
+    pub(crate) types: Cow<'a, [u8]>,
 }
 
 /// Asks for [`LIST_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ListParametersRequest<'a> {
+pub(crate) struct ListParametersRequest<'a> {
     /// What names shall begin with, up to a dot; empty: all.
     #[serde(borrow)]
-    pub prefixes: Vec<Text<'a>>,
+    pub(crate) prefixes: Vec<Text<'a>>,
     /// Levels below that; 0: all.
-    pub depth: u64,
+    pub(crate) depth: u64,
 }
 
 /// Answers [`LIST_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ListParametersResponse<'a> {
+pub(crate) struct ListParametersResponse<'a> {
     /// The names.
     #[serde(borrow)]
-    pub result: ListParametersResult<'a>,
+    pub(crate) result: ListParametersResult<'a>,
 }
 
 /// Asks for [`SET_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SetParametersRequest<'a> {
+pub(crate) struct SetParametersRequest<'a> {
     /// Set one after another.
     #[serde(borrow)]
-    pub parameters: Vec<Parameter<'a>>,
+    pub(crate) parameters: Vec<Parameter<'a>>,
 }
 
 /// Answers [`SET_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SetParametersResponse<'a> {
+pub(crate) struct SetParametersResponse<'a> {
     /// One for each, in their order.
     #[serde(borrow)]
-    pub results: Vec<SetParametersResult<'a>>,
+    pub(crate) results: Vec<SetParametersResult<'a>>,
 }
 
 /// Asks for [`SET_PARAMETERS_ATOMICALLY`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SetParametersAtomicallyRequest<'a> {
+pub(crate) struct SetParametersAtomicallyRequest<'a> {
     /// Set all or none.
     #[serde(borrow)]
-    pub parameters: Vec<Parameter<'a>>,
+    pub(crate) parameters: Vec<Parameter<'a>>,
 }
 
 /// Answers [`SET_PARAMETERS_ATOMICALLY`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SetParametersAtomicallyResponse<'a> {
+pub(crate) struct SetParametersAtomicallyResponse<'a> {
     /// What came of it.
     #[serde(borrow)]
-    pub result: SetParametersResult<'a>,
+    pub(crate) result: SetParametersResult<'a>,
 }
 
 message!(

@@ -18,7 +18,7 @@ const GRID: u32 = 8;
 
 /// The reason that a `camera_info` does not match the calibrated camera.
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum Misfit {
+pub(crate) enum Misfit {
     /// The resolutions differ.
     #[error(
         "camera_info is of a camera of {} x {} pixels, the calibration of one of {} x {}: it is another camera, or was \
@@ -67,12 +67,12 @@ pub enum Misfit {
 
 /// Result of comparing a `camera_info` with the calibrated camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fit {
+pub(crate) struct Fit {
     /// The region of the sensor that its images show.
-    pub view: View,
+    pub(crate) view: View,
     /// Largest distance between the projections of the same point by both cameras, pixels. Two calibrations of one
     /// camera are never equal.
-    pub difference_px: f64,
+    pub(crate) difference_px: f64,
 }
 
 /// Returns the region of the sensor that a `camera_info` describes, and the difference of its camera from the
@@ -80,7 +80,7 @@ pub struct Fit {
 ///
 /// # Errors
 /// The message is from a camera other than the calibrated one.
-pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<Fit, Misfit> {
+pub(crate) fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<Fit, Misfit> {
     let view = view(info)?;
     let mut fit = Fit { view, difference_px: 0.0 };
     let Some(calibrated) = calibration.image_size_px() else { return Ok(fit) };
@@ -98,7 +98,7 @@ pub fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<Fit, Misf
 ///
 /// # Errors
 /// The region does not lie on the sensor.
-pub fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
+pub(crate) fn view(info: &CameraInfo<'_>) -> Result<View, Misfit> {
     let roi = &info.roi;
     let sensor_px = [info.width, info.height];
     let offset_px = [roi.x_offset, roi.y_offset];

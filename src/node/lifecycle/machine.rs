@@ -4,9 +4,8 @@ use thiserror::Error;
 
 /// A state; its discriminant is its number in `lifecycle_msgs/State`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the words are those of lifecycle_msgs")]
 #[repr(u8)]
-pub enum State {
+pub(crate) enum State {
     Unknown = 0,
     Unconfigured = 1,
     Inactive = 2,
@@ -22,7 +21,7 @@ pub enum State {
 
 impl State {
     /// Every state, in rcl's order.
-    pub const ALL: [Self; 11] = [
+    pub(crate) const ALL: [Self; 11] = [
         Self::Unknown,
         Self::Unconfigured,
         Self::Inactive,
@@ -37,12 +36,12 @@ impl State {
     ];
 
     /// Returns its number.
-    pub const fn id(self) -> u8 {
+    pub(crate) const fn id(self) -> u8 {
         self as u8
     }
 
     /// Its name.
-    pub const fn label(self) -> &'static str {
+    pub(crate) const fn label(self) -> &'static str {
         match self {
             Self::Unknown => "unknown",
             Self::Unconfigured => "unconfigured",
@@ -59,22 +58,22 @@ impl State {
     }
 
     /// True if a node stays in this state until another one is requested.
-    pub const fn is_primary(self) -> bool {
+    pub(crate) const fn is_primary(self) -> bool {
         self.id() <= Self::Finalized.id()
     }
 }
 
 /// A transition between two states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Transition {
+pub(crate) struct Transition {
     /// Its number in `lifecycle_msgs/Transition`.
-    pub id: u8,
+    pub(crate) id: u8,
     /// Its name.
-    pub label: &'static str,
+    pub(crate) label: &'static str,
     /// Start state.
-    pub start: State,
+    pub(crate) start: State,
     /// Goal state.
-    pub goal: State,
+    pub(crate) goal: State,
 }
 
 const fn transition(id: u8, label: &'static str, start: State, goal: State) -> Transition {
@@ -86,7 +85,7 @@ const FAILURE: &str = "transition_failure";
 const ERROR: &str = "transition_error";
 
 /// Every transition, in rcl's order.
-pub const TRANSITIONS: [Transition; 25] = [
+pub(crate) const TRANSITIONS: [Transition; 25] = [
     transition(1, "configure", State::Unconfigured, State::Configuring),
     transition(10, SUCCESS, State::Configuring, State::Inactive),
     transition(11, FAILURE, State::Configuring, State::Unconfigured),
@@ -116,7 +115,7 @@ pub const TRANSITIONS: [Transition; 25] = [
 
 /// A requested transition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted<'a> {
+pub(crate) enum Wanted<'a> {
     /// By its number.
     Id(u8),
     /// By its name.
@@ -145,29 +144,27 @@ impl Wanted<'_> {
 /// The requested transition cannot begin in this state.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("transition {wanted} cannot begin in state {}: possible is {possible}", .state.label())]
-pub struct Impossible {
+pub(crate) struct Impossible {
     /// The requested transition.
-    pub wanted: String,
+    pub(crate) wanted: String,
     /// The state.
-    pub state: State,
+    pub(crate) state: State,
     /// The transitions that can start in this state.
-    pub possible: String,
+    pub(crate) possible: String,
 }
 
 /// Result of a callback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
+pub(crate) enum Ending {
     /// It succeeded.
     Success,
     /// It failed and changed nothing.
     Failure,
-    /// It failed with an incomplete action.
-    Error,
 }
 
 /// State machine of a node.
 #[derive(Debug)]
-pub struct Machine(State);
+pub(crate) struct Machine(State);
 
 impl Default for Machine {
     fn default() -> Self {
@@ -177,12 +174,12 @@ impl Default for Machine {
 
 impl Machine {
     /// The state.
-    pub const fn state(&self) -> State {
+    pub(crate) const fn state(&self) -> State {
         self.0
     }
 
     /// Returns the transitions that begin in this state.
-    pub fn available(&self) -> impl Iterator<Item = Transition> {
+    pub(crate) fn available(&self) -> impl Iterator<Item = Transition> {
         let state = self.0;
         TRANSITIONS.into_iter().filter(move |transition| transition.start == state)
     }
@@ -191,7 +188,7 @@ impl Machine {
     ///
     /// # Errors
     /// The transition does not begin in this state. The end of a running transition cannot be requested.
-    pub fn begin(&mut self, wanted: Wanted<'_>) -> Result<Transition, Impossible> {
+    pub(crate) fn begin(&mut self, wanted: Wanted<'_>) -> Result<Transition, Impossible> {
         let found = self.available().find(|transition| wanted.is(transition));
         let Some(transition) = found.filter(|_| self.0.is_primary()) else {
             let labels: Vec<_> = self.available().map(|transition| transition.label).collect();
@@ -206,13 +203,11 @@ impl Machine {
         Ok(transition)
     }
 
-    /// Ends the running transition with the result of its callback. After an error, error processing follows, which
-    /// also ends with this function. Returns `None` if no transition is running.
-    pub fn end(&mut self, ending: Ending) -> Option<Transition> {
+    /// Ends the running transition with the result of its callback. Returns `None` if no transition is running.
+    pub(crate) fn end(&mut self, ending: Ending) -> Option<Transition> {
         let label = match ending {
             Ending::Success => SUCCESS,
             Ending::Failure => FAILURE,
-            Ending::Error => ERROR,
         };
         let transition = self.available().find(|transition| transition.label == label)?;
         self.0 = transition.goal;

@@ -26,7 +26,7 @@ use crate::{
 
 /// The reason that a transition failed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum ChangeError {
+pub(crate) enum ChangeError {
     /// It cannot begin in this state.
     #[error(transparent)]
     Impossible(#[from] Impossible),
@@ -47,7 +47,7 @@ pub enum ChangeError {
 
 /// Changes and publishes the state of the node. Clones share it.
 #[derive(Clone)]
-pub struct Lifecycle(Arc<LifecycleState>);
+pub(crate) struct Lifecycle(Arc<LifecycleState>);
 
 struct LifecycleState {
     machine: Mutex<Machine>,
@@ -59,7 +59,7 @@ struct LifecycleState {
 
 impl Lifecycle {
     /// The current state.
-    pub fn state(&self) -> State {
+    pub(crate) fn state(&self) -> State {
         lock(&self.0.machine).state()
     }
 
@@ -67,7 +67,7 @@ impl Lifecycle {
     ///
     /// # Errors
     /// The transition cannot begin, or its callback failed.
-    pub fn change(&self, wanted: Wanted<'_>) -> Result<State, ChangeError> {
+    pub(crate) fn change(&self, wanted: Wanted<'_>) -> Result<State, ChangeError> {
         let mut events = match self.0.events.try_lock() {
             Ok(events) => events,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
@@ -77,10 +77,6 @@ impl Lifecycle {
         self.publish(&mut **events, started);
         let done = self.call(started.goal);
         self.end(&mut **events, &done);
-        if matches!(done, Err(Failure::Broken(_))) {
-            let recovered = self.0.managed.recover();
-            self.end(&mut **events, &recovered);
-        }
         let state = self.state();
         match done {
             Ok(()) => Ok(state),
@@ -92,7 +88,7 @@ impl Lifecycle {
     ///
     /// # Errors
     /// A callback failed; the state shows which one.
-    pub fn autostart(&self) -> Result<State, ChangeError> {
+    pub(crate) fn autostart(&self) -> Result<State, ChangeError> {
         self.change(Wanted::Label("configure"))?;
         self.change(Wanted::Label("activate"))
     }
@@ -101,7 +97,7 @@ impl Lifecycle {
     ///
     /// # Errors
     /// Data was lost, or another transition is running.
-    pub fn shutdown(&self) -> Result<State, ChangeError> {
+    pub(crate) fn shutdown(&self) -> Result<State, ChangeError> {
         match self.state() {
             State::Finalized => Ok(State::Finalized),
             _ => self.change(Wanted::Label("shutdown")),
@@ -121,11 +117,7 @@ impl Lifecycle {
     }
 
     fn end(&self, events: &mut dyn Publication, done: &Result<(), Failure>) {
-        let ending = match done {
-            Ok(()) => Ending::Success,
-            Err(Failure::Refused(_)) => Ending::Failure,
-            Err(Failure::Broken(_)) => Ending::Error,
-        };
+        let ending = if done.is_ok() { Ending::Success } else { Ending::Failure };
         let ended = lock(&self.0.machine).end(ending);
         if let Some(transition) = ended {
             self.publish(events, transition);
@@ -184,7 +176,7 @@ fn described(transition: Transition) -> msgs::TransitionDescription<'static> {
 }
 
 /// The lifecycle's services. Dropping it removes them from the graph; [`Lifecycle`] still works.
-pub struct LifecycleServer {
+pub(crate) struct LifecycleServer {
     // Dropped before the handle, so that no service is the last owner of the publisher.
     _servers: Vec<Box<dyn Server>>,
     lifecycle: Lifecycle,
@@ -195,7 +187,7 @@ impl LifecycleServer {
     ///
     /// # Errors
     /// The middleware rejects one of them.
-    pub fn start(
+    pub(crate) fn start(
         transport: &dyn Transport,
         names: &NodeNames,
         managed: Arc<dyn Managed>,
@@ -251,7 +243,7 @@ impl LifecycleServer {
     }
 
     /// Returns a handle for this process.
-    pub fn lifecycle(&self) -> Lifecycle {
+    pub(crate) fn lifecycle(&self) -> Lifecycle {
         self.lifecycle.clone()
     }
 }

@@ -2,7 +2,7 @@ use std::sync::{Arc, Mutex};
 
 use super::{
     Failure, Managed,
-    machine::{Ending, Machine, State, TRANSITIONS, Wanted},
+    machine::{State, TRANSITIONS, Wanted},
     server::{ChangeError, Lifecycle, LifecycleServer},
 };
 use crate::{
@@ -54,9 +54,6 @@ impl Managed for Noted {
     }
     fn shutdown(&self) -> Result<(), Failure> {
         self.call("shutdown")
-    }
-    fn recover(&self) -> Result<(), Failure> {
-        self.call("recover")
     }
 }
 
@@ -186,40 +183,22 @@ fn an_impossible_transition_changes_nothing_and_the_error_lists_possible_ones() 
 #[test]
 fn a_refusal_returns_to_the_previous_state() {
     let rig = Rig::new();
-    rig.node.fail("configure", Failure::from("no calibration".to_owned()));
+    rig.node.fail("configure", Failure("no calibration".into()));
     assert!(!rig.change(1, ""));
     assert_eq!(rig.state(), "unconfigured");
     assert_eq!(rig.events(), ["1 unconfigured>configuring", "11 configuring>unconfigured"]);
 
     assert_eq!(rig.lifecycle.autostart(), Ok(State::Active));
-    rig.node.fail("deactivate", Failure::Refused("scan is running".into()));
+    rig.node.fail("deactivate", Failure("scan is running".into()));
     let error = rig.lifecycle.change(Wanted::Label("deactivate")).unwrap_err();
     assert_eq!(error.to_string(), "deactivate failed, the node is active: scan is running");
     assert_eq!(rig.lifecycle.shutdown(), Ok(State::Finalized));
 }
 
 #[test]
-fn a_broken_node_recovers_or_ends() {
+fn a_shutdown_that_loses_data_ends_the_node() {
     let rig = Rig::new();
-    rig.node.fail("configure", Failure::Broken("half a publisher".into()));
-    assert!(!rig.change(1, ""));
-    assert_eq!(rig.calls(), ["configure", "recover"]);
-    assert_eq!(
-        rig.events(),
-        [
-            "1 unconfigured>configuring",
-            "12 configuring>errorprocessing",
-            "60 errorprocessing>unconfigured",
-        ]
-    );
-
-    // A failed recovery is final; a shutdown that loses data is still a shutdown.
-    let mut machine = Machine::default();
-    machine.begin(Wanted::Id(1)).unwrap();
-    machine.end(Ending::Error).unwrap();
-    assert_eq!(machine.end(Ending::Failure).unwrap().id, 61);
-    assert_eq!(machine.state(), State::Finalized);
-    rig.node.fail("shutdown", Failure::Refused("the bag was not closed".into()));
+    rig.node.fail("shutdown", Failure("the bag was not closed".into()));
     let error = rig.lifecycle.shutdown().unwrap_err();
     assert!(matches!(error, ChangeError::Failed { state: State::Finalized, .. }), "{error}");
 }
@@ -272,9 +251,6 @@ impl Managed for Impatient {
         Ok(())
     }
     fn shutdown(&self) -> Result<(), Failure> {
-        Ok(())
-    }
-    fn recover(&self) -> Result<(), Failure> {
         Ok(())
     }
 }

@@ -14,7 +14,7 @@ use crate::{
 
 /// The reason that a node cannot start or continue.
 #[derive(Debug, Error)]
-pub enum LiveError {
+pub(crate) enum LiveError {
     /// A name or remap rule.
     #[error(transparent)]
     Name(#[from] NameError),
@@ -49,7 +49,7 @@ pub enum LiveError {
 
 impl LiveError {
     /// True if the request is wrong, rather than a file, the network or the machine.
-    pub const fn is_usage(&self) -> bool {
+    pub(crate) const fn is_usage(&self) -> bool {
         match self {
             Self::Name(_) | Self::Parameter(_) | Self::Axis(_) => true,
             Self::Transport(error) => matches!(error, TransportError::Setting { .. }),

@@ -4,8 +4,8 @@
 //! with the middleware and the recorder as sinks. `node` holds the state shared by services, parameters and the
 //! lifecycle.
 
-pub mod error;
-pub mod report;
+pub(crate) mod error;
+pub(crate) mod report;
 mod feed;
 mod publications;
 mod notes;
@@ -13,7 +13,7 @@ mod observer;
 mod recording;
 mod camera;
 mod setup;
-pub mod session;
+pub(crate) mod session;
 mod node;
 mod services;
 
@@ -56,17 +56,17 @@ const WATCH_PERIOD: Duration = Duration::from_millis(100);
 
 /// The node to run.
 #[derive(Clone, Debug)]
-pub struct LiveRequest {
+pub(crate) struct LiveRequest {
     /// Its transport.
-    pub middleware: Middleware,
+    pub(crate) middleware: Middleware,
     /// True if the node is its own Zenoh router.
-    pub is_router: bool,
+    pub(crate) is_router: bool,
     /// Names, remaps and parameters.
-    pub ros: RosArguments,
+    pub(crate) ros: RosArguments,
 }
 
 /// A node on the network.
-pub struct LiveNode {
+pub(crate) struct LiveNode {
     shared: Arc<NodeState>,
     lifecycle: Lifecycle,
     // Dropped before the transport, so that no request reaches a partly dropped node.
@@ -86,7 +86,7 @@ impl LiveNode {
     ///
     /// # Errors
     /// The first invalid name, parameter or file, or the middleware or the system rejects a resource.
-    pub fn start(
+    pub(crate) fn start(
         request: &LiveRequest,
         rosout: RosoutSlot,
         variable: &dyn Fn(&str) -> Option<String>,
@@ -98,7 +98,7 @@ impl LiveNode {
     ///
     /// # Errors
     /// The first invalid name, parameter or file, or the middleware or the system rejects a resource.
-    pub fn start_through(
+    pub(crate) fn start_through(
         request: &LiveRequest,
         rosout: RosoutSlot,
         variable: &dyn Fn(&str) -> Option<String>,
@@ -154,18 +154,18 @@ impl LiveNode {
     }
 
     /// Returns the parameters for other parts of this process.
-    pub fn parameters(&self) -> ParameterHandle {
+    pub(crate) fn parameters(&self) -> ParameterHandle {
         self.servers.parameters.handle()
     }
 
     /// Returns a view of the cameras for use while [`run`](Self::run) measures.
-    pub fn watcher(&self) -> Watcher {
+    pub(crate) fn watcher(&self) -> Watcher {
         Watcher(Arc::downgrade(&self.shared))
     }
 
     /// Measures until `stop` is raised, the node is shut down from outside, or a camera fails. Writes all results
     /// before it returns; the summary of a camera contains its error.
-    pub fn run(self, stop: &Stop) -> Vec<CameraSummary> {
+    pub(crate) fn run(self, stop: &Stop) -> Vec<CameraSummary> {
         while !stop.wait(WATCH_PERIOD) {
             if self.lifecycle.state() == State::Finalized || self.shared.has_failed() {
                 break;

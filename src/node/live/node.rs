@@ -226,8 +226,8 @@ pub(super) struct Handle(pub(super) Weak<NodeState>);
 
 impl Handle {
     fn with<T>(&self, act: impl FnOnce(&NodeState) -> Result<T, LiveError>) -> Result<T, Failure> {
-        let node = self.0.upgrade().ok_or_else(|| "the node is gone".to_owned())?;
-        act(&node).map_err(|error| Failure::Refused(error.to_string()))
+        let node = self.0.upgrade().ok_or_else(|| Failure("the node is gone".to_owned()))?;
+        act(&node).map_err(|error| Failure(error.to_string()))
     }
 }
 
@@ -255,10 +255,6 @@ impl Managed for Handle {
     }
 
     fn shutdown(&self) -> Result<(), Failure> {
-        self.cleanup()
-    }
-
-    fn recover(&self) -> Result<(), Failure> {
         self.cleanup()
     }
 }

@@ -7,7 +7,7 @@ use crate::{
     node::{
         camera_info::{CameraInfos, CameraMatch, ImageHeader},
         clock::RosClock,
-        static_tf::StaticTf,
+        static_tf::{PlaneFrames, StaticTf},
         status::Note,
     },
     ros::transport::OnArrival,
@@ -99,7 +99,7 @@ impl Observer {
     }
 
     fn place(&self, calibration: &Calibration, direction: StripeDirection, camera_frame: &str) {
-        let frames = (camera_frame, calibration.frame_id());
+        let frames = PlaneFrames { camera: camera_frame, laser: calibration.frame_id() };
         // A map from known heights has no camera pose.
         let Some(camera_from_laser) = calibration.camera_from_laser(direction) else { return };
         let now_ns = self.clock.now_ns();
@@ -109,13 +109,23 @@ impl Observer {
         }
     }
 
-    /// Warnings about the descriptions.
+    /// Warnings about the descriptions, the pose of the laser plane and the clock.
     pub(super) fn notes(&self) -> Vec<Note> {
         let seen = lock(&self.seen);
-        let warning = |text| Note { level: DiagnosticStatus::WARN, key: "camera_info", text };
-        let malformed = (seen.num_malformed > 0)
-            .then(|| warning(format!("{} malformed camera_info messages", seen.num_malformed)));
-        seen.conflict.clone().map(warning).into_iter().chain(malformed).collect()
+        let warning = |key, text| Note { level: DiagnosticStatus::WARN, key, text };
+        let malformed = |num, topic| (num > 0).then(|| format!("{num} malformed {topic} messages"));
+        let not_placed = lock(&self.tf).refusal(self.camera).map(ToString::to_string);
+        [
+            seen.conflict.clone().map(|text| warning("camera_info", text)),
+            malformed(seen.num_malformed, "camera_info").map(|text| warning("camera_info", text)),
+            not_placed.map(|text| warning("tf_static", text)),
+            malformed(self.clock.num_bad(), "/clock").map(|text| warning("clock", text)),
+            (!self.clock.is_known())
+                .then(|| warning("clock", "use_sim_time is set, but no /clock has arrived".into())),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
     }
 }
 

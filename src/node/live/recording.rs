@@ -9,7 +9,7 @@ use crate::{
             RecordingStatus,
         },
         recording::Description,
-        sink::{Outlet, Purpose, Takes, Way},
+        sink::{Outlet, Purpose, Way},
         status::Note,
     },
     ros::node_params::{self, Compression},
@@ -31,7 +31,7 @@ pub(super) fn recorder(
     let (sink, control) = LiveRecorder::new(camera, topics, chosen(params), description);
     let outlet = Outlet {
         sink: Box::new(sink),
-        takes: Takes::All,
+        takes_images: true,
         purpose: Purpose::Record,
         // It never blocks, and messages sent before a stop command are in the bag.
         way: Way::Direct,

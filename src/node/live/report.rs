@@ -7,24 +7,24 @@ use crate::node::{board::Reported, live_recording};
 
 /// The last report of a camera, with the current state of its recorder.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CameraReport {
+pub(crate) struct CameraReport {
     /// Its name; empty for the only camera.
-    pub camera: String,
+    pub(crate) camera: String,
     /// Its frames.
-    pub reported: Reported,
+    pub(crate) reported: Reported,
     /// True if a bag is being recorded.
-    pub is_recording: bool,
+    pub(crate) is_recording: bool,
     /// Free space of the recording's disk, bytes; `None` if nothing is recorded or the space is unknown.
-    pub free_bytes: Option<u64>,
+    pub(crate) free_bytes: Option<u64>,
 }
 
 /// A view of a node for another thread. It does not keep the node alive.
 #[derive(Clone)]
-pub struct Watcher(pub(super) Weak<NodeState>);
+pub(crate) struct Watcher(pub(super) Weak<NodeState>);
 
 impl Watcher {
     /// Returns one report per camera; none while the node is unconfigured or after it ends. May wait for a slow disk.
-    pub fn reports(&self) -> Vec<CameraReport> {
+    pub(crate) fn reports(&self) -> Vec<CameraReport> {
         let Some(node) = self.0.upgrade() else { return Vec::new() };
         node.cameras().iter().map(report).collect()
     }

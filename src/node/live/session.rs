@@ -25,11 +25,11 @@ pub(super) struct Session {
 }
 
 /// Summary of a camera.
-pub struct CameraSummary {
+pub(crate) struct CameraSummary {
     /// Its name; empty for the only camera.
-    pub name: String,
+    pub(crate) name: String,
     /// Its frames, or the reason that it ended early.
-    pub summary: Result<Summary, RunError>,
+    pub(crate) summary: Result<Summary, RunError>,
 }
 
 impl CameraSummary {

@@ -26,7 +26,7 @@ use crate::{
         recording::Description,
         results::Results,
         run::INPUT_BOUND,
-        sink::{Outlet, Purpose, SINK_BOUND, Takes, Way},
+        sink::{Outlet, Purpose, SINK_BOUND, Way},
         static_tf::StaticTf,
         status::{Reporter, session_id},
         topics,
@@ -230,7 +230,7 @@ impl Context {
         let sink = Publications::advertise(&*self.transport, outputs)?;
         Ok(Outlet {
             sink: Box::new(sink),
-            takes: Takes::Results,
+            takes_images: false,
             purpose: Purpose::Publish,
             way: Way::Queued(SINK_BOUND, WhenFull::DropOldest),
             is_essential: false,

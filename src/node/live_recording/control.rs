@@ -167,18 +167,18 @@ impl RecordingControl {
     ///
     /// # Errors
     /// Nothing is kept, or came; the snapshot before is still being written; too little space; a failing disk.
-    pub fn snapshot(&self) -> Result<Vec<PathBuf>, RecordingError> {
+    pub(crate) fn snapshot(&self) -> Result<Vec<PathBuf>, RecordingError> {
         snapshot::take(&self.0)
     }
 
     /// Returns the status. Never waits for a disk.
-    pub fn status(&self) -> RecordingStatus {
+    pub(crate) fn status(&self) -> RecordingStatus {
         let [results, images] = lock(&self.0.recordings).each_ref().map(Recording::status);
         RecordingStatus { results, images, snapshot: lock(&self.0.snapshots).status() }
     }
 
     /// Changes how is recorded; see [`RecordingParams`] for what holds from when.
-    pub fn set_params(&self, params: RecordingParams) {
+    pub(crate) fn set_params(&self, params: RecordingParams) {
         lock(&self.0.tap).set_params(&params);
         *lock(&self.0.settings.params) = params;
     }
@@ -186,7 +186,7 @@ impl RecordingControl {
     /// Changes what explains the bags: after parameters were set, say. Recordings that are on get a further metadata
     /// record within half a second; the hash in [`Centerline::method`](crate::msg::laser_profiler_msgs::Centerline)
     /// tells which one belongs to a result, and readers who ask for one take the last.
-    pub fn describe(&self, description: Description) {
+    pub(crate) fn describe(&self, description: Description) {
         *lock(&self.0.settings.description) = Arc::new(description);
     }
 }

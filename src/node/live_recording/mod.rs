@@ -5,10 +5,10 @@
 //! the disk. When it cannot keep up, the oldest waiting messages are dropped and counted; when the disk fails, that
 //! recording ends and says why, and the node goes on.
 
-pub mod params;
-pub mod error;
-pub mod status;
-pub mod control;
+pub(crate) mod params;
+pub(crate) mod error;
+pub(crate) mod status;
+pub(crate) mod control;
 mod place;
 mod ring;
 mod tap;
@@ -18,10 +18,10 @@ mod writer;
 mod snapshot;
 
 pub use control::{LiveRecorder, RecordedTopics, RecordingControl};
-pub use error::RecordingError;
+pub(crate) use error::RecordingError;
 pub use params::RecordingParams;
-pub use place::free_bytes;
-pub use status::{BagStatus, RecordingStatus};
+pub(crate) use place::free_bytes;
+pub(crate) use status::{BagStatus, RecordingStatus};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

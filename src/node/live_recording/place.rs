@@ -55,7 +55,7 @@ pub(super) fn create(
 ///
 /// # Errors
 /// The directory is missing, or the file system does not report its free space.
-pub fn free_bytes(directory: &Path) -> io::Result<u64> {
+pub(crate) fn free_bytes(directory: &Path) -> io::Result<u64> {
     let found = rustix::fs::statvfs(directory)?;
     Ok(found.f_bavail.saturating_mul(found.f_frsize))
 }

@@ -4,18 +4,18 @@ use std::path::PathBuf;
 
 /// All recordings of the node.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct RecordingStatus {
+pub(crate) struct RecordingStatus {
     /// The results' bag.
-    pub results: BagStatus,
+    pub(crate) results: BagStatus,
     /// The raw images' bag.
-    pub images: BagStatus,
+    pub(crate) images: BagStatus,
     /// The snapshot: the one that is being written, or the last.
-    pub snapshot: BagStatus,
+    pub(crate) snapshot: BagStatus,
 }
 
 impl RecordingStatus {
     /// True if anything except a snapshot is being recorded.
-    pub const fn is_recording(&self) -> bool {
+    pub(crate) const fn is_recording(&self) -> bool {
         self.results.is_recording || self.images.is_recording
     }
 }
@@ -24,15 +24,15 @@ impl RecordingStatus {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BagStatus {
     /// True if it accepts messages.
-    pub is_recording: bool,
+    pub(crate) is_recording: bool,
     /// True if it has ended but its last messages or its index are not yet written.
-    pub is_ending: bool,
+    pub(crate) is_ending: bool,
     /// Its directory; `None` before the first one.
-    pub directory: Option<PathBuf>,
+    pub(crate) directory: Option<PathBuf>,
     /// Length of its files, bytes; the last half second may be missing.
-    pub bytes: u64,
+    pub(crate) bytes: u64,
     /// Messages in it.
-    pub messages: u64,
+    pub(crate) messages: u64,
     /// Messages that were lost on their way into a bag of this kind since the node started: the disk was too slow, it
     /// failed, or their time cannot be stored.
     pub dropped: u64,

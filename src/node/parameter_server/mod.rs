@@ -31,7 +31,7 @@ use crate::{
 };
 
 use events::Events;
-pub use store::{OnChange, ParameterStore};
+pub(crate) use store::{OnChange, ParameterStore};
 
 /// Maximum number of names or parameters in a request: several times the number of parameters.
 const MAX_ITEMS: usize = 2048;
@@ -58,7 +58,7 @@ enum BadRequest {
 }
 
 /// Serves the parameters of a node until it is dropped.
-pub struct ParameterServer {
+pub(crate) struct ParameterServer {
     _servers: Vec<Box<dyn Server>>,
     shared: Arc<ServerState>,
 }
@@ -69,7 +69,7 @@ impl ParameterServer {
     ///
     /// # Errors
     /// The middleware rejects a service or the topic, or a remap rule gives one a name that ROS does not allow.
-    pub fn start(
+    pub(crate) fn start(
         transport: &dyn Transport,
         names: &NodeNames,
         store: Arc<ParameterStore>,
@@ -93,23 +93,24 @@ impl ParameterServer {
     }
 
     /// Returns a handle to the parameters for other parts of this process.
-    pub fn handle(&self) -> ParameterHandle {
+    pub(crate) fn handle(&self) -> ParameterHandle {
         ParameterHandle(Arc::clone(&self.shared))
     }
 
     /// Returns the number of malformed requests, which get no response.
-    pub fn num_malformed(&self) -> u64 {
+    #[cfg(test)]
+    pub(crate) fn num_malformed(&self) -> u64 {
         self.shared.num_malformed.load(Ordering::Relaxed)
     }
 }
 
 /// A handle to the served parameters for other parts of this process.
 #[derive(Clone)]
-pub struct ParameterHandle(Arc<ServerState>);
+pub(crate) struct ParameterHandle(Arc<ServerState>);
 
 impl ParameterHandle {
     /// Calls `look` with the effective values.
-    pub fn read<T>(&self, look: impl FnOnce(&Parameters) -> T) -> T {
+    pub(crate) fn read<T>(&self, look: impl FnOnce(&Parameters) -> T) -> T {
         self.0.store.read(look)
     }
 
@@ -117,7 +118,7 @@ impl ParameterHandle {
     ///
     /// # Errors
     /// The reason for refusal, as text.
-    pub fn set(&self, name: &str, value: Value) -> Result<(), String> {
+    pub(crate) fn set(&self, name: &str, value: Value) -> Result<(), String> {
         self.0.set_all(&[(name, value)])
     }
 }
@@ -142,12 +143,10 @@ impl ServerState {
         match answer(self, request) {
             Ok(response) => Some(response),
             Err(error) => {
-                let num_before = self.num_malformed.fetch_add(1, Ordering::Relaxed);
-                // Logged once; further ones are counted.
-                if num_before == 0 {
-                    tracing::warn!(
-                        "parameter request without an answer: {error}; further ones are only counted"
-                    );
+                let num = self.num_malformed.fetch_add(1, Ordering::Relaxed) + 1;
+                // Ever more rarely: a faulty client may send a thousand per second.
+                if num.is_power_of_two() {
+                    tracing::warn!("{num} malformed parameter requests; the last: {error}");
                 }
                 None
             }

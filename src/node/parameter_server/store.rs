@@ -14,10 +14,11 @@ const MAX_NAME_BYTES: usize = 255;
 
 /// Called before a change takes effect; may refuse it with a reason. Both arguments hold the same values, typed and
 /// raw. Must not call the store, which waits for the result.
-pub type OnChange = Box<dyn Fn(&NodeParams, &Parameters) -> Result<(), String> + Send + Sync>;
+pub(crate) type OnChange =
+    Box<dyn Fn(&NodeParams, &Parameters) -> Result<(), String> + Send + Sync>;
 
 /// The parameters of a running node.
-pub struct ParameterStore {
+pub(crate) struct ParameterStore {
     current: Mutex<Current>,
     on_change: OnChange,
 }
@@ -32,13 +33,13 @@ impl ParameterStore {
     ///
     /// # Errors
     /// Values that contradict one another.
-    pub fn new(values: Parameters, on_change: OnChange) -> Result<Self, ParameterError> {
+    pub(crate) fn new(values: Parameters, on_change: OnChange) -> Result<Self, ParameterError> {
         let params = NodeParams::new(&values)?;
         Ok(Self { current: Mutex::new(Current { values, params }), on_change })
     }
 
     /// Calls `look` with the effective values.
-    pub fn read<T>(&self, look: impl FnOnce(&Parameters) -> T) -> T {
+    pub(crate) fn read<T>(&self, look: impl FnOnce(&Parameters) -> T) -> T {
         look(&self.lock().values)
     }
 
@@ -47,7 +48,7 @@ impl ParameterStore {
     /// # Errors
     /// The reason as text: a name is not declared, a value is not allowed, values contradict one another, a parameter
     /// is read-only, or `on_change` refuses the change.
-    pub fn set_atomically(&self, changes: &[(&str, Value)]) -> Result<(), String> {
+    pub(crate) fn set_atomically(&self, changes: &[(&str, Value)]) -> Result<(), String> {
         let mut current = self.lock();
         let mut values = current.values.clone();
         for (name, value) in changes {

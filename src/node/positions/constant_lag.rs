@@ -1,7 +1,7 @@
 //! Detects positions that arrive once per frame with a constant lag. If the axis stands still during the exposure, that
 //! lag is not motion.
 
-use crate::scanner::motion::track::{Measured, Track};
+pub(crate) use crate::scanner::motion::track::{Measured, Track};
 
 /// Number of consecutive frames that prove a constant lag.
 const NUM_ALIKE: u32 = 10;

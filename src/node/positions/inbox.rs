@@ -17,7 +17,7 @@ use crate::{
 const BOUND: Bound = Bound { items: 4096, bytes: 16 << 20 };
 
 /// A bounded queue of messages about an axis; drops the oldest.
-pub struct Inbox {
+pub(crate) struct Inbox {
     messages: Queue<RawMessage>,
     /// True if the worker has been notified of waiting messages.
     is_announced: AtomicBool,
@@ -34,7 +34,7 @@ impl Default for Inbox {
 
 impl Inbox {
     /// Queues a message, and notifies the worker through `input` unless that was done already.
-    pub fn put(&self, message: RawMessage, input: &Queue<Input>) {
+    pub(crate) fn put(&self, message: RawMessage, input: &Queue<Input>) {
         let num_bytes = message.data.len();
         // The queue is never closed.
         drop(self.messages.push(message, num_bytes));
@@ -46,12 +46,12 @@ impl Inbox {
     }
 
     /// Acknowledges the notification: the next message notifies again. Call before the messages are taken.
-    pub fn acknowledge(&self) {
+    pub(crate) fn acknowledge(&self) {
         self.is_announced.store(false, Ordering::Release);
     }
 
     /// The next message, and the number of messages dropped before it.
-    pub fn next(&self) -> Option<(RawMessage, u32)> {
+    pub(crate) fn next(&self) -> Option<(RawMessage, u32)> {
         match self.messages.pop_counted(Some(Instant::now())) {
             Popped::Item(message, num_dropped) => Some((message, num_dropped)),
             Popped::TimedOut | Popped::Closed => None,

@@ -26,7 +26,7 @@ const MAX_LISTED: usize = 20;
 
 /// The reason that no topic can be chosen in a recording.
 #[derive(Debug, Error)]
-pub enum PositionTopicError {
+pub(crate) enum PositionTopicError {
     /// The recording has no such topic.
     #[error(
         "motion.source is {source_name}, but the recording has no {type_name} on {name}; it has {topics}"
@@ -74,7 +74,7 @@ fn wanted(source: MotionSource) -> Vec<Wanted> {
 ///
 /// # Errors
 /// A remap rule with a name that ROS does not allow.
-pub fn endpoints(
+pub(crate) fn endpoints(
     source: MotionSource,
     names: &NodeNames,
     camera: &str,
@@ -91,7 +91,7 @@ pub fn endpoints(
 ///
 /// # Errors
 /// No topic fits, or several do and none was chosen.
-pub fn choose(
+pub(crate) fn choose(
     recorded: &[(String, String)],
     names: &NodeNames,
     camera: &str,

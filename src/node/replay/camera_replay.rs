@@ -128,7 +128,7 @@ impl CameraReplay {
             topics.extend(inputs.filter_map(|name| recorded(name, &replay.bags)));
         }
         let description = self.description(replay);
-        let results = ResultsBag::create(&self.output, &replay.options, &topics, description)?;
+        let results = ResultsBag::create(&self.output, replay.options, &topics, description)?;
         Ok(Chain {
             topic: self.image_topic.name.clone(),
             worker: self.worker(replay)?,

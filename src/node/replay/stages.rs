@@ -9,15 +9,15 @@ use crate::{
 use super::{Replay, ReplayError};
 
 /// The unused worker and metadata of one camera.
-pub struct Stage {
+pub(crate) struct Stage {
     /// Its name among several; empty: the only one.
-    pub camera: String,
+    pub(crate) camera: String,
     /// The topic of its images.
-    pub images: ImageTopic,
+    pub(crate) images: ImageTopic,
     /// The topics of its results, in the order of [`Output`](topics::Output).
-    pub topics: Vec<TopicEndpoint>,
+    pub(crate) topics: Vec<TopicEndpoint>,
     /// The worker that measures.
-    pub worker: Worker,
+    pub(crate) worker: Worker,
 }
 
 impl Replay {
@@ -25,7 +25,7 @@ impl Replay {
     ///
     /// # Errors
     /// A remap rule that gives a topic a name that ROS does not allow, or a calibration without the axis that is moved.
-    pub fn stages(&self) -> Result<Vec<Stage>, ReplayError> {
+    pub(crate) fn stages(&self) -> Result<Vec<Stage>, ReplayError> {
         let stage = |camera: &super::CameraReplay| {
             let name = camera.name().to_owned();
             let topics = topics::published(&self.names, &name, camera.calibration())?;
@@ -36,17 +36,17 @@ impl Replay {
     }
 
     /// The topics that are taken besides the images, of all cameras.
-    pub fn side_topics(&self) -> Vec<String> {
+    pub(crate) fn side_topics(&self) -> Vec<String> {
         self.cameras.iter().flat_map(super::CameraReplay::side_topics).collect()
     }
 
     /// The recordings.
-    pub fn bags(&self) -> &[BagReader] {
+    pub(crate) fn bags(&self) -> &[BagReader] {
         &self.bags
     }
 
     /// The node's names and remaps.
-    pub const fn names(&self) -> &NodeNames {
+    pub(crate) const fn names(&self) -> &NodeNames {
         &self.names
     }
 }

@@ -13,7 +13,7 @@ const DELAY_NS: i64 = 3_000_000;
 
 /// Writes a bag with five frames on each of these topics.
 fn recording(directory: &Path, topics: &[&str]) -> PathBuf {
-    let mut recorder = Recorder::create(directory, &RecordOptions::default()).unwrap();
+    let mut recorder = Recorder::create(directory, RecordOptions::default()).unwrap();
     for name in topics {
         for number in 1..=5 {
             let Input::Message(message, _) = good(number, i64::from(number) * 500) else {

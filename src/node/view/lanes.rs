@@ -10,7 +10,7 @@ use crate::{
         publisher::{PublishError, Publisher},
         queue::{Bound, Queue, WhenFull},
         replay::Stage,
-        sink::{Outgoing, Outlet, Purpose, Sink, SinkError, Takes, Way},
+        sink::{Outgoing, Outlet, Purpose, Sink, SinkError, Way},
         source::{Input, PublisherId},
         topics::Output,
         worker::Worker,
@@ -60,7 +60,7 @@ impl Camera {
         let channels = self.channels.iter().map(|(_, channel)| Arc::clone(channel)).collect();
         Outlet {
             sink: Box::new(ViewSink { channels, camera: Arc::clone(&self.view) }),
-            takes: Takes::Results,
+            takes_images: false,
             purpose: Purpose::Publish,
             // It never waits: what a viewer cannot take is dropped by the server.
             way: Way::Direct,

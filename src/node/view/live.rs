@@ -42,7 +42,7 @@ const IMAGES_WAITING: usize = 1;
 
 /// Why a node cannot be seen.
 #[derive(Debug, Error)]
-pub enum LiveViewError {
+pub(crate) enum LiveViewError {
     /// A name or remap rule.
     #[error(transparent)]
     Name(#[from] NameError),
@@ -56,7 +56,7 @@ pub enum LiveViewError {
 
 impl LiveViewError {
     /// True if the request is wrong.
-    pub const fn is_usage(&self) -> bool {
+    pub(crate) const fn is_usage(&self) -> bool {
         match self {
             Self::Name(_) | Self::Parameter(_) => true,
             Self::View(error) => error.is_usage(),
@@ -65,7 +65,7 @@ impl LiveViewError {
 }
 
 /// A server through which a live node is seen, until it is dropped.
-pub struct LiveView {
+pub(crate) struct LiveView {
     server: Arc<Server>,
     desk: Arc<NodeDesk>,
     cameras: Arc<[LiveCamera]>,
@@ -76,7 +76,7 @@ impl LiveView {
     ///
     /// # Errors
     /// A parameter, a name, or the port.
-    pub fn start(request: &LiveRequest, view: ViewRequest) -> Result<Self, LiveViewError> {
+    pub(crate) fn start(request: &LiveRequest, view: ViewRequest) -> Result<Self, LiveViewError> {
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let values = Parameters::load(&names, &request.ros)?;
         Self::of(&names, &values, view)
@@ -86,7 +86,7 @@ impl LiveView {
     ///
     /// # Errors
     /// Values that contradict one another, a bad name, or the port.
-    pub fn of(
+    pub(crate) fn of(
         names: &NodeNames,
         values: &Parameters,
         view: ViewRequest,
@@ -102,7 +102,7 @@ impl LiveView {
     }
 
     /// The middleware as the node is to see it.
-    pub fn through(&self, inner: Arc<dyn Transport>) -> Arc<dyn Transport> {
+    pub(crate) fn through(&self, inner: Arc<dyn Transport>) -> Arc<dyn Transport> {
         let (watched, server) = (Arc::downgrade(&inner), Arc::downgrade(&self.server));
         let thread = thread::Builder::new().name("view graph".to_owned());
         if let Err(error) = thread.spawn(move || publish_graph(&watched, &server)) {
@@ -113,17 +113,17 @@ impl LiveView {
     }
 
     /// Lets viewers see and set the node's parameters.
-    pub fn set_parameters_of(&self, parameters: ParameterHandle) {
+    pub(crate) fn set_parameters_of(&self, parameters: ParameterHandle) {
         self.desk.set_parameters_of(Arc::new(parameters));
     }
 
     /// Where viewers find it.
-    pub fn address(&self) -> SocketAddr {
+    pub(crate) fn address(&self) -> SocketAddr {
         self.server.address()
     }
 
     /// Messages that viewers were given.
-    pub fn num_sent(&self) -> u64 {
+    pub(crate) fn num_sent(&self) -> u64 {
         self.server.num_sent()
     }
 }

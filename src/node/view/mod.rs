@@ -9,11 +9,11 @@ mod lanes;
 mod playback;
 mod player;
 mod recording;
-pub mod replay;
-pub mod live;
+pub(crate) mod replay;
+pub(crate) mod live;
 mod transport;
 
-pub use crate::foxglove::Address;
+pub(crate) use crate::foxglove::Address;
 
 use std::sync::Arc;
 
@@ -29,7 +29,7 @@ const MAX_LATCHED: usize = 64;
 
 /// Display of the camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Images {
+pub(crate) enum Images {
     /// As they came, on their own topic.
     Full,
     /// Small and at most fifteen a second, on `~/preview`; the centreline over them on `~/preview_annotations`.
@@ -41,10 +41,10 @@ pub enum Images {
 
 impl Images {
     /// The names of all.
-    pub const NAMES: [&str; 3] = ["full", "preview", "none"];
+    pub(crate) const NAMES: [&str; 3] = ["full", "preview", "none"];
 
     /// The one of that name.
-    pub fn from_name(name: &str) -> Option<Self> {
+    pub(crate) fn from_name(name: &str) -> Option<Self> {
         [Self::Full, Self::Preview, Self::None]
             .into_iter()
             .zip(Self::NAMES)
@@ -54,11 +54,11 @@ impl Images {
 
 /// Options of the server.
 #[derive(Clone, Copy, Debug)]
-pub struct ViewRequest {
+pub(crate) struct ViewRequest {
     /// Where to listen.
-    pub address: Address,
+    pub(crate) address: Address,
     /// Display of images.
-    pub images: Images,
+    pub(crate) images: Images,
 }
 
 /// Serves a topic of the node's.

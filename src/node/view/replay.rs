@@ -36,7 +36,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Why a recording cannot be seen.
 #[derive(Debug, Error)]
-pub enum ReplayViewError {
+pub(crate) enum ReplayViewError {
     /// The recording or the parameters.
     #[error(transparent)]
     Replay(#[from] ReplayError),
@@ -59,7 +59,7 @@ pub enum ReplayViewError {
 
 impl ReplayViewError {
     /// True if the request is wrong.
-    pub const fn is_usage(&self) -> bool {
+    pub(crate) const fn is_usage(&self) -> bool {
         match self {
             Self::Replay(error) => error.is_usage(),
             Self::View(error) => error.is_usage(),
@@ -71,7 +71,7 @@ impl ReplayViewError {
 
 /// True if the view ends with the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AtEnd {
+pub(crate) enum AtEnd {
     /// It stays: viewers may play again.
     Stay,
     /// It plays at once, whether anybody looks or not, and ends.
@@ -79,7 +79,7 @@ pub enum AtEnd {
 }
 
 /// A recording that is being shown.
-pub struct ReplayView {
+pub(crate) struct ReplayView {
     server: Arc<Server>,
     player: JoinHandle<Result<(), PlayError>>,
 }
@@ -90,7 +90,7 @@ impl ReplayView {
     ///
     /// # Errors
     /// The first thing that is not as it should be.
-    pub fn start(
+    pub(crate) fn start(
         request: ReplayRequest,
         view: ViewRequest,
         at_end: AtEnd,
@@ -150,12 +150,12 @@ impl ReplayView {
     }
 
     /// Where viewers find it.
-    pub fn address(&self) -> std::net::SocketAddr {
+    pub(crate) fn address(&self) -> std::net::SocketAddr {
         self.server.address()
     }
 
     /// True if it has ended by itself.
-    pub fn is_finished(&self) -> bool {
+    pub(crate) fn is_finished(&self) -> bool {
         self.player.is_finished()
     }
 
@@ -163,7 +163,7 @@ impl ReplayView {
     ///
     /// # Errors
     /// It ended because something could not be shown any more.
-    pub fn join(self) -> Result<u64, ReplayViewError> {
+    pub(crate) fn join(self) -> Result<u64, ReplayViewError> {
         let played = self.player.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         played.map_err(|error| match error {
             PlayError::Replay(error) => ReplayViewError::Replay(error),

@@ -7,7 +7,7 @@ mod frame;
 mod framing;
 mod ledger;
 mod measurer;
-pub mod online;
+pub(crate) mod online;
 
 use std::sync::Arc;
 
@@ -42,17 +42,17 @@ use online::Online;
 
 /// Options for the input of a worker.
 #[derive(Clone, Debug)]
-pub struct WorkerOptions {
+pub(crate) struct WorkerOptions {
     /// Transport of the images.
-    pub transport: ImageTransport,
+    pub(crate) transport: ImageTransport,
     /// Largest decoded image, bytes.
-    pub max_frame_bytes: u64,
+    pub(crate) max_frame_bytes: u64,
     /// True if input images are forwarded with the results.
-    pub sends_images: bool,
+    pub(crate) sends_images: bool,
 }
 
 /// A camera's worker.
-pub struct Worker {
+pub(crate) struct Worker {
     options: WorkerOptions,
     ledger: Ledger,
     measurer: Measurer,
@@ -74,7 +74,7 @@ pub struct Worker {
 
 impl Worker {
     /// Creates a worker without measured positions, for a replay.
-    pub fn new(
+    pub(crate) fn new(
         options: WorkerOptions,
         pipeline: Pipeline,
         results: Results,
@@ -97,37 +97,45 @@ impl Worker {
 
     /// Adds the state of a camera on a network.
     #[must_use]
-    pub fn with_online(self, online: Online) -> Self {
+    pub(crate) fn with_online(self, online: Online) -> Self {
         Self { online: Some(online), ..self }
     }
 
     /// Adds measured positions; their messages arrive on `topics`.
     #[must_use]
-    pub fn with_positions(mut self, positions: Option<Positions>, topics: Vec<String>) -> Self {
+    pub(crate) fn with_positions(
+        mut self,
+        positions: Option<Positions>,
+        topics: Vec<String>,
+    ) -> Self {
         self.measurer.positions = positions;
         Self { position_topics: topics, ..self }
     }
 
     /// Adds a queue of messages about the axis.
     #[must_use]
-    pub fn with_inbox(self, inbox: Arc<Inbox>) -> Self {
+    pub(crate) fn with_inbox(self, inbox: Arc<Inbox>) -> Self {
         Self { inbox: Some(inbox), ..self }
     }
 
     /// The topics of messages about the axis.
-    pub fn position_topics(&self) -> &[String] {
+    pub(crate) fn position_topics(&self) -> &[String] {
         &self.position_topics
     }
 
     /// Checks images against `camera_info`: those of another camera are rejected, those of a part of the sensor measured as
     /// such. Recorded `camera_info` arrives on `topic`, which is among the topics of the positions.
     #[must_use]
-    pub fn with_camera_info(self, calibration: Option<Calibration>, topic: Option<String>) -> Self {
+    pub(crate) fn with_camera_info(
+        self,
+        calibration: Option<Calibration>,
+        topic: Option<String>,
+    ) -> Self {
         Self { framing: Framing::new(calibration, topic), ..self }
     }
 
     /// Largest decoded image, bytes, where images are compressed.
-    pub fn unpacks_bytes(&self) -> Option<u64> {
+    pub(crate) fn unpacks_bytes(&self) -> Option<u64> {
         let WorkerOptions { transport, max_frame_bytes, .. } = self.options;
         (transport == ImageTransport::Compressed).then_some(max_frame_bytes)
     }
@@ -136,7 +144,7 @@ impl Worker {
     ///
     /// # Errors
     /// Nothing more can be published.
-    pub fn run(
+    pub(crate) fn run(
         mut self,
         input: &Queue<Input>,
         spare: &Queue<Vec<u8>>,
@@ -163,7 +171,7 @@ impl Worker {
     ///
     /// # Errors
     /// Nothing more can be published.
-    pub fn step(
+    pub(crate) fn step(
         &mut self,
         item: Input,
         spare: &Queue<Vec<u8>>,
@@ -177,7 +185,7 @@ impl Worker {
     ///
     /// # Errors
     /// Nothing more can be published.
-    pub fn finish(
+    pub(crate) fn finish(
         &mut self,
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,

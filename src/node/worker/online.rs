@@ -22,23 +22,23 @@ const TICK: Duration = Duration::from_millis(100);
 
 /// The state of a camera outside its worker.
 #[derive(Clone, Debug, Default)]
-pub struct Surroundings {
+pub(crate) struct Surroundings {
     /// Notes for the diagnostics.
-    pub notes: Vec<Note>,
+    pub(crate) notes: Vec<Note>,
     /// Messages that the recorders dropped.
-    pub recorder_dropped: u64,
+    pub(crate) recorder_dropped: u64,
     /// Bytes in the bags.
-    pub recorder_bytes: u64,
+    pub(crate) recorder_bytes: u64,
 }
 
 /// Returns the surroundings; called once per report.
-pub type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
+pub(crate) type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
 
 /// Observes every measured image and returns the description of its camera.
-pub type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> CameraMatch + Send>;
+pub(crate) type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> CameraMatch + Send>;
 
 /// The part of a worker that only a live camera has.
-pub struct Online {
+pub(crate) struct Online {
     settings: Arc<Mailbox<Settings>>,
     clock: RosClock,
     /// Number of the clock's time discontinuities at the start of this session.
@@ -60,7 +60,7 @@ pub struct Online {
 
 impl Online {
     /// Takes new settings from the mailbox.
-    pub fn new(
+    pub(crate) fn new(
         settings: Arc<Mailbox<Settings>>,
         clock: RosClock,
         survey: Survey,
@@ -84,7 +84,7 @@ impl Online {
 
     /// Writes reports to `board`.
     #[must_use]
-    pub fn with_board(self, board: Board) -> Self {
+    pub(crate) fn with_board(self, board: Board) -> Self {
         Self { board, ..self }
     }
 

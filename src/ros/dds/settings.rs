@@ -41,7 +41,7 @@ impl DdsSettings {
     ///
     /// # Errors
     /// A value that cannot be followed, and what would be right.
-    pub fn from_environment(
+    pub(crate) fn from_environment(
         variable: &dyn Fn(&str) -> Option<String>,
         service_mapping: ServiceMapping,
     ) -> Result<Self, TransportError> {

@@ -26,7 +26,7 @@ impl Declared {
     }
 
     /// Its full name: of a camera among several, the camera's name and a dot stand before the row's.
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.name
     }
 

@@ -8,14 +8,14 @@ use crate::ros::transport::TransportError;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ZenohSettings {
     /// `ROS_DOMAIN_ID`.
-    pub domain_id: u32,
+    pub(crate) domain_id: u32,
     /// What the session is to its network.
-    pub role: Role,
+    pub(crate) role: Role,
     /// Zenoh's configuration in place of ROS's own, JSON5 or YAML: `ZENOH_SESSION_CONFIG_URI`, for a router
     /// `ZENOH_ROUTER_CONFIG_URI`.
-    pub config_file: Option<PathBuf>,
+    pub(crate) config_file: Option<PathBuf>,
     /// Values that stand above the configuration, in order.
-    pub overrides: Vec<Override>,
+    pub(crate) overrides: Vec<Override>,
     /// `ZENOH_ROUTER_CHECK_ATTEMPTS`.
     pub router_check: RouterCheck,
 }
@@ -33,11 +33,11 @@ pub enum Role {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Override {
     /// Variable that sets it, for messages.
-    pub variable: &'static str,
+    pub(crate) variable: &'static str,
     /// Its path, as in `connect/endpoints`.
-    pub key: String,
+    pub(crate) key: String,
     /// JSON5.
-    pub value: String,
+    pub(crate) value: String,
 }
 
 /// Whether opening a session waits for its router.

@@ -176,7 +176,7 @@ fn an_axis_that_runs_the_other_way_points_the_other_way() {
 fn recorded(scene: &TempDir, scale: f64) -> PathBuf {
     let bag = scene.path().join(format!("bag_{scale}"));
     let options = RecordOptions { compression: Compression::None, force: false };
-    let mut recorder = Recorder::create(&bag, &options).unwrap();
+    let mut recorder = Recorder::create(&bag, options).unwrap();
     let topics = [("/image_raw", Image::TYPE), ("/table/encoder", EncoderStamped::TYPE)];
     let [images, counts] =
         topics.map(|(name, kind)| recorder.add_topic(&topic(name, kind)).unwrap());

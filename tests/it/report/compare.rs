@@ -31,7 +31,7 @@ fn record(
     edit: impl Fn(usize, &mut Centerline<'_>, &mut Profile<'_>),
 ) -> PathBuf {
     let options = RecordOptions { compression: Compression::None, force: false };
-    let mut recorder = Recorder::create(directory, &options).unwrap();
+    let mut recorder = Recorder::create(directory, options).unwrap();
     let entries = [("input", input), ("input_topic", "/image_raw"), ("version", "1.2.3")];
     let entries = entries.map(|(key, text)| (key.to_owned(), text.to_owned()));
     let name = "laser_profiler".to_owned();

@@ -16,6 +16,7 @@ use laser_profiler::{
 use super::network::{Network, TOPIC};
 use crate::live::{Node, frames};
 
+const RESULT: &str = "/laser_profiler/centerline";
 const COUNT: usize = 100;
 const PERIOD_NS: f64 = 1e7;
 
@@ -23,7 +24,7 @@ const PERIOD_NS: f64 = 1e7;
 fn traces(place: &Path) -> Vec<(i64, FrameTrace)> {
     let bag = std::fs::read_dir(place).unwrap().next().unwrap().unwrap().path();
     let bag = BagReader::open(&bag, &ReadOptions::default()).unwrap();
-    let messages = bag.messages(&Filter::topics(["/laser_profiler/centerline"]));
+    let messages = bag.messages(&Filter::topics([RESULT]));
     let traced = messages.map(|message| {
         let data = message.unwrap().data;
         let line: Centerline<'_> = cdr::decode(&data).unwrap();
@@ -50,9 +51,16 @@ fn moved(
         [("ROS_DOMAIN_ID", network.domain.clone()), ("ZENOH_CONFIG_OVERRIDE", connect)];
     let node = Node::start(&[&own[..], &record, more].concat(), &environment);
     let count = COUNT.to_string();
+    let result = Centerline::TYPE;
+    let wanted =
+        ["--topic", RESULT, "--type", result.name, "--hash", result.hash, "--last", &count];
+    let receiver = network.peer("receive", &wanted);
+    receiver.event("ready");
     let axis = ["--axis-topic", topic, "--type", kind.name, "--hash", kind.hash, "--count", &count];
     let peer = network.peer(command, &axis);
     let start_ns = peer.event("sent")["start_ns"].as_i64().unwrap();
+    // A put returns before the image is delivered: only the last centreline shows that the node has them all.
+    receiver.event("received");
     let (_, words, _) = node.end();
     assert_eq!(frames(&words)[..2], [COUNT as u64; 2], "{words}");
     Some((start_ns, traces(place.path())))

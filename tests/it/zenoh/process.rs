@@ -43,11 +43,12 @@ fn every_image_becomes_a_centreline_there_and_in_the_bag() {
     let record = recording(place.path());
     let node = node(&network, &record.each_ref().map(String::as_str));
     let kind = Centerline::TYPE;
-    let wanted = ["--topic", RESULT, "--type", kind.name, "--hash", kind.hash, "--count", "150"];
+    let wanted = ["--topic", RESULT, "--type", kind.name, "--hash", kind.hash, "--last", "200"];
     let receiver = network.peer("receive", &wanted);
     receiver.event("ready");
     let sender = network.peer("send", &[&SMALL[..], &["--count", "200"]].concat());
     sender.event("sent");
+    // Only the last centreline shows that the node has the last image: a put returns before it is delivered.
     let received = receiver.event("received");
     // The first messages may be sent before discovery finishes; after that none is missing.
     assert_eq!(received["lost"], 0, "{received}");
@@ -69,11 +70,16 @@ fn losses_in_a_relay_are_counted_exactly() {
     let to = ["--to", TOPIC, "--type", kind.name, "--hash", kind.hash, "--loss", "5"];
     let relay = network.peer("relay", &[&before[..], &to].concat());
     relay.event("ready");
+    let result = Centerline::TYPE;
+    let wanted = ["--topic", RESULT, "--type", result.name, "--hash", result.hash, "--idle", "2"];
+    let receiver = network.peer("receive", &wanted);
+    receiver.event("ready");
     let _sender = network.peer("send", &[&before[..], &SMALL, &["--linger", "60"]].concat());
     let relayed = relay.event("relayed");
     let (forwarded, injected) =
         (relayed["forwarded"].as_u64().unwrap(), relayed["injected"].as_u64().unwrap());
-    // The relay has forwarded the last message; the node prints its counters when it ends.
+    // A put returns before the image is delivered: the node has them all when no more centrelines come.
+    receiver.event("received");
     let (code, words, _) = node.end();
     let [received, processed, rejected, dropped, lost] = frames(&words);
     assert_eq!((received, rejected, dropped), (forwarded, 0, 0), "{words} {relayed}");

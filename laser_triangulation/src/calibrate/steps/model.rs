@@ -103,7 +103,7 @@ impl HeightModel {
 
     /// Returns numerator and denominator over (along, across, 1) in pixels: the map's row of heights and its last row.
     #[must_use]
-    pub fn rows(&self) -> [[f64; 3]; 2] {
+    pub(crate) fn rows(&self) -> [[f64; 3]; 2] {
         let [p, q, r] = [self.values[0], self.values[1], self.values[2]];
         let [along_p, along_r] =
             [3, 4].map(|i| self.values.get(i).copied().unwrap_or(0.0) / self.unit_px);
@@ -114,7 +114,10 @@ impl HeightModel {
 
     /// Returns the covariance of any function of the map, by finite differences.
     #[must_use]
-    pub fn propagated<const N: usize>(&self, of: impl Fn(&Self) -> [f64; N]) -> DMatrix<f64> {
+    pub(crate) fn propagated<const N: usize>(
+        &self,
+        of: impl Fn(&Self) -> [f64; N],
+    ) -> DMatrix<f64> {
         let mut jacobian = DMatrix::zeros(N, self.values.len());
         for j in 0..self.values.len() {
             let sigma = self.covariance[(j, j)].sqrt();

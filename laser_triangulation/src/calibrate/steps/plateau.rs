@@ -30,7 +30,7 @@ impl Plateau {
     /// Fits a straight line to a piece of a stripe, `points` being (along, across) in pixels. Outliers do not bend
     /// it; the uncertainty accounts for correlated neighbours. `None` if the piece has too few points.
     #[must_use]
-    pub fn fit(points: &[[f64; 2]], piece: &Range<usize>, height_m: f64) -> Option<Self> {
+    pub(crate) fn fit(points: &[[f64; 2]], piece: &Range<usize>, height_m: f64) -> Option<Self> {
         let points = points.get(piece.clone())?;
         let along_px = [points.first()?[0], points.last()?[0]];
         let middle = 0.5 * (along_px[0] + along_px[1]);
@@ -66,7 +66,7 @@ impl Plateau {
 
     /// Returns the middle along the stripe, pixels.
     #[must_use]
-    pub fn middle_px(&self) -> f64 {
+    pub(crate) fn middle_px(&self) -> f64 {
         0.5 * (self.along_px[0] + self.along_px[1])
     }
 }

@@ -21,17 +21,17 @@ const MAX_OFF: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub(super) struct BoardAxisFit {
     /// Kind of the axis.
-    pub kind: AxisKind,
+    pub(crate) kind: AxisKind,
     /// Direction of motion or of rotation, with arbitrary sign.
-    pub direction: Unit<Vector3<f64>>,
+    pub(crate) direction: Unit<Vector3<f64>>,
     /// A point of the axis, metres; for a prismatic axis, the middle of the first board.
-    pub point_m: Point3<f64>,
+    pub(crate) point_m: Point3<f64>,
     /// Position of every picture relative to the first, metres or radians.
-    pub shown: Vec<f64>,
+    pub(crate) shown: Vec<f64>,
     /// Root mean square distance of the board's middle from its path, metres.
-    pub rms_m: f64,
+    pub(crate) rms_m: f64,
     /// One standard deviation of the direction, radians.
-    pub direction_sigma_rad: f64,
+    pub(crate) direction_sigma_rad: f64,
 }
 
 /// The reason why a board determines no axis.

@@ -54,7 +54,7 @@ impl Checkerboard {
     }
 
     /// Returns true if a grid of corners fits onto the board, either way round.
-    pub fn holds(&self, columns: u32, rows: u32) -> bool {
+    pub(crate) fn holds(&self, columns: u32, rows: u32) -> bool {
         let fits = |columns, rows| columns <= self.columns && rows <= self.rows;
         fits(columns, rows) || fits(rows, columns)
     }

@@ -13,11 +13,11 @@ const STEP: f64 = 1e-7;
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
     /// The unknowns.
-    pub unknowns: DVector<f64>,
+    pub(crate) unknowns: DVector<f64>,
     /// The residuals at the solution.
-    pub residuals: DVector<f64>,
+    pub(crate) residuals: DVector<f64>,
     /// Covariance of the unknowns for residuals with standard deviation 1; `None` if they are not determined.
-    pub unit_covariance: Option<DMatrix<f64>>,
+    pub(crate) unit_covariance: Option<DMatrix<f64>>,
 }
 
 impl Solution {

@@ -16,9 +16,9 @@ const MAX_PAIRED: usize = 400;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Position {
     /// Position reported by the joint or encoder, in its unit.
-    pub stated: f64,
+    pub(crate) stated: f64,
     /// Position observed in the picture, radians or metres.
-    pub shown: f64,
+    pub(crate) shown: f64,
 }
 
 /// The relation of reported and observed positions.
@@ -104,7 +104,7 @@ pub(super) fn compare(positions: &[Position]) -> Result<Agreement, PositionError
 impl Agreement {
     /// Returns the scale for the file: exactly 1 if the stated unit is radians or metres within the measurement
     /// uncertainty.
-    pub fn scale_to_write(&self) -> f64 {
+    pub(crate) fn scale_to_write(&self) -> f64 {
         let size = self.scale.abs();
         if (size - 1.0).abs() < SAME_UNIT { 1.0 } else { size }
     }

@@ -24,28 +24,28 @@ const STARTS: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting {
     /// Index of the picture, from 0 without gaps.
-    pub frame: usize,
+    pub(crate) frame: usize,
     /// Index of the marker, from 0 without gaps.
-    pub marker: usize,
+    pub(crate) marker: usize,
     /// Its centre, pixels.
-    pub seen: DistortedPixel,
+    pub(crate) seen: DistortedPixel,
 }
 
 /// An axis of unknown distance: all lengths are in units of the distance from the lens to the markers' plane.
 #[derive(Clone, Debug)]
 pub(super) struct RevoluteFit {
     /// Direction of the axis, away from the lens; angles grow by the right-hand rule about it.
-    pub direction: Unit<Vector3<f64>>,
+    pub(crate) direction: Unit<Vector3<f64>>,
     /// Intersection of the axis and the plane of the first marker, in units.
-    pub point: Point3<f64>,
+    pub(crate) point: Point3<f64>,
     /// Angle of every picture relative to the first, radians, without jumps.
-    pub angles: Vec<f64>,
+    pub(crate) angles: Vec<f64>,
     /// Radius of each marker's circle, in units.
-    pub radii: Vec<f64>,
+    pub(crate) radii: Vec<f64>,
     /// Root mean square distance between observed and projected centres, pixels.
-    pub rms_px: f64,
+    pub(crate) rms_px: f64,
     /// One standard deviation of the direction, radians, and of the point, in units.
-    pub sigma: [f64; 2],
+    pub(crate) sigma: [f64; 2],
 }
 
 /// The reason why markers determine no axis.

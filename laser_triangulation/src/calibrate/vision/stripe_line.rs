@@ -26,13 +26,13 @@ const MAX_RMS_PX: f64 = 0.6;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed<'a> {
     /// Its corners.
-    pub board: &'a Board,
+    pub(crate) board: &'a Board,
     /// Pose of the board, from the corners alone.
-    pub pose: &'a BoardPose,
+    pub(crate) pose: &'a BoardPose,
     /// Side of a square, metres.
-    pub square_m: f64,
+    pub(crate) square_m: f64,
     /// Width of the flat rim beyond the inner corners, squares: 1 for the outermost squares.
-    pub border: f64,
+    pub(crate) border: f64,
 }
 
 /// The line on one board.

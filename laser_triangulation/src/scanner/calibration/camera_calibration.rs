@@ -33,7 +33,7 @@ impl CameraCalibration {
     }
 
     /// Returns sixteen hexadecimal digits that are equal for equal cameras, independent of their names.
-    pub fn id(&self) -> String {
+    pub(crate) fn id(&self) -> String {
         file::Id::new("camera").camera(&self.camera).finish()
     }
 }

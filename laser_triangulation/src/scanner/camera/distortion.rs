@@ -96,7 +96,7 @@ impl Distortion {
     }
 
     /// Returns the distorted image of a point on the plane z = 1. `None` where the model folds back.
-    pub fn distort(&self, straight: UndistortedPoint) -> Option<DistortedPoint> {
+    pub(crate) fn distort(&self, straight: UndistortedPoint) -> Option<DistortedPoint> {
         if *self == Self::None {
             return Some(DistortedPoint(straight.0));
         }
@@ -105,7 +105,10 @@ impl Distortion {
 
     /// The point of the plane z = 1 that appears there: Newton's method with the exact Jacobian. `None` where there is no
     /// such point, or none before the model folds back.
-    pub fn undistort(&self, DistortedPoint(bent): DistortedPoint) -> Option<UndistortedPoint> {
+    pub(crate) fn undistort(
+        &self,
+        DistortedPoint(bent): DistortedPoint,
+    ) -> Option<UndistortedPoint> {
         if *self == Self::None {
             return Some(UndistortedPoint(bent));
         }

@@ -23,7 +23,7 @@ impl View {
 
     /// Returns the position on the sensor of the centre of an image pixel. The centre of a binned pixel is the middle
     /// of its sensor pixels: `sensor = binning · image + (binning - 1) / 2 + offset`.
-    pub fn on_sensor(&self, image: Point2<f64>) -> Point2<f64> {
+    pub(crate) fn on_sensor(&self, image: Point2<f64>) -> Point2<f64> {
         Point2::from([0, 1].map(|axis| {
             let binning = f64::from(self.binning[axis]);
             binning * image[axis] + 0.5 * (binning - 1.0) + f64::from(self.offset_px[axis])
@@ -34,7 +34,7 @@ impl View {
 impl Camera {
     /// Returns the camera for such images: the principal point is shifted, and focal lengths are in larger pixels.
     #[must_use]
-    pub fn seen_through(&self, view: &View) -> Self {
+    pub(crate) fn seen_through(&self, view: &View) -> Self {
         let shift = view.on_sensor(Point2::origin());
         let [bx, by] = view.binning.map(f64::from);
         Self {

@@ -52,19 +52,19 @@ impl Placement {
 
     /// Sets the part's frame, relative to the frame defined by axis and laser plane.
     #[must_use]
-    pub fn with_part(self, unlaid_from_part: &Isometry3<f64>) -> Self {
+    pub(crate) fn with_part(self, unlaid_from_part: &Isometry3<f64>) -> Self {
         Self { part_from_unlaid: unlaid_from_part.inverse(), ..self }
     }
 
     /// Treats measured poses as those of the laser plane, not of the camera.
     #[must_use]
-    pub const fn with_laser_tracked(self) -> Self {
+    pub(crate) const fn with_laser_tracked(self) -> Self {
         Self { is_laser_tracked: true, ..self }
     }
 
     /// Sets another pose of the laser plane in the camera's frame.
     #[must_use]
-    pub fn with_camera_from_laser(self, camera_from_laser: Isometry3<f64>) -> Self {
+    pub(crate) fn with_camera_from_laser(self, camera_from_laser: Isometry3<f64>) -> Self {
         Self {
             is_laser_tracked: self.is_laser_tracked,
             part_from_unlaid: self.part_from_unlaid,
@@ -73,7 +73,7 @@ impl Placement {
     }
 
     /// Starts another scan.
-    pub const fn restart(&mut self) {
+    pub(crate) const fn restart(&mut self) {
         self.start_m = None;
     }
 
@@ -103,7 +103,7 @@ impl Placement {
 
     /// Returns the travel from position 0 to a position that [`place`](Self::place) has processed. Without an axis, and
     /// for measured poses, positions are metres.
-    pub fn travel(&self, position: &Position) -> AxisTravel {
+    pub(crate) fn travel(&self, position: &Position) -> AxisTravel {
         match &self.axis {
             Some(axis) if position.part_from_sensor.is_none() => axis.travel(position.value),
             _ => AxisTravel::Metres(position.value.0),

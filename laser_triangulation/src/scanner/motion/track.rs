@@ -98,7 +98,7 @@ impl<T: Measured> Track<T> {
     }
 
     /// Sets other limits, for later samples.
-    pub const fn set_limits(&mut self, limits: Limits) {
+    pub(crate) const fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
     }
 

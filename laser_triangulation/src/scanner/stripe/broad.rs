@@ -7,11 +7,11 @@ use std::ops::Range;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Broad {
     /// Grey-level centre of gravity, pixels from the candidate's first sample.
-    pub position_px: f64,
+    pub(crate) position_px: f64,
     /// Unblurred level there, sample units.
-    pub intensity: f32,
+    pub(crate) intensity: f32,
     /// Largest unblurred sample, sample units.
-    pub brightest_raw: u32,
+    pub(crate) brightest_raw: u32,
 }
 
 impl Broad {

@@ -10,11 +10,11 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Node {
     /// Its line; nodes come in order of their lines.
-    pub line: u32,
+    pub(crate) line: u32,
     /// Position across the stripe, half pixels.
-    pub middle: u32,
+    pub(crate) middle: u32,
     /// Largest blurred sample above the background, blurred units.
-    pub peak: u32,
+    pub(crate) peak: u32,
 }
 
 /// Number of consecutive lines that a stripe may miss without being broken.

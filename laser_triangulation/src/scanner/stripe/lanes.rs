@@ -20,30 +20,30 @@ pub(super) type Lane = [f32; LANES];
 #[derive(Clone, Debug)]
 pub(super) struct Sections {
     /// Lanes in use, from lane 0; the others repeat the window of lane 0 over undefined samples.
-    pub count: usize,
+    pub(crate) count: usize,
     /// Unblurred samples, sample units, row by row; as many rows as the longest reach of a window.
-    pub raw: Vec<Lane>,
+    pub(crate) raw: Vec<Lane>,
     /// Blurred samples without background, grey levels in sample units, row by row.
-    pub blurred: Vec<Lane>,
+    pub(crate) blurred: Vec<Lane>,
     /// First row of each lane's window: the candidate and its margin.
-    pub start: Lane,
+    pub(crate) start: Lane,
     /// Row behind the last one of each lane's window.
-    pub end: Lane,
+    pub(crate) end: Lane,
     /// Row of the first sample of each lane's candidate.
-    pub first: Lane,
+    pub(crate) first: Lane,
     /// Row of the last sample of each lane's candidate.
-    pub last: Lane,
+    pub(crate) last: Lane,
     /// Largest blurred sample of each lane's candidate, as in [`blurred`](Self::blurred).
-    pub peak: Lane,
+    pub(crate) peak: Lane,
 }
 
 /// An estimator's result for every lane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Centres {
     /// Centre, pixels from the candidate's first sample.
-    pub position_px: Lane,
+    pub(crate) position_px: Lane,
     /// One standard deviation of it, pixels.
-    pub sigma_px: Lane,
+    pub(crate) sigma_px: Lane,
 }
 
 impl Default for Sections {

@@ -15,13 +15,13 @@ use std::ops::Range;
 #[derive(Debug)]
 pub(super) struct Loader<'a, S: Sample> {
     /// The frame.
-    pub plane: &'a Plane<'a, S>,
+    pub(crate) plane: &'a Plane<'a, S>,
     /// The blur.
-    pub kernel: &'a Kernel,
+    pub(crate) kernel: &'a Kernel,
     /// The blurred part of the frame; extended where a section reaches beyond it.
-    pub tiles: &'a mut BlurredTiles<S>,
+    pub(crate) tiles: &'a mut BlurredTiles<S>,
     /// Direction of the stripe.
-    pub direction: StripeDirection,
+    pub(crate) direction: StripeDirection,
 }
 
 impl<S: Sample> Loader<'_, S> {

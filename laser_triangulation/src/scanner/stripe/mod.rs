@@ -236,7 +236,7 @@ impl Extractor {
 
     /// Sets the frame without laser light that [`Background::Reference`](super::params::Background::Reference) subtracts. It must cover the same region and have
     /// the same depth as the frames that follow.
-    pub fn set_ambient(&mut self, plane: &AnyPlane<'_>) {
+    pub(crate) fn set_ambient(&mut self, plane: &AnyPlane<'_>) {
         match plane {
             AnyPlane::Eight(plane) => self.eight.set_ambient(plane),
             AnyPlane::Sixteen(plane) => self.sixteen.set_ambient(plane),
@@ -244,7 +244,7 @@ impl Extractor {
     }
 
     /// Discards the stripes of the last frame: tracking starts again.
-    pub const fn reset(&mut self) {
+    pub(crate) const fn reset(&mut self) {
         self.eight.reset();
         self.sixteen.reset();
     }

@@ -6,11 +6,11 @@ use super::section::Noise;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PixelNoise {
     /// Variance of read noise and rounding.
-    pub constant: f32,
+    pub(crate) constant: f32,
     /// Variance of the shot noise per level.
-    pub per_level: f32,
+    pub(crate) per_level: f32,
     /// Variance of the blur that the blurred samples went through, px².
-    pub blur_variance_px2: f32,
+    pub(crate) blur_variance_px2: f32,
 }
 
 impl From<&Noise<'_>> for PixelNoise {

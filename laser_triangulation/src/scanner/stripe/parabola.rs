@@ -15,17 +15,17 @@ pub(super) struct NormalSums {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parabola {
     /// p₀.
-    pub constant: f32,
+    pub(crate) constant: f32,
     /// p₁.
-    pub slope: f32,
+    pub(crate) slope: f32,
     /// p₂.
-    pub curvature: f32,
+    pub(crate) curvature: f32,
     /// Σ w tᵏ, k = 0 … 2.
-    pub sums: [f32; 3],
+    pub(crate) sums: [f32; 3],
     /// The symmetric matrix a₁₁, a₁₂, a₂₂ of the two equations for p₁ and p₂ that are left without p₀.
-    pub matrix: [f32; 3],
+    pub(crate) matrix: [f32; 3],
     /// Its determinant.
-    pub determinant: f32,
+    pub(crate) determinant: f32,
 }
 
 impl NormalSums {

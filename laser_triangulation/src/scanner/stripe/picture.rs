@@ -7,9 +7,9 @@ use crate::scanner::{channel::Plane, params::StripeDirection};
 #[derive(Debug)]
 pub(super) struct Picture<'a, S> {
     /// The frame.
-    pub plane: &'a Plane<'a, S>,
+    pub(crate) plane: &'a Plane<'a, S>,
     /// Direction of the stripe.
-    pub direction: StripeDirection,
+    pub(crate) direction: StripeDirection,
 }
 
 impl<S: Sample> Picture<'_, S> {

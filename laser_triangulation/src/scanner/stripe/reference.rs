@@ -35,9 +35,9 @@ pub(super) fn extract<S: Sample>(
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LitFrame<'a, S> {
     /// With laser.
-    pub plane: &'a Plane<'a, S>,
+    pub(crate) plane: &'a Plane<'a, S>,
     /// Without laser, same size; `None`: black.
-    pub ambient: Option<&'a Plane<'a, S>>,
+    pub(crate) ambient: Option<&'a Plane<'a, S>>,
 }
 
 /// The same for one frame of a sequence: `selector`, made with these parameters, has seen the earlier frames.
@@ -218,13 +218,13 @@ fn candidates(length: usize, sample: impl Fn(usize) -> Option<u32>) -> Vec<Candi
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Section<'a> {
     /// Blurred samples, blurred units, of consecutive positions.
-    pub samples: &'a [u32],
+    pub(crate) samples: &'a [u32],
     /// Unblurred samples at the same positions, sample units.
-    pub raw: &'a [u32],
+    pub(crate) raw: &'a [u32],
     /// Position of `samples[0]` and `raw[0]`.
-    pub origin: u32,
+    pub(crate) origin: u32,
     /// The run of stripe pixels. It lies within `samples`; only the border cuts its margin short.
-    pub candidate: Candidate,
+    pub(crate) candidate: Candidate,
 }
 
 impl Sections {

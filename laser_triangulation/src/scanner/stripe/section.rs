@@ -14,13 +14,13 @@ use std::ops::Range;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Candidate {
     /// First position above the segment threshold.
-    pub first: u32,
+    pub(crate) first: u32,
     /// Last position above the segment threshold.
-    pub last: u32,
+    pub(crate) last: u32,
     /// Largest blurred sample, blurred units.
-    pub peak: u32,
+    pub(crate) peak: u32,
     /// Number of candidates in this cross-section, this one included; 0: none was found.
-    pub count: u32,
+    pub(crate) count: u32,
 }
 
 impl Candidate {
@@ -45,28 +45,28 @@ impl Candidate {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct LineCandidate {
     /// Column of the searched region for a horizontal stripe, row for a vertical one.
-    pub line: u32,
+    pub(crate) line: u32,
     /// Where it lies in that line.
-    pub candidate: Candidate,
+    pub(crate) candidate: Candidate,
 }
 
 /// The extraction's parameters in the units of the blurred samples of one image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Levels<'a> {
     /// Estimator.
-    pub method: Method,
+    pub(crate) method: Method,
     /// Window of the improved gravity.
-    pub window: GravityWindow,
+    pub(crate) window: GravityWindow,
     /// Pixels above this level are stripe, blurred units.
-    pub segment_threshold: u32,
+    pub(crate) segment_threshold: u32,
     /// Samples above this level count towards the width, sample units.
-    pub width_threshold: f32,
+    pub(crate) width_threshold: f32,
     /// Full scale, sample units.
-    pub full_scale: u32,
+    pub(crate) full_scale: u32,
     /// Amplitudes below this many standard deviations of a raw pixel's noise are low.
-    pub min_snr: f64,
+    pub(crate) min_snr: f64,
     /// Noise of a raw pixel.
-    pub noise: Noise<'a>,
+    pub(crate) noise: Noise<'a>,
 }
 
 impl<'a> Levels<'a> {
@@ -128,11 +128,11 @@ pub(super) fn grey(sample: u32) -> f64 {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Noise<'a> {
     /// Variance of read noise and rounding.
-    pub constant: f64,
+    pub(crate) constant: f64,
     /// Variance of the shot noise per level.
-    pub per_level: f64,
+    pub(crate) per_level: f64,
     /// The blur.
-    pub kernel: &'a Kernel,
+    pub(crate) kernel: &'a Kernel,
 }
 
 impl Noise<'_> {

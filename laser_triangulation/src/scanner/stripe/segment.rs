@@ -8,11 +8,11 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Run {
     /// Row.
-    pub row: u32,
+    pub(crate) row: u32,
     /// First column.
-    pub start: u32,
+    pub(crate) start: u32,
     /// Column behind the last one.
-    pub end: u32,
+    pub(crate) end: u32,
     /// Provisional label of the region: look it up with [`Regions::area`].
     label: u32,
 }

@@ -14,9 +14,9 @@ const SKIRT: u32 = 4;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Maximum {
     /// The samples about the maximum.
-    pub candidate: Candidate,
+    pub(crate) candidate: Candidate,
     /// Half pixels.
-    pub middle: u32,
+    pub(crate) middle: u32,
 }
 
 /// Calls `put` with every maximum of a run, in order; `sample` returns the sample at a position of the run.

@@ -17,13 +17,13 @@ use fearless_simd::Simd;
 /// Step 3: blurs where a blurred sample above the threshold can lie; without a threshold, everywhere.
 pub(super) struct Blur<'a, 'p, S: Sample> {
     /// Receives the blurred samples.
-    pub tiles: &'a mut BlurredTiles<S>,
+    pub(crate) tiles: &'a mut BlurredTiles<S>,
     /// The blur.
-    pub kernel: &'a Kernel,
+    pub(crate) kernel: &'a Kernel,
     /// The frame.
-    pub plane: &'a Plane<'p, S>,
+    pub(crate) plane: &'a Plane<'p, S>,
     /// Segment threshold, blurred units.
-    pub threshold: Option<u32>,
+    pub(crate) threshold: Option<u32>,
 }
 
 impl<S: Sample> Work for Blur<'_, '_, S> {
@@ -37,9 +37,9 @@ impl<S: Sample> Work for Blur<'_, '_, S> {
 /// Step 4: finds the candidates. Open candidates of a horizontal stripe stay with the columns.
 pub(super) struct Find<'a, S: Sample> {
     /// The extractor, with blurred tiles.
-    pub extractor: &'a mut FastExtractor<S>,
+    pub(crate) extractor: &'a mut FastExtractor<S>,
     /// Segment threshold, blurred units.
-    pub threshold: u32,
+    pub(crate) threshold: u32,
 }
 
 impl<S: Sample> Work for Find<'_, S> {
@@ -53,11 +53,11 @@ impl<S: Sample> Work for Find<'_, S> {
 /// Sums up candidates too long for cross-sections.
 pub(super) struct AddUp<'a, 'p, S: Sample> {
     /// The frame, by cross-sections.
-    pub loader: &'a Loader<'p, S>,
+    pub(crate) loader: &'a Loader<'p, S>,
     /// The candidates.
-    pub batch: &'a [LineCandidate],
+    pub(crate) batch: &'a [LineCandidate],
     /// Receives the sums.
-    pub runs: &'a mut BroadRuns,
+    pub(crate) runs: &'a mut BroadRuns,
 }
 
 impl<S: Sample> Work for AddUp<'_, '_, S> {
@@ -71,13 +71,13 @@ impl<S: Sample> Work for AddUp<'_, '_, S> {
 /// Loads a batch of cross-sections.
 pub(super) struct Load<'a, 'p, S: Sample> {
     /// The frame, by cross-sections.
-    pub loader: &'a mut Loader<'p, S>,
+    pub(crate) loader: &'a mut Loader<'p, S>,
     /// The candidates.
-    pub batch: &'a [LineCandidate],
+    pub(crate) batch: &'a [LineCandidate],
     /// Parameters in the units of the samples.
-    pub levels: &'a Levels<'a>,
+    pub(crate) levels: &'a Levels<'a>,
     /// Receives the cross-sections, one per lane.
-    pub sections: &'a mut Sections,
+    pub(crate) sections: &'a mut Sections,
 }
 
 impl<S: Sample> Work for Load<'_, '_, S> {
@@ -91,15 +91,15 @@ impl<S: Sample> Work for Load<'_, '_, S> {
 /// Steps 5 to 8 on a batch of cross-sections.
 pub(super) struct Measure<'a, 'c, F: FnOnce(&mut Centres)> {
     /// Receives the points.
-    pub assembler: &'a mut Assembler<'c>,
+    pub(crate) assembler: &'a mut Assembler<'c>,
     /// The candidates.
-    pub batch: &'a [LineCandidate],
+    pub(crate) batch: &'a [LineCandidate],
     /// Parameters in the units of the samples.
-    pub levels: &'a Levels<'a>,
+    pub(crate) levels: &'a Levels<'a>,
     /// The cross-sections, one per lane.
-    pub sections: &'a Sections,
+    pub(crate) sections: &'a Sections,
     /// Correction of the centres.
-    pub refine: F,
+    pub(crate) refine: F,
 }
 
 impl<F: FnOnce(&mut Centres)> Work for Measure<'_, '_, F> {

@@ -25,29 +25,29 @@ const BLACK_SHARE: f64 = 0.3;
 #[serde(deny_unknown_fields)]
 pub struct Boards {
     /// Numbers of inner corners along the board's x and y.
-    pub corners: [u32; 2],
+    pub(crate) corners: [u32; 2],
     /// Side of a square, metres.
-    pub square_m: f64,
+    pub(crate) square_m: f64,
     /// Grey level of white.
-    pub white: f64,
+    pub(crate) white: f64,
     /// Grey level of black and of everything around the board.
-    pub black: f64,
+    pub(crate) black: f64,
     /// Nearest and farthest distance of the board's middle, metres.
-    pub distance_m: [f64; 2],
+    pub(crate) distance_m: [f64; 2],
     /// Largest inclination about the camera's x and y, radians.
-    pub max_tilt_rad: f64,
+    pub(crate) max_tilt_rad: f64,
     /// True if the laser is on.
     #[serde(default)]
-    pub has_line: bool,
+    pub(crate) has_line: bool,
 }
 
 /// Pose of a board: `point_in_camera = rotation · point_on_board + middle`; the origin is the middle of the pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
+pub(crate) struct View {
     /// Rotation from the board to the camera.
-    pub rotation: Rotation3<f64>,
+    pub(crate) rotation: Rotation3<f64>,
     /// Middle of the pattern in the camera's frame, metres.
-    pub middle_m: Vector3<f64>,
+    pub(crate) middle_m: Vector3<f64>,
 }
 
 impl Boards {
@@ -58,7 +58,7 @@ impl Boards {
     }
 
     /// Returns the view of a frame: the whole pattern is in the image.
-    pub fn view(&self, rig: &Rig, seed: u64, frame: u32) -> View {
+    pub(crate) fn view(&self, rig: &Rig, seed: u64, frame: u32) -> View {
         let mut random = frame_rng(seed ^ 0xb0a2d, u64::from(frame));
         let mut between = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
         let mut view = View { rotation: Rotation3::identity(), middle_m: Vector3::z() };
@@ -96,7 +96,8 @@ impl Boards {
     }
 
     /// Returns the image positions of the inner corners, row by row of the board.
-    pub fn corners_px(&self, rig: &Rig, view: &View) -> Vec<Option<[f64; 2]>> {
+    #[cfg(test)]
+    pub(crate) fn corners_px(&self, rig: &Rig, view: &View) -> Vec<Option<[f64; 2]>> {
         let [columns, rows] = self.corners;
         let at = |index: u32, count: u32| {
             (f64::from(index) - 0.5 * (f64::from(count) - 1.0)) * self.square_m

@@ -16,21 +16,21 @@ const SIGHT_SAMPLES: u32 = 128;
 #[serde(deny_unknown_fields)]
 pub struct Gauge {
     /// Brightness of the stripe as a share of the laser's amplitude.
-    pub reflectance: f64,
+    pub(crate) reflectance: f64,
     /// Height of the reference plane at x = y = 0, metres.
     #[serde(default)]
-    pub height_m: f64,
+    pub(crate) height_m: f64,
     /// Inclination of the whole gauge: rise along x and along y.
     #[serde(default)]
-    pub slope: [f64; 2],
+    pub(crate) slope: [f64; 2],
     /// Shape on the reference plane.
-    pub shape: Shape,
+    pub(crate) shape: Shape,
 }
 
 /// Departures from the reference plane.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub enum Shape {
+pub(crate) enum Shape {
     /// None.
     Flat {},
     /// A groove along y, as in ISO 5436-1 type A1.
@@ -58,7 +58,7 @@ pub enum Shape {
 
 impl Gauge {
     /// Returns the height at (x, y), metres.
-    pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
+    pub(crate) fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         let over = match &self.shape {
             Shape::Flat {} => 0.0,
             Shape::Groove { width_m, depth_m } => {

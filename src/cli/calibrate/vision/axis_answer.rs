@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use serde_json::{Value as Json, json};
 
 use super::{args::AxisArgs, axis_pictures::AxisPictures, rejected};
-use crate::{calibrate::AxisFit, scanner::axis::AxisKind};
+pub(crate) use crate::{calibrate::AxisFit, scanner::axis::AxisKind};
 
 /// Prints the result as text or as JSON.
 ///

@@ -21,7 +21,7 @@ pub(super) struct Seen<T> {
 }
 
 /// Boards that were found, all in pictures of one size.
-pub(super) struct Boards<T> {
+pub(crate) struct Boards<T> {
     /// Columns and rows of the pictures.
     pub(super) size_px: [u32; 2],
     /// Name of each board's picture.

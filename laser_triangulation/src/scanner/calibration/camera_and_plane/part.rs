@@ -16,7 +16,7 @@ pub struct PartPose {
 impl PartPose {
     /// Creates the part's frame from a pose.
     #[must_use]
-    pub fn new(pose: &Isometry3<f64>) -> Self {
+    pub(crate) fn new(pose: &Isometry3<f64>) -> Self {
         Self {
             origin_m: pose.translation.vector.into(),
             rotation_rad: pose.rotation.scaled_axis().into(),
@@ -25,7 +25,7 @@ impl PartPose {
 
     /// Returns the pose, metres.
     #[must_use]
-    pub fn pose(&self) -> Isometry3<f64> {
+    pub(crate) fn pose(&self) -> Isometry3<f64> {
         Isometry3::new(Vector3::from(self.origin_m), Vector3::from(self.rotation_rad))
     }
 }

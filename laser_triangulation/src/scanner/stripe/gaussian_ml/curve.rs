@@ -9,13 +9,13 @@ use super::super::{
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Curve {
     /// A: level at the centre above the background for a point-like pixel, sample units.
-    pub amplitude: Lane,
+    pub(crate) amplitude: Lane,
     /// c, pixels from the candidate's first sample.
-    pub centre_px: Lane,
+    pub(crate) centre_px: Lane,
     /// s: standard deviation, pixels.
-    pub sigma_px: Lane,
+    pub(crate) sigma_px: Lane,
     /// B, sample units.
-    pub background: Lane,
+    pub(crate) background: Lane,
 }
 
 impl Default for Curve {
@@ -29,11 +29,11 @@ impl Default for Curve {
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Pixel {
     /// G, the mean of g over the pixel.
-    pub level: f32,
+    pub(crate) level: f32,
     /// s ∂G/∂c.
-    pub by_centre: f32,
+    pub(crate) by_centre: f32,
     /// s ∂G/∂s.
-    pub by_sigma: f32,
+    pub(crate) by_sigma: f32,
 }
 
 /// 1/(24 s²) and 1/(1920 s⁴): the effect of the pixel's width for a stripe of standard deviation s.

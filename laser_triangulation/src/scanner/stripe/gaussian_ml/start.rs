@@ -27,11 +27,11 @@ const LN_MOST: f32 = 3.912_023;
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Start {
     /// The guess.
-    pub curve: Curve,
+    pub(crate) curve: Curve,
     /// First row.
-    pub from: Lane,
+    pub(crate) from: Lane,
     /// Row behind the last one.
-    pub to: Lane,
+    pub(crate) to: Lane,
 }
 
 impl Start {
