@@ -17,9 +17,9 @@ pub struct Time {
 
 impl Time {
     /// The earliest time there is: 1901.
-    pub(crate) const MIN: Self = Self { sec: i32::MIN, nanosec: 0 };
+    pub const MIN: Self = Self { sec: i32::MIN, nanosec: 0 };
     /// The latest time there is: 2038.
-    pub(crate) const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
+    pub const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
 
     /// From nanoseconds since the epoch; times outside [`MIN`](Self::MIN) to [`MAX`](Self::MAX) become these.
     pub fn from_ns(ns: i64) -> Self {
