@@ -1,6 +1,6 @@
 //! Tests time, transforms, log and quality of service on the network.
 
-use std::sync::Arc;
+use std::{fs, sync::Arc};
 
 use tracing::subscriber::with_default;
 use tracing_subscriber::{layer::SubscriberExt, registry};
@@ -9,7 +9,7 @@ use super::{
     Received,
     driver::{START_NS, encoded},
     listener::wait_until,
-    rig::{Rig, Setup, text},
+    rig::{CALIBRATION, Rig, Setup, text},
 };
 use crate::{
     msg::{
@@ -76,6 +76,37 @@ fn a_clock_that_steps_back_starts_a_new_session() {
     let infos: Vec<SliceInfo<'_>> = infos.iter().map(Received::decode).collect();
     assert_eq!(infos.len(), 2);
     assert_ne!(infos[0].scan_id, infos[1].scan_id);
+}
+
+/// Waits until the diagnostics contain a text.
+fn wait_for_text(rig: &Rig, text: &str) {
+    rig.listener.wait_until(text, "/diagnostics", |received| {
+        let diagnostics: DiagnosticArray<'_> = received.decode();
+        diagnostics.status[0].message.contains(text).then_some(())
+    });
+}
+
+#[test]
+fn a_missing_or_malformed_clock_is_reported() {
+    let rig = Setup::new().with("use_sim_time", Value::Bool(true)).start().unwrap();
+    wait_for_text(&rig, "use_sim_time is set, but no /clock has arrived");
+    let mut clock = publisher::<Clock>(&rig, "/clock");
+    clock.publish(&Arc::from([0, 1, 0, 0, 7].as_slice()), 0).unwrap();
+    wait_for_text(&rig, "1 malformed /clock messages");
+    rig.end();
+}
+
+#[test]
+fn a_laser_plane_that_cannot_be_placed_is_reported() {
+    let setup = Setup::new();
+    // The frame of the images.
+    let calibration = CALIBRATION.replace("frame_id: laser", "frame_id: optical");
+    fs::write(setup.place.path().join("c.yaml"), calibration).unwrap();
+    let rig = setup.start().unwrap();
+    let mut camera = rig.camera();
+    camera.shoot();
+    wait_for_text(&rig, "images and laser plane both have frame \"optical\"");
+    rig.end();
 }
 
 #[test]
@@ -172,12 +203,6 @@ fn quality_of_service_follows_the_overrides() {
 #[test]
 fn publishers_of_images_are_reported() {
     let rig = Rig::start();
-    let wait_for_text = |rig: &Rig, text: &str| {
-        rig.listener.wait_until(text, "/diagnostics", |received| {
-            let diagnostics: DiagnosticArray<'_> = received.decode();
-            diagnostics.status[0].message.contains(text).then_some(())
-        });
-    };
     wait_for_text(&rig, "/image_raw has no publisher");
     let _first = publisher::<Image<'_>>(&rig, "/image_raw");
     wait_for_text(&rig, "every frame measured");
