@@ -35,25 +35,29 @@ const fn time(name: &'static str, text: &'static str) -> Parameter {
 
 /// The policies. The defaults are never used: what nobody sets stays the topic's own.
 const POLICIES: &[Parameter] = &[
-    words("reliability", &["reliable", "best_effort"], "Whether lost samples are sent again."),
+    words(
+        "reliability",
+        &["reliable", "best_effort"],
+        "reliable: lost samples are sent again; best_effort: they are not.",
+    ),
     words(
         "durability",
         &["volatile", "transient_local"],
-        "Whether late subscribers get earlier samples.",
+        "transient_local: late subscribers receive earlier samples; volatile: they do not.",
     ),
     words(
         "history",
         &["keep_last", "keep_all"],
-        "Whether only the last samples are kept, as many as depth says.",
+        "keep_last: the queue holds the last samples, depth of them; keep_all: all samples.",
     ),
     policy(
         "depth",
         "samples",
         Kind::Integer { default: 10, min: 1, max: 1000 },
-        "How many samples keep_last keeps.",
+        "Queue length for keep_last.",
     ),
-    time("deadline", "Longest time between two samples; 0: no limit."),
-    time("lifespan", "How long a sample is valid; 0: for ever."),
+    time("deadline", "Longest expected time between two samples; 0: no limit."),
+    time("lifespan", "Time after which a sample expires; 0: never."),
 ];
 
 /// The side of a topic.
