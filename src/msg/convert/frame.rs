@@ -45,7 +45,9 @@ pub enum FrameRejected {
         max_frame_bytes: u64,
     },
     /// Unsupported pixels in a compressed image.
-    #[error("{codec} image has {color:?} pixels, but must have 8-bit grey or colour, or 16-bit grey")]
+    #[error(
+        "{codec} image has {color:?} pixels, but must have 8-bit grey or colour, or 16-bit grey"
+    )]
     Color {
         /// Stated format.
         codec: Codec,
