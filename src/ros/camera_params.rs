@@ -1,4 +1,4 @@
-//! A camera's parameters as types.
+//! Typed parameters of one camera.
 
 mod motion;
 
@@ -21,7 +21,7 @@ use super::parameters::{ParameterError, Section};
 
 const MIB: i64 = 1 << 20;
 
-/// Parameters of the node that stand between those of the measurement, and the one that each follows; others stand first.
+/// Parameters of the node listed among those of the measurement, each with its predecessor; all others come first.
 const FOLLOWS: [(&str, &str); 6] = [
     ("extraction.background_file", "extraction.background_window"),
     ("calibration_file", "extraction.shot_gain"),
@@ -42,40 +42,38 @@ named_enum! {
 }
 
 parameter_group! {
-    /// Everything that decides the results of one camera.
+    /// All parameters that determine the results of one camera.
     #[derive(Clone, Debug, PartialEq)]
     pub struct CameraParams {
-        /// Name among several cameras; empty for a single camera without a name.
+        /// Name of the camera; empty for a single camera without a name.
         name: String = String::new() => computed,
-        /// Which image topic is taken: image_raw itself, or image_raw/compressed. When this is not set, replay takes
-        /// what the recording holds. Lossy compression (JPEG) moves the centreline by some hundredths of a pixel.
+        /// Subscribed image topic: raw: image_raw, compressed: image_raw/compressed; if not set, replay uses the topic
+        /// in the recording. Lossy compression (JPEG) moves the centreline by some hundredths of a pixel.
         image_transport: ImageTransport = ImageTransport::Raw => ["image_transport"],
         /// True if a file or option sets `image_transport`.
         is_transport_set: bool = false => computed,
-        /// Largest image that is accepted, decoded; a larger one is rejected as malformed. Bounds the memory against
-        /// damaged or hostile input. Raise it only for cameras with larger frames.
+        /// Largest accepted size of a decoded image; larger ones are rejected as malformed. Limits the memory against
+        /// damaged or hostile input; raise it only for cameras with larger frames.
         max_frame_bytes: u64 = 64 << 20 => ["max_frame_bytes", MIB..=1024 * MIB, "bytes"],
-        /// Calibration of camera and laser plane. Empty: centrelines only, no metric profile. A relative path starts
-        /// from the parameter file that sets it, or from the working directory when set by -p.
+        /// Calibration of camera and laser plane; empty: centrelines only, no metric profiles. A relative path starts
+        /// at the parameter file that sets it, or at the working directory if set by -p.
         calibration_file: Option<PathBuf> = None => ["calibration_file"],
-        /// Picture for background: reference, of the camera's size and depth: PNG, 8 or 16 bits, as laser_profiler
-        /// ambient makes. A relative path starts from the parameter file that sets it, or from the working directory
-        /// when set by -p.
+        /// PNG for background reference, 8 or 16 bits, with the camera's size and depth, as written by laser_profiler
+        /// ambient. A relative path starts at the parameter file that sets it, or at the working directory if set by
+        /// -p.
         background_file: Option<PathBuf> = None => ["extraction.background_file"],
-        /// Largest message of the point cloud: a slice ends before its own would be larger, but holds one profile at
-        /// least. 0: what the transport carries to every peer with stock settings, 96 KiB on DDS and any size
-        /// elsewhere.
+        /// Largest point cloud message: a slice ends before it exceeds this size, but contains at least one profile. 0:
+        /// the largest size that reaches every peer with default settings, 96 KiB on DDS and unlimited otherwise.
         points_max_bytes: Option<u64> = None => ["points.max_bytes", 0..=1024 * MIB, "bytes"],
         /// Names in the messages of the motion.
         moved: Moved = Moved::default() => group,
-        /// The measurement, without a limit to the points of a slice: see [`scanner_for`](Self::scanner_for).
+        /// The measurement, without a limit on the points of a slice: see [`scanner_for`](Self::scanner_for).
         scanner: Params = Params::default() => computed,
     }
 }
 
 impl CameraParams {
-    /// Returns the parameters in the order of a parameter file: those of the measurement, and between them those of the
-    /// node.
+    /// Returns the parameters of the measurement and of the node in the order of a parameter file.
     pub(super) fn table() -> Vec<Parameter> {
         let mut rows = Params::parameters();
         for (index, row) in Self::parameters().into_iter().enumerate() {
@@ -101,7 +99,8 @@ impl CameraParams {
         Ok(params)
     }
 
-    /// The measurement with slices whose message, in the frame `frame_id`, fits into `points_max_bytes`.
+    /// Returns the parameters of the measurement, with slices whose message in the frame `frame_id` fits into
+    /// `points_max_bytes`.
     pub(crate) fn scanner_for(&self, frame_id: &str) -> Params {
         let slice_max_points = match self.points_max_bytes {
             None => MAX_SLICE_POINTS,
@@ -112,7 +111,7 @@ impl CameraParams {
         Params { slice_max_points, ..self.scanner }
     }
 
-    /// The frame of the scan: its point clouds and height maps. Empty without a calibration.
+    /// Returns the frame of point clouds and height maps; empty without a calibration.
     pub(crate) fn part_frame(&self, calibration: Option<&Calibration>) -> String {
         let Some(calibration) = calibration else { return String::new() };
         let is_laser_plane = calibration.axis().is_none() && calibration.part().is_none();
@@ -123,18 +122,18 @@ impl CameraParams {
         }
     }
 
-    /// Whether poses that are measured are those of the laser plane itself.
+    /// Returns true if measured poses are those of the laser plane.
     pub(crate) fn tracks_laser(&self, calibration: Option<&Calibration>) -> bool {
         let frame = calibration.map_or("", Calibration::frame_id);
         !frame.is_empty() && self.moved.sensor_frame == frame
     }
 
-    /// Returns the type of the images, if a file or option sets it; otherwise a recording decides.
+    /// Returns the type of the images if a file or option sets it; otherwise the recording determines it.
     pub(crate) fn chosen_transport(&self) -> Option<ImageTransport> {
         self.is_transport_set.then_some(self.image_transport)
     }
 
-    /// The full name of a parameter of this camera.
+    /// Returns the full name of a parameter of this camera.
     pub(crate) fn full_name(&self, name: &str) -> String {
         if self.name.is_empty() { name.to_owned() } else { format!("{}.{name}", self.name) }
     }
@@ -146,7 +145,8 @@ impl CameraParams {
         let is_reference = self.scanner.extraction.background == Background::Reference;
         if is_reference && self.background_file.is_none() {
             return conflict(format!(
-                "{} is reference, but {} is empty: name a picture without laser, as laser_profiler ambient makes",
+                "{} is reference, but {} is empty: set it to a picture without laser, as written by \
+                 laser_profiler ambient",
                 name("extraction.background"),
                 name("extraction.background_file")
             ));
@@ -154,7 +154,7 @@ impl CameraParams {
         let smoothed = self.scanner.extraction.smoothing_columns;
         if smoothed.is_multiple_of(2) {
             return conflict(format!(
-                "{} is {smoothed}: a point and as many neighbours to either side are an odd number",
+                "{} is {smoothed}, but must be odd: a point and equally many neighbours on either side",
                 name("extraction.smoothing_columns")
             ));
         }

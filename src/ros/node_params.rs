@@ -1,4 +1,4 @@
-//! The node's parameters as types, after the table has checked every value.
+//! Typed parameters of the node, built from values that the table has checked.
 
 use std::path::PathBuf;
 
@@ -17,44 +17,44 @@ const MAX_FILE_BYTES: i64 = 1 << 50;
 const MAX_MEMORY_BYTES: i64 = 1 << 40;
 
 named_enum! {
-    /// How the results' recording is compressed.
+    /// Compression of the recorded results.
     Compression {
         /// Zstandard, level 1.
         Zstd = "zstd",
         /// LZ4.
         Lz4 = "lz4",
-        /// Not at all.
+        /// No compression.
         None = "none",
     }
 }
 
 named_enum! {
-    /// How a request says who wants the answer: the implementations of DDS in ROS differ.
+    /// Wire format that identifies the client of a request; ROS's implementations of DDS differ.
     ServiceMapping {
-        /// Each request is answered in the mapping it came in.
+        /// Each request is answered in its own format.
         Auto = "auto",
-        /// As Fast DDS and Connext do: beside the message.
+        /// As in Fast DDS and Connext: in the inline QoS of the sample.
         Enhanced = "enhanced",
-        /// As Cyclone DDS does: in front of the message.
+        /// As in Cyclone DDS: a header in front of the message.
         Cyclone = "cyclone",
     }
 }
 
 parameter_group! {
-    /// Every parameter of the node.
+    /// All parameters of the node.
     #[derive(Clone, Debug, PartialEq)]
     pub struct NodeParams {
-        /// Whether the node configures and activates itself. false: it waits for ~/change_state, as from a lifecycle
-        /// manager.
+        /// True: the node configures and activates itself. False: it waits for requests on ~/change_state, as from a
+        /// lifecycle manager.
         autostart: bool = true => ["autostart", read_only],
-        /// Whether the time is that of /clock, as a simulator or a player sends it, instead of the machine's.
+        /// True: time comes from /clock, as a simulator or player publishes it. False: system time.
         use_sim_time: bool = false => ["use_sim_time"],
-        /// How services are spoken on DDS. auto: each request is answered as it was asked, Fast DDS and Cyclone DDS
-        /// side by side; enhanced: all as by Fast DDS; cyclone: all as by Cyclone DDS.
+        /// Wire format of services on DDS. auto: each request is answered in its own format, for Fast DDS and Cyclone
+        /// DDS side by side; enhanced: the format of Fast DDS; cyclone: the format of Cyclone DDS.
         service_mapping: ServiceMapping = ServiceMapping::Auto => ["dds.service_mapping", read_only],
         /// Recording of results and images.
         recording: RecordingParams = RecordingParams::default() => group,
-        /// Changes to the quality of service of topics.
+        /// Overrides of the quality of service of topics.
         qos_overrides: QosOverrides = QosOverrides::default() => computed,
         /// The cameras, at least one.
         cameras: Vec<CameraParams> = vec![CameraParams::default()] => computed,
@@ -62,38 +62,38 @@ parameter_group! {
 }
 
 parameter_group! {
-    /// Recording of results, and of images if wanted.
+    /// Recording of results and, optionally, images.
     #[derive(Clone, Debug, PartialEq, Eq)]
     pub struct RecordingParams {
-        /// Whether results are recorded as long as the node is active; ~/record switches it too.
+        /// True: results are recorded while the node is active. ~/record switches recording at run time.
         enabled: bool = false => ["recording.enabled"],
-        /// Where recordings are made, each a directory laser_profiler_<UTC time>. A relative path starts from the
-        /// working directory.
+        /// Parent directory of the recordings, each a directory laser_profiler_<UTC time>. A relative path starts at
+        /// the working directory.
         directory: PathBuf = PathBuf::from(".") => ["recording.directory"],
-        /// Whether the raw images are recorded too, in a bag of their own beside the results. Needs a disk that takes
-        /// what the cameras give: 120 MB/s for 2592 x 2048 pixels at 22 frames/s.
+        /// True: raw images are recorded too, in a separate bag next to the results. The disk must sustain the data
+        /// rate of the cameras, 120 MB/s for 2592 x 2048 pixels at 22 frames/s.
         images: bool = false => ["recording.images"],
-        /// Compression of the results' recording. zstd: level 1, some threefold; lz4: cheaper, larger; none: for the
-        /// fastest disk.
+        /// Compression of the recorded results. zstd: level 1, about a factor of three; lz4: faster, larger files;
+        /// none: least processor load.
         compression: Compression = Compression::Zstd => ["recording.compression"],
-        /// Size at which a recording goes on in its next file; 0: never. Some gigabytes suit most tools.
+        /// File size at which a recording continues in a new file; 0: never. Typically some gigabytes.
         split_bytes: Option<u64> = None => ["recording.split_bytes", 0..=MAX_FILE_BYTES, "bytes"],
-        /// Duration after which a recording goes on in its next file; 0: never.
+        /// Duration after which a recording continues in a new file; 0: never.
         split_seconds: Option<u64> = None => ["recording.split_seconds", 0..=MAX_SECONDS, "s"],
-        /// Space that a recording leaves free on its disk: it ends before there is less. The topics go on.
+        /// Free disk space below which recording stops; topics are not affected.
         min_free_bytes: u64 = 1 << 30 => ["recording.min_free_bytes", 0..=MAX_FILE_BYTES, "bytes"],
-        /// Memory for messages that wait for the disk; what does not fit is dropped and counted. Raise it for disks
-        /// that pause, at 120 MB/s for a large camera's images.
+        /// Memory for messages that wait for the disk; messages beyond it are dropped and counted. Raise it for disks
+        /// that stall; the images of a large camera need 120 MB per second.
         queue_bytes: u64 = 256 << 20 => ["recording.queue_bytes", MIB..=MAX_MEMORY_BYTES, "bytes"],
-        /// How much of the past is kept in memory, to be written when the snapshot service is called; 0: nothing.
+        /// Duration of past results kept in memory, which the snapshot service writes; 0: none.
         snapshot_seconds: Option<u64> = None => ["recording.snapshot_seconds", 0..=MAX_SECONDS, "s"],
-        /// Memory for that past: the oldest goes first, even when it is younger than recording.snapshot_seconds.
+        /// Memory for past results; the oldest are discarded first, even if younger than recording.snapshot_seconds.
         snapshot_bytes: u64 = 256 << 20 => ["recording.snapshot_bytes", MIB..=MAX_MEMORY_BYTES, "bytes"],
     }
 }
 
 impl NodeParams {
-    /// Converts the checked values into types and checks that they agree with each other.
+    /// Converts the checked values into types and checks that they do not contradict each other.
     ///
     /// # Errors
     /// Values that contradict each other.
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
     use laser_triangulation::parameters::{Kind, Value};
 
-    /// Some value other than the default, in range.
+    /// Returns a value in range other than the default.
     fn other(kind: &Kind) -> Value {
         match *kind {
             Kind::Bool { default } => Value::Bool(!default),
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn every_parameter_of_the_table_reaches_its_type() {
+    fn every_parameter_of_the_table_has_a_field() {
         let default = NodeParams::new(&Parameters::default()).unwrap();
         for parameter in Parameters::default().iter() {
             let mut values = Parameters::default();
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn contradictions_are_refused() {
+    fn contradictions_are_rejected() {
         let cases: [&[(&str, Value)]; 4] = [
             &[("extraction.smoothing_columns", Value::Integer(4))],
             &[("motion.source", Value::Text("constant".into()))],

@@ -1,6 +1,6 @@
-//! Every parameter of the measurement, one row each: field, type, default, name, range, unit and description.
+//! All parameters of the measurement, one row each: field, type, default, name, range, unit and description.
 //!
-//! The ROS table, the parameter file and `docs/parameters.md` are made from these rows.
+//! These rows define the ROS parameters, the parameter file and `docs/parameters.md`.
 
 mod motion;
 
@@ -18,9 +18,9 @@ use super::{
 const MAX_SIDE: i64 = MAX_SIDE_PX as i64;
 
 named_enum! {
-    /// Which grey level a colour pixel contributes.
+    /// Grey level of a colour pixel.
     Channel {
-        /// Grey images as they are; the largest of the three channels of colour and Bayer images.
+        /// The largest of the three channels of colour and Bayer images; grey images unchanged.
         Auto = "auto",
         /// Luma of ITU-R BT.601: 0.299 R + 0.587 G + 0.114 B.
         Gray = "gray",
@@ -32,37 +32,37 @@ named_enum! {
         Blue = "blue",
         /// Largest of red, green and blue.
         Max = "max",
-        /// What red has above the larger of green and blue, at least 0: a red laser without white light.
+        /// Red minus the larger of green and blue, at least 0: a red laser without white light.
         RedExcess = "red_excess",
-        /// What green has above the larger of red and blue, at least 0.
+        /// Green minus the larger of red and blue, at least 0.
         GreenExcess = "green_excess",
-        /// What blue has above the larger of red and green, at least 0.
+        /// Blue minus the larger of red and green, at least 0.
         BlueExcess = "blue_excess",
     }
 }
 
 named_enum! {
-    /// Which way the stripe runs through the image.
+    /// Direction of the stripe in the image.
     StripeDirection {
-        /// Left to right: one point a column.
+        /// Left to right: one point per column.
         Horizontal = "horizontal",
-        /// Top to bottom: one point a row.
+        /// Top to bottom: one point per row.
         Vertical = "vertical",
     }
 }
 
 named_enum! {
-    /// How the centre of a cross-section is estimated.
+    /// Estimator of the centre of a cross-section.
     Method {
         /// Centroid of the thresholded cross-section, formula 7 of Yao et al. 2023.
         GrayGravity = "gray_gravity",
         /// Maximum of a Gaussian fitted to the thresholded cross-section.
         GaussianFit = "gaussian_fit",
-        /// Centroid in a window about that maximum, section 3 of Yao et al. 2023.
+        /// Centroid in a window around that maximum, section 3 of Yao et al. 2023.
         ImprovedGravity = "improved_gravity",
         /// Maximum likelihood for a pixel-integrated Gaussian over a background.
         GaussianMl = "gaussian_ml",
-        /// Weighted least squares in the logarithm.
+        /// Weighted least squares on the logarithm of the samples.
         LogGaussian = "log_gaussian",
         /// Zero crossing of a smoothed derivative.
         FirPeak = "fir_peak",
@@ -72,37 +72,37 @@ named_enum! {
 }
 
 named_enum! {
-    /// How the window of [`Method::ImprovedGravity`] is laid over the pixels.
+    /// Position of the window of [`Method::ImprovedGravity`] relative to the pixels.
     GravityWindow {
-        /// Ends anywhere between pixels, centred on the result until that stands still: unbiased.
+        /// Fractional ends, centred on the result by iteration until it converges: unbiased.
         Fractional = "fractional",
-        /// Rounded centre and rounded half length, as printed in the paper: locks to pixels.
+        /// Rounded centre and rounded half length, as printed in the paper: biased towards whole pixels.
         Rounded = "rounded",
     }
 }
 
 named_enum! {
-    /// Which of several candidates in one cross-section is the stripe.
+    /// Selection of the stripe among several candidates in one cross-section.
     PeakSelection {
-        /// The one with the brightest sample after the blur.
+        /// The candidate with the brightest sample after the blur.
         Brightest = "brightest",
-        /// The one with the lowest row (column, for a vertical stripe).
+        /// The candidate with the lowest row (column, for a vertical stripe).
         First = "first",
-        /// The one with the highest row (column, for a vertical stripe).
+        /// The candidate with the highest row (column, for a vertical stripe).
         Last = "last",
-        /// The one with the most samples above the segment threshold.
+        /// The candidate with the most samples above the segment threshold.
         Widest = "widest",
-        /// The ones that together make the brightest unbroken line along the stripe.
+        /// The candidates that together form the brightest unbroken line along the stripe.
         Continuity = "continuity",
     }
 }
 
 named_enum! {
-    /// What is taken off the blurred image before the stripe is searched in it.
+    /// Background subtracted from the blurred image before the search.
     Background {
-        /// Nothing: the background is black.
+        /// No subtraction: the background is black.
         None = "none",
-        /// What is wider across the stripe than [`ExtractionParams::background_window_px`].
+        /// Everything wider across the stripe than [`ExtractionParams::background_window_px`].
         Local = "local",
         /// A stored frame without laser.
         Reference = "reference",
@@ -110,157 +110,159 @@ named_enum! {
 }
 
 named_enum! {
-    /// Where the segment threshold comes from.
+    /// Source of the segment threshold.
     Threshold {
         /// [`ExtractionParams::segment_threshold`], as in the paper.
         Fixed = "fixed",
-        /// The noise of the frame itself, times [`ExtractionParams::threshold_sigmas`].
+        /// The noise of each frame, times [`ExtractionParams::threshold_sigmas`].
         Adaptive = "adaptive",
     }
 }
 
 named_enum! {
-    /// Where the noise model comes from.
+    /// Source of the noise model.
     NoiseSource {
         /// [`ExtractionParams::read_noise`] and [`ExtractionParams::shot_gain`].
         Stated = "stated",
-        /// The frame itself.
+        /// Estimated from each frame.
         Estimated = "estimated",
     }
 }
 
 named_enum! {
-    /// How frames of different exposure times follow one another.
+    /// Sequence of exposure times.
     Exposure {
-        /// All frames are exposed alike.
+        /// All frames have the same exposure time.
         Single = "single",
-        /// A short one after each long one.
+        /// Short and long exposures in turn.
         Alternating = "alternating",
     }
 }
 
 parameter_group! {
-    /// The searched part of the image, pixels.
+    /// Region of interest: the searched part of the image, pixels.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct RegionOfInterest {
-        /// First searched column. A region without reflections is both safer and faster.
+        /// First column of the region of interest. A region without reflections is more robust and faster.
         x_offset: u32 = 0 => ["roi.x_offset", 0..=MAX_SIDE, "px"],
-        /// First searched row.
+        /// First row of the region of interest.
         y_offset: u32 = 0 => ["roi.y_offset", 0..=MAX_SIDE, "px"],
-        /// Searched columns; 0 reaches to the right border.
+        /// Width of the region of interest; 0: up to the right border.
         width: Option<u32> = None => ["roi.width", 0..=MAX_SIDE, "px"],
-        /// Searched rows; 0 reaches to the lower border. Time grows with width x height.
+        /// Height of the region of interest; 0: down to the lower border. Processing time grows with width x height.
         height: Option<u32> = None => ["roi.height", 0..=MAX_SIDE, "px"],
     }
 }
 
 parameter_group! {
-    /// How the centreline is found. Grey levels are those of an 8-bit scale; deeper images are scaled to it.
+    /// Parameters of the extraction. Grey levels are those of an 8-bit scale; deeper images are scaled to it.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct ExtractionParams {
-        /// Estimator of the stripe's centre in a cross-section. improved_gravity: centroid in a window about a fitted
-        /// maximum, the paper's. gaussian_fit suits narrow, unsaturated stripes; gray_gravity is the plain centroid,
-        /// which background pulls aside. gaussian_ml: maximum likelihood, the most accurate of one cross-section
-        /// alone, saturated or not. log_gaussian: its fast approximation. fir_peak: zero of the derivative, for
-        /// stripes of uneven flanks. steger: ridge of the image, averages along the stripe.
+        /// Estimator of the stripe's centre in a cross-section. improved_gravity: centroid in a window around a fitted
+        /// maximum; gaussian_fit: for narrow, unsaturated stripes; gray_gravity: plain centroid, biased by background;
+        /// gaussian_ml: maximum likelihood, the most accurate for single cross-sections, saturated or not;
+        /// log_gaussian: its fast approximation; fir_peak: zero of the derivative, for asymmetric stripes; steger:
+        /// ridge of the image, averages along the stripe.
         method: Method = Method::ImprovedGravity => ["extraction.method"],
-        /// Window of improved_gravity. fractional: unbiased. rounded: as printed in the paper, locks to whole pixels;
-        /// only to compare with it.
+        /// Window of improved_gravity. fractional: unbiased; rounded: as printed in the paper, biased towards whole
+        /// pixels, for comparison only.
         window: GravityWindow = GravityWindow::Fractional => ["extraction.window"],
-        /// Radius r of the Gaussian blur, kernel 2r + 1; 0 is off. Suppresses speckle and noise; a stripe narrower
-        /// than r is smeared. Time grows with r.
+        /// Radius r of the Gaussian blur that suppresses speckle and noise, kernel size 2r + 1; 0: off. A stripe
+        /// narrower than r is smeared, and processing time grows with r.
         blur_radius: u32 = 3 => ["extraction.blur_radius", 0..=15, "px"],
-        /// Blurred grey above which a pixel may belong to the stripe; deeper images are scaled to 8 bits. Fixed, as
-        /// in the paper: above the ambient light, below the stripe's weakest part. Too low lets the background in.
+        /// Grey level of the blurred image above which a pixel may belong to the stripe, for threshold fixed. Set it
+        /// above the ambient light and below the weakest part of the stripe; deeper images are scaled to 8 bits.
         segment_threshold: f64 = 35.0 => ["extraction.segment_threshold", 0.0..=255.0, "grey levels of an 8-bit scale"],
-        /// Connected regions of this area or less are no stripe. Removes speckle and small reflections; lower it for
-        /// short stripes and small images.
+        /// Connected regions of at most this area are rejected, which removes speckle and small reflections. Lower it
+        /// for short stripes and small images.
         min_segment_area: u32 = 500 => ["extraction.min_segment_area", 0..=10_000_000, "px"],
-        /// Blurred grey above which a sample counts towards the width D of the stripe, whose two thirds are the
-        /// window of improved_gravity.
+        /// Grey level of the blurred image above which a sample counts towards the stripe width D. The window of
+        /// improved_gravity is two thirds of D.
         width_threshold: f64 = 50.0 => ["extraction.width_threshold", 0.0..=255.0, "grey levels of an 8-bit scale"],
-        /// Which of several candidates in a cross-section is the stripe. brightest suits most scenes; first or last
-        /// when a reflection always lies on the other side; continuity takes those that make one line, for scenes
-        /// with bright clutter, and parts a stripe from the halo that it stands on.
+        /// Selects the stripe among several candidates in a cross-section. brightest: most scenes; first, last: if
+        /// reflections always lie on the other side; widest: most samples above the threshold; continuity: the
+        /// candidates that form the brightest unbroken line, for scenes with bright clutter or a halo around the
+        /// stripe.
         peak_selection: PeakSelection = PeakSelection::Brightest => ["extraction.peak_selection"],
-        /// What is taken off before the search. local: what is wider across the stripe than background_window (white
-        /// top-hat), for ambient light and bright objects; takes some times longer, because every pixel counts.
+        /// Background subtracted before the search. none: no subtraction; local: everything wider across the stripe
+        /// than background_window (white top-hat), for ambient light and bright objects, several times slower;
         /// reference: background_file, a frame without laser from the same place.
         background: Background = Background::None => ["extraction.background"],
-        /// What is wider across the stripe than this is local background; even ones count as the next odd one. Twice
-        /// the widest stripe or more; lower lets less clutter through.
+        /// Structures wider across the stripe than this count as local background; even values are rounded up to odd
+        /// ones. At least twice the width of the widest stripe; lower values reject more clutter.
         background_window_px: u32 = 41 => ["extraction.background_window", 3..=1001, "px"],
-        /// Where the segment threshold comes from. fixed: segment_threshold. adaptive: threshold_sigmas times the
-        /// noise of the searched image above its median, frame by frame; width_threshold moves along. Wants a
-        /// background that is even or taken off.
+        /// Source of the segment threshold. fixed: segment_threshold; adaptive: threshold_sigmas times the noise of
+        /// each frame above its median, which scales width_threshold too and requires an even or subtracted background.
         threshold: Threshold = Threshold::Fixed => ["extraction.threshold"],
-        /// Adaptive threshold: so many standard deviations of the searched image's noise above its median.
+        /// Adaptive threshold: distance from the median of the searched image, in standard deviations of its noise.
+        /// Higher values give fewer false positives, but miss weak stripes.
         threshold_sigmas: f64 = 8.0 => ["extraction.threshold_sigmas", 1.0..=1000.0, "standard deviations"],
-        /// Candidates whose blurred peak is less than this above the background are no stripe.
+        /// Candidates whose blurred peak is less than this above the background are rejected; 0: no limit.
         min_contrast: f64 = 0.0 => ["extraction.min_contrast", 0.0..=255.0, "grey levels of an 8-bit scale"],
-        /// Candidates with fewer samples above the threshold are no stripe.
+        /// Candidates with fewer samples above the threshold are rejected.
         min_width_px: u32 = 1 => ["extraction.min_width", 1..=MAX_SIDE, "px"],
-        /// Candidates with more samples above the threshold are no stripe; 0: no limit.
+        /// Candidates with more samples above the threshold are rejected; 0: no limit.
         max_width_px: Option<u32> = None => ["extraction.max_width", 0..=MAX_SIDE, "px"],
-        /// Points whose amplitude is less than so many standard deviations of the noise are flagged LOW_CONTRAST.
+        /// Signal-to-noise ratio below which a point is flagged LOW_CONTRAST: its amplitude in standard deviations of
+        /// the noise.
         min_snr: f64 = 3.0 => ["extraction.min_snr", 0.0..=1000.0, "standard deviations"],
-        /// Surfaces that a cross-section may show: glass, a film over a part, a wall behind. Further ones follow as
-        /// stripes of their own; the profile holds the first.
+        /// Largest number of stripes in a cross-section, for surfaces such as glass, a film over a part or a wall
+        /// behind it. Additional ones are published as separate stripes; the profile contains the first.
         max_stripes: u32 = 1 => ["extraction.max_stripes", 1..=8, "stripes"],
-        /// For peak_selection continuity: what moves further from one column to the next is a break in the line.
+        /// For peak_selection continuity: a larger step of the stripe from one column (row, if vertical) to the next is
+        /// a break in the line.
         max_step_px: f64 = 3.0 => ["extraction.max_step", 0.1..=1000.0, "px"],
-        /// Search only so far from the last frame's stripe, and everywhere again when less than half of its points
-        /// are found there. 0: everywhere.
+        /// Searches only within this distance of the last frame's stripe, and the whole region again if less than half
+        /// of its points are found. 0: always the whole region.
         tracking_margin_px: Option<u32> = None => ["extraction.tracking_margin", 0..=MAX_SIDE, "px"],
-        /// Points that are smoothed together along the stripe, an odd number; 1: none. Noise falls with their root;
-        /// steps and grooves above the noise stay as they are.
+        /// Number of points smoothed together along the stripe, odd; 1: no smoothing. Noise falls with its square root;
+        /// steps and grooves above the noise are preserved.
         smoothing_columns: u32 = 1 => ["extraction.smoothing_columns", 1..=255, "points"],
-        /// Standard deviation of the Gaussian of the method steger: the stripe's standard deviation, about.
+        /// Standard deviation of the Gaussian of method steger: approximately that of the stripe.
         ridge_sigma_px: f64 = 2.2 => ["extraction.ridge_sigma", 0.5..=10.0, "px"],
-        /// Noise model of gaussian_ml and of the stated uncertainty. stated: read_noise and shot_gain. estimated:
-        /// from the frame itself.
+        /// Noise model of gaussian_ml and of the stated uncertainty. stated: read_noise and shot_gain; estimated: from
+        /// each frame.
         noise: NoiseSource = NoiseSource::Stated => ["extraction.noise"],
-        /// Standard deviation of the camera's noise in the dark, for gaussian_ml and for the stated uncertainty
-        /// (sigma); measure it with the lens covered.
+        /// Standard deviation of the camera's noise in the dark, for gaussian_ml and the stated uncertainty (sigma).
+        /// Measure it with the lens covered.
         read_noise: f64 = 2.0 => ["extraction.read_noise", 0.0..=100.0, "grey levels of an 8-bit scale"],
-        /// Variance of the shot noise per grey level: 255 / full-well electrons. For gaussian_ml and for sigma.
+        /// Variance of the shot noise per grey level, for gaussian_ml and the stated uncertainty (sigma): 255 /
+        /// full-well capacity in electrons.
         shot_gain: f64 = 0.01 => ["extraction.shot_gain", 0.0..=10.0, "grey levels of an 8-bit scale"],
     }
 }
 
 parameter_group! {
-    /// Every parameter of the measurement.
+    /// All parameters of the measurement.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Params {
-        /// Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing. auto: grey images as they
-        /// are, the largest of the three colours otherwise. gray: luma, BT.601. The laser's own colour has the best
-        /// contrast in ambient light; red_excess, green_excess and blue_excess are what it has above the larger of
-        /// the other two, so that white and grey things vanish. Grey images are taken as they are, whatever stands
-        /// here.
+        /// Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing; grey images are used
+        /// unchanged. auto, max: the largest of the three colours; gray: luma of BT.601; red, green, blue: best
+        /// contrast if it is the laser's colour; red_excess, green_excess, blue_excess: that colour minus the larger of
+        /// the other two, which removes white light.
         channel: Channel = Channel::Auto => ["channel"],
-        /// Which way the stripe runs through the image. horizontal: one point a column; vertical: one point a row.
+        /// Direction of the stripe in the image. horizontal: one point per column; vertical: one point per row.
         stripe_direction: StripeDirection = StripeDirection::Horizontal => ["stripe_direction"],
-        /// Level at which a sample counts as saturated. 0: by encoding, 255 or 65535. Set 4095 for 12 bits in mono16,
-        /// or thresholds and saturation are wrong.
+        /// Grey level from which a sample counts as saturated; 0: the maximum of the encoding, 255 or 65535. Set 4095
+        /// for 12-bit data in mono16, otherwise thresholds and saturation are wrong.
         full_scale: Option<u32> = None => ["full_scale", 0..=65_535, "grey levels of the image"],
-        /// Searched part of the image.
+        /// Region of interest.
         roi: RegionOfInterest = RegionOfInterest::default() => group,
-        /// How frames of different exposure times follow one another. alternating: short and long ones in turn; each
-        /// is merged with the one before it: points that are saturated or missing in the long one are the short
-        /// one's. The two are a period apart, so points lie up to one step of the motion off. Intensities are the
-        /// long one's.
+        /// Sequence of exposure times. alternating: short and long frames in turn; points saturated or missing in the
+        /// long frame come from the short one a period earlier, and are off by up to one motion step.
         exposure: Exposure = Exposure::Single => ["exposure"],
         /// Search and measurement of the centreline.
         extraction: ExtractionParams = ExtractionParams::default() => group,
         /// Motion of the part and its source.
         motion: MotionParams = MotionParams::default() => group,
-        /// Profiles in one published slice of the point cloud. Fewer: less delay and smaller messages; 100 is a slice
-        /// of some megabytes. A slice also ends before it has 2^26 points, 1 GiB.
+        /// Profiles in one published slice of the point cloud, 100: some megabytes. Fewer profiles give less delay and
+        /// smaller messages; a slice never exceeds 2^26 points (1 GiB).
         slice_profiles: u32 = 100 => ["slice.profiles", 1..=10_000, "profiles"],
-        /// Most points in a slice, missing ones included; a slice of one profile may have more. Computed, not set by a user.
+        /// Largest number of points in a slice, missing ones included; a slice of one profile may have more. Computed,
+        /// not set by a user.
         slice_max_points: usize = MAX_SLICE_POINTS => computed,
-        /// Profiles in a scan; the next one begins a new scan with its own height map. Bounds the memory: four bytes
-        /// a point of every profile. A scan also ends before it has 2^28 points, 1 GiB of heights.
+        /// Profiles in one scan; the next profile starts a new scan with its own height map. Limits the memory to four
+        /// bytes per point; a scan never exceeds 2^28 points (1 GiB of heights).
         scan_max_profiles: u32 = 5_000 => ["scan.max_profiles", 1..=1_000_000, "profiles"],
     }
 }
@@ -269,14 +271,14 @@ parameter_group! {
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error("full_scale is {full_scale}, but samples of this encoding end at {max_level}")]
 pub struct FullScaleError {
-    /// The parameter.
+    /// Value of the parameter.
     pub full_scale: u32,
     /// Largest level of the encoding.
     pub max_level: u32,
 }
 
 impl Params {
-    /// Where slices and scans end.
+    /// Returns the limits of slices and scans.
     pub(crate) const fn scan_limits(&self) -> ScanLimits {
         ScanLimits {
             slice_profiles: self.slice_profiles,
@@ -285,10 +287,10 @@ impl Params {
         }
     }
 
-    /// Level at which samples of that format are saturated.
+    /// Returns the level from which samples of that format are saturated.
     ///
     /// # Errors
-    /// A chosen level that the format cannot hold.
+    /// `full_scale` exceeds the largest level of the format.
     pub const fn full_scale_of(&self, format: PixelFormat) -> Result<u32, FullScaleError> {
         let max_level = format.max_level();
         match self.full_scale {

@@ -1,4 +1,4 @@
-//! How a camera's part moves, as types.
+//! Typed parameters of the motion of a camera's part.
 
 use laser_triangulation::parameter_group;
 
@@ -13,19 +13,18 @@ parameter_group! {
     /// Names in the messages of the motion.
     #[derive(Clone, Debug, PartialEq, Eq)]
     pub struct Moved {
-        /// For joint_state: name of the joint. Empty: the only one that the messages hold.
+        /// For joint_state: name of the joint. Empty: the only joint in the messages.
         joint: String = String::new() => ["motion.joint"],
-        /// Frame of the point clouds and height maps. For tf: the frame that is scanned in, as in base_link; it must
-        /// be set. Otherwise its name; empty: part where the calibration has an axis or a level, else the laser
-        /// plane's own frame.
+        /// Frame of the point clouds and height maps. For tf: the frame of the scan, such as base_link, required.
+        /// Otherwise its name; empty: part if the calibration has an axis or a level, else the laser plane's frame.
         part_frame: String = String::new() => ["motion.part_frame"],
-        /// For tf: the frame whose pose is looked up. Empty: the frame of the images, the camera's optical frame. The
-        /// laser plane's frame may stand here, where somebody publishes it.
+        /// For tf: frame whose pose is looked up. Empty: the frame of the images, the camera's optical frame;
+        /// alternatively the laser plane's frame, if it is published.
         sensor_frame: String = String::new() => ["motion.sensor_frame"],
     }
 }
 
-/// What no single value can show.
+/// Checks for contradictions between several values.
 pub(super) fn check(camera: &CameraParams) -> Result<(), ParameterError> {
     let MotionParams { source, step_m, velocity_m_s, .. } = camera.scanner.motion;
     let name = |name| camera.full_name(name);
@@ -47,7 +46,7 @@ pub(super) fn check(camera: &CameraParams) -> Result<(), ParameterError> {
     }
     if source == MotionSource::Tf && camera.moved.part_frame.is_empty() {
         return conflict(format!(
-            "{} is tf, but {} is empty: name the frame that is scanned in, as in base_link",
+            "{} is tf, but {} is empty: set it to the frame of the scan, such as base_link",
             name("motion.source"),
             name("motion.part_frame")
         ));

@@ -1,13 +1,13 @@
-//! Chosen values: how the part moves, and how that is known.
+//! Parameters of the motion of the part and of its source.
 
 use crate::{named_enum, parameter_group};
 
 named_enum! {
-    /// Where the position of a profile along the scan comes from.
+    /// Source of a profile's position along the scan.
     MotionSource {
-        /// Nowhere: every profile lies at 0.
+        /// None: every profile lies at 0.
         None = "none",
-        /// A known step a frame, or a known velocity and the stamps.
+        /// A known step per frame, or a known velocity and the time stamps.
         Constant = "constant",
         /// A joint of `sensor_msgs/JointState`.
         JointState = "joint_state",
@@ -19,78 +19,78 @@ named_enum! {
 }
 
 named_enum! {
-    /// What the axis of the motion does.
+    /// Type of the motion axis.
     AxisChoice {
-        /// What the calibration says; shift, where it says nothing.
+        /// As calibrated; prismatic if the calibration has no axis.
         Auto = "auto",
-        /// It shifts the part: positions are metres.
+        /// Translation: positions in metres.
         Prismatic = "prismatic",
-        /// It turns the part: positions are radians.
+        /// Rotation: positions in radians.
         Revolute = "revolute",
     }
 }
 
 named_enum! {
-    /// Which way positions go in a scan.
+    /// Expected direction of positions in a scan.
     ScanDirection {
-        /// The way that they go first.
+        /// The first direction of each scan.
         Auto = "auto",
-        /// Up.
+        /// Increasing.
         Forward = "forward",
-        /// Down.
+        /// Decreasing.
         Backward = "backward",
-        /// To and fro.
+        /// Either: no check.
         Both = "both",
     }
 }
 
 parameter_group! {
-    /// How the part moves, and how that is known.
+    /// Parameters of the motion.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct MotionParams {
-        /// Where a profile's position along the scan comes from. none: every profile at 0. constant: motion.step or
-        /// motion.velocity. joint_state: a joint on joint_states. encoder: EncoderStamped on encoder. tf: the pose of
-        /// motion.sensor_frame in motion.part_frame, on /tf and /tf_static. The last three are looked up at the
-        /// middle of the exposure; a frame whose position nobody knows is published, but left out of the scan.
+        /// Source of a profile's position along the scan. none: all at 0; constant: motion.step or motion.velocity;
+        /// joint_state, encoder: samples on joint_states or encoder; tf: pose of motion.sensor_frame in
+        /// motion.part_frame. Measured positions are looked up at mid-exposure; a frame without a position is
+        /// published, but not added to the scan.
         source: MotionSource = MotionSource::None => ["motion.source"],
-        /// Distance between two frames, lost ones included; for triggered cameras. Negative moves against the scan
+        /// Distance between consecutive frames, lost frames included; for triggered cameras. Negative: against the scan
         /// axis.
         step_m: Option<f64> = None => ["motion.step", -1.0..=1.0, "m/frame"],
-        /// Speed of the part; times the difference of stamps. For free-running cameras with good stamps.
+        /// Speed of the part, multiplied by the difference of time stamps; for free-running cameras with accurate
+        /// stamps. Negative: against the scan axis.
         velocity_m_s: Option<f64> = None => ["motion.velocity", -100.0..=100.0, "m/s"],
-        /// What the axis does. auto: what the calibration says of it; shift the part, where it says nothing.
-        /// prismatic: positions are metres; revolute: radians, and a turn that begins again at 0 goes on. Another
-        /// axis than the calibration's is refused.
+        /// Type of the axis. auto: as calibrated, otherwise prismatic; prismatic: positions in metres; revolute:
+        /// positions in radians, continuous over several turns. A contradiction to the calibration is an error.
         axis: AxisChoice = AxisChoice::Auto => ["motion.axis"],
-        /// What one unit of a joint or one count of an encoder means; negative turns the axis round. 0: as the
-        /// messages say, 1 for joints. The scale of the calibration's axis counts as well.
+        /// Travel per unit of a joint or count of an encoder; negative reverses the axis. 0: the scale in the messages,
+        /// 1 for joints. The calibrated scale of the axis applies in addition.
         scale: Option<f64> = None => ["motion.scale", -1e6..=1e6, "m or rad a unit"],
-        /// Width of the encoder's counter, where its counts begin again at 0 after it; the axis must not move half
-        /// the range between two samples. 0: counts are unwrapped already, as EncoderStamped wants them.
+        /// Width of an encoder counter that wraps to 0; the axis must move less than half its range between two
+        /// samples. 0: counts arrive unwrapped, as EncoderStamped specifies.
         encoder_bits: Option<u32> = None => ["motion.encoder_bits", 0..=63, "bits"],
-        /// Which way positions should go; what goes the other way is flagged REVERSED. auto: the way that a scan goes
-        /// first; forward: up; backward: down; both: to and fro, nothing is flagged. Set it where an axis may run the
-        /// wrong way.
+        /// Expected direction of positions in a scan; movement against it is flagged REVERSED. auto: the first
+        /// direction of each scan; forward: increasing; backward: decreasing; both: no check.
         direction: ScanDirection = ScanDirection::Auto => ["motion.direction"],
-        /// How far the axis may move back and yet stand still: some counts of the encoder.
+        /// Backlash tolerance: movement against the scan direction below this value is ignored. Typically a few encoder
+        /// counts.
         backlash: f64 = 1e-5 => ["motion.backlash", 0.0..=1.0, "m or rad"],
-        /// Frames between two samples that lie further apart are flagged GAP: a counter that was reset, an axis that
-        /// slipped. 0: any distance is believed.
+        /// Largest plausible movement between two samples; frames between samples further apart are flagged GAP, as
+        /// after a counter reset or a slipping axis. 0: no limit.
         max_step: Option<f64> = None => ["motion.max_step", 0.0..=1e6, "m or rad"],
-        /// Longest time between two samples: frames between those further apart are flagged STALE, and a motion is
-        /// thought to go on (EXTRAPOLATED) no longer than this. 0: four times the usual time between samples.
+        /// Longest time between two samples: frames in longer gaps are flagged STALE, and positions are extrapolated
+        /// (EXTRAPOLATED) for at most this time. 0: four times the median interval.
         max_gap_s: Option<f64> = None => ["motion.max_gap", 0.0..=3600.0, "s"],
-        /// Frames that wait at most for a sample taken after them, 256 MiB of them and at least a second. Raise it
-        /// where positions come much later than images.
+        /// Largest number of frames that wait for the next position sample; the queue also holds at most 256 MiB. Raise
+        /// it if positions arrive much later than images.
         max_wait_frames: u32 = 32 => ["motion.max_wait", 0..=1000, "frames"],
-        /// From the stamp of a frame to the middle of its exposure: half the exposure time, where cameras stamp its
-        /// beginning. An axis that stands still while exposing may be looked up where its position was taken.
+        /// Time from the stamp of a frame to the middle of its exposure. Typically half the exposure time, if the
+        /// camera stamps its start.
         exposure_offset_s: f64 = 0.0 => ["motion.exposure_offset", -10.0..=10.0, "s"],
     }
 }
 
 impl MotionSource {
-    /// Whether positions come in messages of their own.
+    /// Returns true if positions are received as messages.
     pub const fn is_measured(self) -> bool {
         matches!(self, Self::JointState | Self::Encoder | Self::Tf)
     }
