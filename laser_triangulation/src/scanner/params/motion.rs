@@ -64,7 +64,7 @@ parameter_group! {
         axis: AxisChoice = AxisChoice::Auto => ["motion.axis"],
         /// Travel per unit of a joint or count of an encoder; negative reverses the axis. 0: the scale in the messages,
         /// 1 for joints. The calibrated scale of the axis applies in addition.
-        scale: Option<f64> = None => ["motion.scale", -1e6..=1e6, "m or rad a unit"],
+        scale: Option<f64> = None => ["motion.scale", -1e6..=1e6, "m or rad per unit"],
         /// Width of an encoder counter that wraps to 0; the axis must move less than half its range between two
         /// samples. 0: counts arrive unwrapped, as EncoderStamped specifies.
         encoder_bits: Option<u32> = None => ["motion.encoder_bits", 0..=63, "bits"],
