@@ -1,5 +1,5 @@
 //! A scanned flat: its tilt, the repeatability of its height, the calibration's share of its uncertainty, and the
-//! part's frame laid on it. Rendered, and on the disk of a real turntable.
+//! part's frame levelled on it. Rendered, and on the disk of a real turntable.
 
 use std::{fs, path::Path};
 
@@ -96,7 +96,7 @@ fn the_calibrations_share_matches_a_shifted_calibration() {
 }
 
 #[test]
-fn a_table_is_laid_level_and_stays_so() {
+fn a_table_is_levelled_and_stays_level() {
     let Some(recording) = real("turntable_empty") else { return };
     let place = tempfile::tempdir().unwrap();
     let [rig, level] = ["rig.yaml", "level.yaml"].map(|name| place.path().join(name));
@@ -111,7 +111,7 @@ fn a_table_is_laid_level_and_stays_so() {
 }
 
 #[test]
-fn a_rendered_flat_is_as_inclined_as_it_is_and_then_level() {
+fn the_tilt_of_a_rendered_flat_is_measured_and_removed() {
     let place = tempfile::tempdir().unwrap();
     let path = |name: &str| place.path().join(name).display().to_string();
     let scenario = "tests/data/metrology/flat.scenario.yaml";
