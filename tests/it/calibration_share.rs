@@ -35,7 +35,7 @@ const PLANE_SIGMA: [f64; 3] = [4e-4, 3e-4, 1.5e-4];
 const DIRECTION_SIGMA_RAD: f64 = 6e-4;
 const POINT_SIGMA_M: f64 = 3e-4;
 const SCALE_SIGMA: f64 = 4e-4;
-/// Of a, b, β and the base row.
+/// Standard deviations of a, b, β and the base row.
 const VERTICAL_SIGMA: [f64; 4] = [0.0, 4e-4, 2e-3, 0.4];
 
 /// Returns a covariance of these standard deviations, with the first two values correlated.
