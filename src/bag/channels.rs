@@ -15,7 +15,8 @@ pub(super) const QOS_KEY: &str = "offered_qos_profiles";
 
 /// Longest name of a topic, a type or an encoding: ROS allows 256 bytes.
 const MAX_NAME_BYTES: usize = 4096;
-/// Limit on the size of all schemas and topics, bytes: every topic has a copy of its schema, and 65535 may name the same one.
+/// Limit on the size of all schemas and topics, bytes. Every topic holds a copy of its schema, and 65535 topics may
+/// share one schema.
 const MAX_BYTES: usize = 64 << 20;
 
 /// Channels and schemas defined by a file.
@@ -44,8 +45,8 @@ impl Channels {
         self.topics.iter().map(|(id, topic)| (*id, topic))
     }
 
-    /// Takes a schema or channel record; any other is passed over. The same twice is normal, something else under the
-    /// same number is not: the first stays.
+    /// Adds a schema or channel record; any other record is ignored. A repeated definition is normal. A different one
+    /// under the same number is an error, and the first definition stays.
     pub(super) fn add(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
         if opcode != op::SCHEMA && opcode != op::CHANNEL {
             return Ok(());
@@ -56,7 +57,7 @@ impl Channels {
         } else {
             self.add_channel(&mut fields)
         };
-        added.ok_or("a schema or channel record whose fields do not fit")?
+        added.ok_or("a malformed schema or channel record")?
     }
 
     /// `None` for ill-formed fields.
@@ -105,7 +106,7 @@ impl Channels {
     fn make_room(&mut self, bytes: usize) -> Result<(), String> {
         let sum = self.bytes.saturating_add(bytes);
         if sum > MAX_BYTES {
-            return Err(format!("schemas and channels of more than {MAX_BYTES} bytes"));
+            return Err(format!("schemas and channels take more than {MAX_BYTES} bytes"));
         }
         self.bytes = sum;
         Ok(())
@@ -121,7 +122,9 @@ fn size_bytes(topic: &Topic) -> usize {
 
 fn check_names(names: [&str; 2]) -> Result<(), String> {
     match names.into_iter().find(|name| name.len() > MAX_NAME_BYTES) {
-        Some(name) => Err(format!("a name of {} bytes, the limit is {MAX_NAME_BYTES}", name.len())),
+        Some(name) => {
+            Err(format!("a name of {} bytes exceeds the limit of {MAX_NAME_BYTES}", name.len()))
+        }
         None => Ok(()),
     }
 }
@@ -170,13 +173,13 @@ mod tests {
             .take_while(Result::is_ok);
         assert_eq!(added.count(), 62, "64 MiB with the schema itself and the names");
         let again = channels.add(op::CHANNEL, &channel(5, 1, "/t5"));
-        assert_eq!(again, Ok(()), "what is known takes no more room");
+        assert_eq!(again, Ok(()), "a repeated definition takes no memory");
         let refused = channels.add(op::CHANNEL, &channel(99, 1, "/t99")).unwrap_err();
         assert!(refused.contains("more than 67108864 bytes"), "{refused}");
     }
 
     #[test]
-    fn every_number_of_a_channel_can_be_used() {
+    fn every_channel_number_can_be_used() {
         let mut channels = Channels::default();
         channels.add(op::SCHEMA, &schema(1, "a/msg/A", b"int32 a")).unwrap();
         for id in 0..=u16::MAX {
@@ -186,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_without_end_is_refused() {
+    fn a_name_longer_than_the_limit_is_refused() {
         let long = "x".repeat(4097);
         let mut channels = Channels::default();
         assert!(channels.add(op::SCHEMA, &schema(1, &long, b"")).unwrap_err().contains("4097"));

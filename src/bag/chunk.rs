@@ -6,7 +6,7 @@ use super::BagError;
 use super::error::Fault;
 use super::format::{ChunkHeader, PREFIX_BYTES, Source};
 
-/// Decodes chunks, keeping its buffers from one to the next.
+/// Decodes chunks and reuses its buffers between them.
 pub(super) struct ChunkDecoder {
     reader: LinearReader,
     limit_bytes: usize,
@@ -18,8 +18,8 @@ impl ChunkDecoder {
         Self { reader: checking_reader(limit_bytes), limit_bytes }
     }
 
-    /// Shows every record of the chunk to `visit`, in order. A checksum that does not fit is found before the first
-    /// one; a chunk that the end of the file cuts is shown as far as it goes.
+    /// Passes every record of the chunk to `visit`, in order. A wrong checksum is reported before the first record. Of
+    /// a truncated chunk, the complete records are passed.
     pub(super) fn decode(
         &mut self,
         source: &mut Source,
@@ -30,11 +30,13 @@ impl ChunkDecoder {
         if chunk.uncompressed_bytes.max(chunk.compressed_bytes) > source.limit_bytes {
             let (size, limit) =
                 (chunk.uncompressed_bytes.max(chunk.compressed_bytes), source.limit_bytes);
-            return Err(source
-                .damaged(&chunk.span, format!("a chunk of {size} bytes, the limit is {limit}")));
+            return Err(source.damaged(
+                &chunk.span,
+                format!("a chunk of {size} bytes exceeds the limit of {limit}"),
+            ));
         }
         if is_cut {
-            // The checksum cannot be formed, and what a cut leaves is whole.
+            // The checksum of a truncated chunk cannot be computed.
             let options = options(self.limit_bytes);
             self.reader = LinearReader::new_with_options(options);
         }
@@ -70,7 +72,7 @@ impl ChunkDecoder {
                     shown_bytes += PREFIX_BYTES + data.len() as u64;
                     visit(opcode, data);
                 }
-                // It has the whole chunk: it is through, or a record claims more than the chunk holds.
+                // The reader already has the whole chunk: it is done, or a record claims more than the chunk holds.
                 Ok(LinearReadEvent::ReadRequest(_)) if shown_bytes == chunk.uncompressed_bytes => {
                     return Ok(());
                 }
@@ -82,7 +84,7 @@ impl ChunkDecoder {
     }
 }
 
-/// For a reader that starts at a record.
+/// Options of a reader that starts at a record.
 fn options(limit_bytes: usize) -> LinearReaderOptions {
     LinearReaderOptions::default()
         .with_skip_start_magic(true)
@@ -90,7 +92,7 @@ fn options(limit_bytes: usize) -> LinearReaderOptions {
         .with_record_length_limit(limit_bytes)
 }
 
-/// A reader that tests a chunk's checksum before its first record.
+/// A reader that verifies a chunk's checksum before it returns the first record.
 fn checking_reader(limit_bytes: usize) -> LinearReader {
     LinearReader::new_with_options(options(limit_bytes).with_prevalidate_chunk_crcs(true))
 }

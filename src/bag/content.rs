@@ -1,14 +1,14 @@
-//! Attachment and metadata records, whose fields must fill their bodies exactly.
+//! Attachment and metadata records. Their fields must fill the body exactly.
 
 use super::fields::Fields;
 use super::{Attachment, MetadataRecord};
 
-/// Reads the body of an attachment record and tests its checksum.
+/// Reads the body of an attachment record and verifies its checksum.
 pub(super) fn attachment(body: &[u8]) -> Result<Attachment, String> {
     let (checked, saved) = body.split_last_chunk().ok_or("an attachment without a checksum")?;
     let saved = u32::from_le_bytes(*saved);
     if saved != 0 && saved != crc32fast::hash(checked) {
-        return Err("an attachment whose checksum does not fit".into());
+        return Err("the checksum of the attachment is wrong".into());
     }
     let mut fields = Fields::of(checked);
     let mut read = || {
@@ -26,7 +26,7 @@ pub(super) fn attachment(body: &[u8]) -> Result<Attachment, String> {
             data,
         })
     };
-    read().ok_or_else(|| "an attachment whose fields do not fit".into())
+    read().ok_or_else(|| "a malformed attachment record".into())
 }
 
 /// Reads the body of a metadata record.
@@ -36,5 +36,5 @@ pub(super) fn metadata(body: &[u8]) -> Result<MetadataRecord, String> {
         let record = MetadataRecord { name: fields.string()?, entries: fields.string_map()? };
         fields.is_empty().then_some(record)
     };
-    read().ok_or_else(|| "a metadata record whose fields do not fit".into())
+    read().ok_or_else(|| "a malformed metadata record".into())
 }

@@ -5,37 +5,37 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why a recording, or a part of it, cannot be read.
+/// Error of reading a recording or a part of it.
 #[derive(Debug, Error)]
 pub enum BagError {
-    /// The operating system refuses.
+    /// Input or output failed.
     #[error("{}: {source}", path.display())]
     Io {
         /// File or directory.
         path: PathBuf,
-        /// Its reason.
+        /// Cause.
         source: io::Error,
     },
-    /// Some other kind of file.
+    /// The file is not an MCAP file.
     #[error("{}: not an MCAP file: {why}", path.display())]
     NotMcap {
         /// The file.
         path: PathBuf,
-        /// What is there instead.
+        /// Reason.
         why: String,
     },
-    /// A directory without a recording.
+    /// The directory holds no recording.
     #[error("{}: holds neither metadata.yaml nor an .mcap file", .0.display())]
     NoBag(PathBuf),
-    /// A recording of another kind.
+    /// The recording uses an unsupported storage or compression mode.
     #[error("{}: {what}; convert it to uncompressed-file MCAP with `ros2 bag convert`", path.display())]
     Unsupported {
         /// The metadata file.
         path: PathBuf,
-        /// Its kind.
+        /// Description of the storage or compression mode.
         what: String,
     },
-    /// A path that would leave the bag's directory.
+    /// A listed path leaves the bag's directory.
     #[error("{}: relative_file_paths names {entry:?}; only files inside the directory are read", path.display())]
     PathEscapes {
         /// The metadata file.
@@ -43,48 +43,48 @@ pub enum BagError {
         /// The entry.
         entry: String,
     },
-    /// A part of the recording is unreadable; reading goes on behind it.
+    /// A part of the recording is unreadable; reading continues after it.
     #[error("{}: damaged at byte {offset}: {what}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where the damage begins, bytes from the start of the file.
+        /// Start of the damage, bytes from the start of the file.
         offset: u64,
-        /// Where reading goes on, bytes from the start of the file.
+        /// Position at which reading continues, bytes from the start of the file.
         end: u64,
-        /// What is wrong.
+        /// Description of the damage.
         what: String,
     },
-    /// The index does not fit the file. Everything has been or will be read without it.
+    /// The index contradicts the file. The whole file is read without it.
     #[error("{}: the index is wrong, reading without it: {what}", path.display())]
     Index {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// Description of the contradiction.
         what: String,
     },
     /// Chunks overlap so much in time that sorting them would take unbounded memory.
-    #[error("{}: from byte {offset} on the messages are not in order of time: chunks overlap by more than {limit_bytes} bytes", path.display())]
+    #[error("{}: messages from byte {offset} on are not in time order: chunks overlap by more than {limit_bytes} bytes", path.display())]
     Unsorted {
         /// The file.
         path: PathBuf,
-        /// The first chunk that had to wait, bytes from the start of the file.
+        /// Start of the first chunk that is read too late, bytes from the start of the file.
         offset: u64,
-        /// What may wait.
+        /// Limit on the size of the buffered messages, bytes.
         limit_bytes: usize,
     },
-    /// Messages that are not ROS 2's.
+    /// The messages are not encoded as ROS 2 encodes them.
     #[error("{topic}: messages are encoded as {encoding:?}, not as \"cdr\" (ROS 2)")]
     Encoding {
         /// The topic.
         topic: String,
-        /// What the recording says.
+        /// Encoding stated by the recording.
         encoding: String,
     },
 }
 
 impl BagError {
-    /// True if messages are lost (a wrong index alone loses none).
+    /// True if messages are lost. A wrong index alone loses none.
     pub(crate) fn is_loss(&self) -> bool {
         !matches!(self, Self::Index { .. } | Self::Unsorted { .. })
     }
@@ -110,19 +110,19 @@ impl From<String> for Fault {
     }
 }
 
-/// Why a bag cannot be written.
+/// Error of writing a bag.
 #[derive(Debug, Error)]
 pub enum RecordError {
-    /// The output is there already.
+    /// The output exists already.
     #[error("{}: exists already; --force replaces a bag", .0.display())]
     Exists(PathBuf),
-    /// The output is something that is never replaced.
-    #[error("{}: is there and is not a bag; choose another output", .0.display())]
+    /// The output exists and is not a bag, so it is never replaced.
+    #[error("{}: exists and is not a bag; choose another output", .0.display())]
     NotABag(PathBuf),
     /// The output's last component cannot name a bag.
-    #[error("{}: does not end in a name for the bag", .0.display())]
+    #[error("{}: the last component of the path is not a usable bag name", .0.display())]
     NoName(PathBuf),
-    /// The operating system refuses. What was flushed before stays readable.
+    /// Input or output failed. Flushed messages stay readable.
     #[error("{}: {source}", path.display())]
     Io {
         /// File or directory.
@@ -130,20 +130,20 @@ pub enum RecordError {
         /// Its reason.
         source: io::Error,
     },
-    /// An earlier call failed; nothing is written any more.
+    /// An earlier call failed; the recorder writes nothing more.
     #[error("{}: nothing more is written after an error", .0.display())]
     Stopped(PathBuf),
-    /// One name, two types.
-    #[error("{topic}: is recorded as {recorded} and cannot also be {refused}")]
+    /// A topic name is used with two types.
+    #[error("{topic}: is recorded as {recorded}, so {refused} is rejected")]
     TopicConflict {
         /// The name.
         topic: String,
-        /// Type it has.
+        /// Recorded type.
         recorded: String,
-        /// Type it was to have.
+        /// Rejected type.
         refused: String,
     },
-    /// A time before the epoch, which MCAP cannot represent.
+    /// A time is before the epoch; MCAP cannot represent it.
     #[error("{what}: time {time_ns} ns is before 1970")]
     NegativeTime {
         /// Topic or attachment.
@@ -151,12 +151,12 @@ pub enum RecordError {
         /// The time, nanoseconds since the epoch.
         time_ns: i64,
     },
-    /// The format's own limits: 65534 topics.
+    /// The content cannot be represented in the format (for example more than 65534 topics).
     #[error("{}: {what}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// What went over them.
+        /// Description of the problem.
         what: String,
     },
 }

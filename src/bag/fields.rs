@@ -1,5 +1,5 @@
-//! The fields of a record's body, one after another. The mcap crate's parser reserves the length that a string
-//! states, up to 4 GiB; this one never reads or reserves more than the body holds.
+//! Parser of the fields of a record's body. The mcap crate's parser allocates the length that a string states, up to
+//! 4 GiB; this one never reads or allocates more than the body holds.
 
 use std::collections::BTreeMap;
 
@@ -44,12 +44,12 @@ impl<'a> Fields<'a> {
         String::from_utf8(self.bytes(length.into())?.to_vec()).ok()
     }
 
-    /// Texts by key; no key twice.
+    /// Texts by key. `None` if a key occurs twice.
     pub(super) fn string_map(&mut self) -> Option<BTreeMap<String, String>> {
         self.map(|entry| Some((entry.string()?, entry.string()?)))
     }
 
-    /// Numbers by channel; no channel twice.
+    /// Numbers by channel. `None` if a channel occurs twice.
     pub(super) fn channel_map(&mut self) -> Option<BTreeMap<u16, u64>> {
         self.map(|entry| Some((entry.u16()?, entry.u64()?)))
     }
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_twice_is_refused() {
+    fn a_repeated_key_is_refused() {
         let entry = [1, 0, 0, 0, b'k', 0, 0, 0, 0];
         let body = [&[18, 0, 0, 0][..], &entry, &entry].concat();
         assert_eq!(Fields::of(&body).string_map(), None);

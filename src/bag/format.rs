@@ -1,5 +1,5 @@
-//! The outer shape of an MCAP file: records one after another, each an opcode, a length and a body. Lengths are
-//! checked against the file size and the limit here, and nowhere else.
+//! Record structure of an MCAP file: a sequence of records, each an opcode, a length and a body. This is the only
+//! place that checks lengths against the file size and the limit.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -12,20 +12,20 @@ use super::{BagError, error::Fault};
 
 /// Bytes of a record before its body: the opcode and the length.
 pub(super) const PREFIX_BYTES: u64 = 9;
-/// Bytes of a chunk's header without the name of its compression: times, sizes, checksum.
+/// Bytes of a chunk's header (times, sizes, checksum) without the name of its compression.
 const CHUNK_HEADER_BYTES: u64 = 40;
-/// Bytes that hold any chunk's prefix and header: no compression has a longer name than `lz4` and `zstd`.
+/// Maximum bytes of a chunk's prefix and header: the longest compression name is `zstd`.
 pub(super) const CHUNK_START_BYTES: u64 = PREFIX_BYTES + CHUNK_HEADER_BYTES + 4;
 /// Bytes of a message record before the message.
 pub(super) const MESSAGE_HEADER_BYTES: usize = 22;
 
-/// A file that is read at given places.
+/// A file with random access.
 #[derive(Debug)]
 pub(super) struct Source {
     file: File,
     pub(super) path: PathBuf,
     pub(super) len_bytes: u64,
-    /// Longest record, and longest chunk, that is taken into memory.
+    /// Limit on the size of a record or chunk that is loaded into memory, bytes.
     pub(super) limit_bytes: u64,
 }
 
@@ -48,12 +48,12 @@ impl Source {
         if self.len_bytes < magic.len() as u64 {
             return Err(not_mcap(
                 &self.path,
-                "the file is shorter than the first eight bytes of one",
+                "the file is shorter than the eight bytes of the MCAP signature",
             ));
         }
         self.read_exact_at(0, &mut magic)?;
         if magic != MAGIC {
-            return Err(not_mcap(&self.path, "the first eight bytes differ"));
+            return Err(not_mcap(&self.path, "the first eight bytes are not the MCAP signature"));
         }
         Ok(())
     }
@@ -87,7 +87,7 @@ impl Source {
         let (opcode, body_bytes) = (prefix[0], u64_at(&prefix, 1));
         let is_known = matches!(opcode, op::HEADER..=op::DATA_END | 0x80..);
         if !is_known {
-            return Err(format!("no record begins with {opcode:#04x}").into());
+            return Err(format!("unknown record opcode {opcode:#04x}").into());
         }
         let end = offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes));
         let end = end.ok_or_else(|| format!("a record of {body_bytes} bytes"))?;
@@ -100,7 +100,7 @@ impl Source {
         Ok(ChunkHeader::parse(&start, offset)?)
     }
 
-    /// Body of a record other than a chunk.
+    /// Reads the body of a record other than a chunk.
     pub(super) fn body(&mut self, span: &RecordSpan) -> Result<Vec<u8>, BagError> {
         let body_bytes = span.end - span.offset - PREFIX_BYTES;
         self.check_length(span, body_bytes)?;
@@ -126,13 +126,13 @@ impl Source {
             let limit = self.limit_bytes;
             return Err(self.damaged(
                 span,
-                format!("{in_memory_bytes} bytes in one record, the limit is {limit}"),
+                format!("a record of {in_memory_bytes} bytes exceeds the limit of {limit}"),
             ));
         }
         Ok(())
     }
 
-    /// Damage of a whole record.
+    /// Returns the error for a damaged record.
     pub(super) fn damaged(&self, span: &RecordSpan, what: String) -> BagError {
         BagError::Damaged {
             path: self.path.clone(),
@@ -143,7 +143,7 @@ impl Source {
     }
 }
 
-/// Where a record lies, bytes from the start of the file. The end may be beyond the file's.
+/// Range of a record, bytes from the start of the file. It may extend beyond the end of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RecordSpan {
     pub(super) opcode: u8,
@@ -151,7 +151,7 @@ pub(super) struct RecordSpan {
     pub(super) end: u64,
 }
 
-/// A chunk record's header, consistent in itself.
+/// A chunk record's header; its lengths are consistent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ChunkHeader {
     pub(super) span: RecordSpan,
@@ -161,23 +161,23 @@ pub(super) struct ChunkHeader {
     pub(super) compressed_bytes: u64,
     /// Checksum of the uncompressed content; 0 for none.
     pub(super) crc: u32,
-    /// Empty for none.
+    /// Name of the compression; empty for none.
     pub(super) compression: String,
 }
 
 impl ChunkHeader {
-    /// Reads the start of a chunk record. Its lengths must agree with one another, which random bytes do not.
+    /// Reads the start of a chunk record. The lengths must be consistent; random bytes fail this test.
     pub(super) fn parse(
         start: &[u8; CHUNK_START_BYTES as usize],
         offset: u64,
     ) -> Result<Self, String> {
         if start[0] != op::CHUNK {
-            return Err(format!("no chunk begins with {:#04x}", start[0]));
+            return Err(format!("a chunk record has the opcode {:#04x}", start[0]));
         }
         let body_bytes = u64_at(start, 1);
         let name_bytes = u32_at(start, 37) as usize;
         let Some(name) = start[41..].get(..name_bytes).filter(|_| name_bytes <= 4) else {
-            return Err(format!("a compression whose name has {name_bytes} bytes"));
+            return Err(format!("a compression name of {name_bytes} bytes"));
         };
         let compression = String::from_utf8_lossy(name).into_owned();
         let compressed_bytes = u64_at(start, 41 + name_bytes);
@@ -185,14 +185,16 @@ impl ChunkHeader {
         let expected = compressed_bytes.checked_add(CHUNK_HEADER_BYTES + name_bytes as u64);
         if expected != Some(body_bytes) {
             return Err(format!(
-                "a chunk record of {body_bytes} bytes around {compressed_bytes} bytes of content"
+                "a chunk record of {body_bytes} bytes states {compressed_bytes} bytes of content"
             ));
         }
         if !["", "lz4", "zstd"].contains(&compression.as_str()) {
             return Err(format!("unknown compression {compression:?}"));
         }
         if compression.is_empty() && compressed_bytes != uncompressed_bytes {
-            return Err(format!("{uncompressed_bytes} uncompressed bytes in {compressed_bytes}"));
+            return Err(format!(
+                "an uncompressed chunk states {uncompressed_bytes} bytes but holds {compressed_bytes}"
+            ));
         }
         let end = offset.checked_add(PREFIX_BYTES).and_then(|body| body.checked_add(body_bytes));
         let end = end.ok_or_else(|| format!("a chunk of {body_bytes} bytes"))?;

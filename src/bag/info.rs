@@ -16,41 +16,41 @@ use super::recover::DamagedRange;
 use super::statistics::Statistics;
 use super::{BagError, BagReader, Filter, Topic};
 
-/// Amount of a bag that is read to describe it.
+/// Part of a bag that is read to describe it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Depth {
-    /// The index; all messages if the index is unusable.
+    /// The index, or all messages if the index is unusable.
     Index,
     /// All messages.
     Messages,
 }
 
-/// Everything that `info` reports. The field names are those of `info --json`.
+/// Report of `info`. The field names are those of `info --json`.
 #[derive(Debug, Serialize)]
 pub(crate) struct BagInfo {
     /// The bag.
     pub(crate) path: PathBuf,
     /// Its files in their order.
     pub(crate) files: Vec<FileInfo>,
-    /// Length of all files.
+    /// Size of all files, bytes.
     pub(crate) bytes: u64,
     /// Time of the first message, nanoseconds since the epoch.
     pub(crate) start_ns: Option<i64>,
     /// Time of the last message, nanoseconds since the epoch.
     pub(crate) end_ns: Option<i64>,
-    /// From the first to the last message, seconds.
+    /// Time from the first to the last message, seconds.
     pub(crate) duration_s: f64,
     /// Number of messages.
     pub(crate) messages: u64,
     /// Topics by name.
     pub(crate) topics: Vec<TopicInfo>,
-    /// Files inside the recording.
+    /// Attachments of the recording.
     pub(crate) attachments: Vec<AttachmentInfo>,
     /// Metadata records by name, without rosbag2's own.
     pub(crate) metadata: BTreeMap<String, BTreeMap<String, String>>,
-    /// True if every message was read and its checksum verified; false if the index was trusted.
+    /// True if all messages were read and their checksums verified; false if the index was trusted.
     pub(crate) verified: bool,
-    /// Unreadable ranges. Empty if not verified and the index is valid.
+    /// Damaged ranges. Without verification, damage inside chunks stays unnoticed.
     pub(crate) damaged: Vec<DamagedRange>,
     /// Further notes for the user.
     pub(crate) notes: Vec<String>,
@@ -59,59 +59,59 @@ pub(crate) struct BagInfo {
 /// One file of a bag.
 #[derive(Debug, Serialize)]
 pub(crate) struct FileInfo {
-    /// Where it is.
+    /// Path of the file.
     pub(crate) path: PathBuf,
-    /// Its length.
+    /// Size of the file, bytes.
     pub(crate) bytes: u64,
-    /// True if it has a valid index.
+    /// True if the file has a valid index.
     pub(crate) indexed: bool,
-    /// Compressions of its chunks: `none`, `lz4`, `zstd`.
+    /// Compressions of the chunks: `none`, `lz4`, `zstd`.
     pub(crate) compression: Vec<String>,
 }
 
 /// One topic.
 #[derive(Debug, Serialize)]
 pub(crate) struct TopicInfo {
-    /// Its name.
+    /// Name of the topic.
     pub(crate) name: String,
-    /// Type, as in `sensor_msgs/msg/Image`.
+    /// Type, for example `sensor_msgs/msg/Image`.
     #[serde(rename = "type")]
     pub(crate) type_name: String,
-    /// Encoding of the messages: `cdr`.
+    /// Encoding of the messages; `cdr` in ROS 2.
     pub(crate) encoding: String,
-    /// `RIHS01_…`, or empty.
+    /// Type hash (`RIHS01_…`), or empty.
     pub(crate) type_hash: String,
     /// Number of messages.
     pub(crate) messages: u64,
-    /// Messages a second.
+    /// Message rate, hertz.
     pub(crate) rate_hz: Option<f64>,
-    /// Longest time between two messages, seconds.
+    /// Longest time between two consecutive messages, seconds.
     pub(crate) largest_gap_s: Option<f64>,
-    /// When that began, nanoseconds since the epoch.
+    /// Time of the message before the longest gap, nanoseconds since the epoch.
     pub(crate) largest_gap_at_ns: Option<i64>,
-    /// Messages that the writer's counter skips; only when verified.
+    /// Sequence numbers that the writer skipped; `None` unless verified.
     pub(crate) skipped: Option<u64>,
-    /// Bytes of all messages; only when verified.
+    /// Size of all messages, bytes; `None` unless verified.
     pub(crate) bytes: Option<u64>,
 }
 
-/// A file inside the recording.
+/// An attachment of the recording.
 #[derive(Debug, Serialize)]
 pub(crate) struct AttachmentInfo {
     /// File name.
     pub(crate) name: String,
     /// MIME type.
     pub(crate) media_type: String,
-    /// Its length.
+    /// Size, bytes.
     pub(crate) bytes: u64,
-    /// Hash of its content, hexadecimal.
+    /// SHA-256 of the content, hexadecimal.
     pub(crate) sha256: String,
 }
 
 /// Describes a bag.
 ///
 /// # Errors
-/// A bag that cannot be read further: the operating system's refusal.
+/// Reading fails; damage is no error, the report lists it.
 pub(crate) fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, BagError> {
     let mut problems = Problems { notes: bag.notes().to_vec(), ..Problems::default() };
     let by_index = if depth == Depth::Index { by_index(bag)? } else { None };
@@ -183,7 +183,7 @@ fn by_reading(bag: &BagReader, problems: &mut Problems) -> Result<ByTopic, BagEr
     Ok(statistics)
 }
 
-/// From the message indexes, without opening a chunk; `None` if they are unusable.
+/// Statistics from the message indexes, without opening a chunk; `None` if they are unusable.
 fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
     let mut statistics = ByTopic::new();
     for (path, layout) in bag.layouts() {
@@ -214,7 +214,7 @@ fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
     Ok(Some(statistics))
 }
 
-/// Times in a message index record, in their order; `None` when there is no such record.
+/// Sorted times of a message index record; `None` if there is no such record.
 fn message_index(
     source: &mut Source,
     channel: u16,
@@ -235,7 +235,7 @@ fn message_index(
     if head[..2] != channel.to_le_bytes() || entries.len() % 16 != 0 {
         return Ok(None);
     }
-    // A time beyond 2262 is reported when the messages are read.
+    // A time beyond 2262 makes the index unusable and is reported when the messages are read.
     let times = entries.chunks_exact(16).map(|entry| i64::try_from(u64_at(entry, 0)).ok());
     let mut times: Option<Vec<_>> = times.collect();
     if let Some(times) = &mut times {

@@ -1,4 +1,4 @@
-//! Where in a file the messages, attachments and metadata lie: by its index, or found by walking through it.
+//! Positions of the messages, attachments and metadata in a file, from its index or from a scan of the file.
 
 use std::collections::BTreeMap;
 
@@ -8,55 +8,55 @@ use super::format::{RecordSpan, Source};
 use super::summary::Summary;
 use super::{BagError, ReadOptions, scan, summary};
 
-/// One file's content, without the messages themselves.
+/// Layout of one file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
     pub(super) channels: Channels,
-    /// In order of time, ties in order of place.
+    /// Parts in order of time, ties in order of position.
     pub(super) parts: Vec<Part>,
     pub(super) attachments: Vec<RecordSpan>,
     pub(super) metadata: Vec<RecordSpan>,
-    /// Number of messages a channel, where known.
+    /// Number of messages per channel; `None` if unknown.
     pub(super) counts: Option<BTreeMap<u16, u64>>,
-    /// The same, as stated by the file.
+    /// Number of messages per channel as stated by the file; `None` if it states none.
     pub(super) stated_counts: Option<BTreeMap<u16, u64>>,
-    /// From the file's own index; otherwise found by walking.
+    /// True if the layout comes from the file's index; false if it comes from a scan.
     pub(super) is_indexed: bool,
-    /// Names of the compressions of its chunks, sorted.
+    /// Names of the compressions of the chunks, sorted.
     pub(super) compressions: Vec<String>,
-    /// Profile in the header: `ros2`.
+    /// Profile in the header; `ros2` in ROS 2.
     pub(super) profile: String,
     /// Notes for the user.
     pub(super) notes: Vec<String>,
 }
 
-/// A stretch of the file that holds messages, or should.
+/// A range of the file that holds messages, or is damaged.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub(super) kind: PartKind,
-    /// Bytes from the start of the file.
+    /// Start, bytes from the start of the file.
     pub(super) offset: u64,
-    /// Bytes from the start of the file.
+    /// End, bytes from the start of the file.
     pub(super) end: u64,
-    /// Time of the earliest message.
+    /// Time of the earliest message, nanoseconds since the epoch.
     pub(super) start_time: u64,
-    /// Time of the latest message.
+    /// Time of the latest message, nanoseconds since the epoch.
     pub(super) end_time: u64,
-    /// Channels in a chunk and the places of their message indexes; empty where unknown.
+    /// Channels in a chunk and the offsets of their message indexes; empty if unknown.
     pub(super) message_indexes: Vec<(u16, u64)>,
 }
 
 #[derive(Clone, Debug)]
 pub(super) enum PartKind {
     Chunk,
-    /// Message records outside chunks, one after another.
+    /// Consecutive message records outside chunks.
     Loose,
-    /// Nothing readable: what is wrong.
+    /// An unreadable range, with a description of the damage.
     Damage(String),
 }
 
 impl Layout {
-    /// The layout of a file, by its index when that can and may be used.
+    /// Returns the layout of a file. The index is used if it is valid and the options allow it.
     pub(super) fn of(source: &mut Source, options: &ReadOptions) -> Result<Self, BagError> {
         source.check_magic()?;
         let summary = match summary::read(source) {
@@ -73,9 +73,10 @@ impl Layout {
             Ok(_) => scan::scan(source, seed)?,
             Err(why) => {
                 let mut layout = scan::scan(source, seed)?;
-                layout
-                    .notes
-                    .insert(0, format!("{}: {why}; read from end to end", source.path.display()));
+                layout.notes.insert(
+                    0,
+                    format!("{}: {why}; the whole file was read", source.path.display()),
+                );
                 layout
             }
         };
@@ -88,7 +89,7 @@ impl Layout {
         let message_count =
             summary.statistics.as_ref().map_or(u64::MAX, |found| found.message_count);
         if summary.chunks.is_empty() && message_count > 0 {
-            return Err("it has no index of chunks".into());
+            return Err("the file has no chunk index".into());
         }
         let mut layout = Self {
             channels: summary.channels,
@@ -117,7 +118,7 @@ impl Layout {
         Ok(layout)
     }
 
-    /// Brings the parts into order of time.
+    /// Sorts the parts by time.
     pub(super) fn sort(&mut self) {
         self.parts.sort_by_key(|part| (part.start_time, part.offset));
         self.compressions.sort();

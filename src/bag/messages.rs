@@ -1,4 +1,5 @@
-//! The messages of a bag, one after another in order of time. Memory: one chunk, and those that overlap it in time.
+//! Iterator over the messages of a bag in order of time. Memory holds one chunk and the chunks that overlap it in
+//! time.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
@@ -15,13 +16,13 @@ use super::plain::PlainReader;
 use super::take::{Filter, Taker};
 use super::{BagError, RawMessage, ReadOptions, scan};
 
-/// Buffers of delivered messages that are kept for the next ones.
+/// Maximum number of recycled buffers kept for the next messages.
 const SPARE_BUFFERS: usize = 8;
 /// Maximum number of distinct faults reported per chunk.
 const MAX_FAULTS: usize = 8;
 
 /// Iterator over the messages of a bag: file after file, within a file in order of `log_time_ns`, ties in order of
-/// place. An error reports one damaged place, in the position of the missing messages; iteration continues
+/// position. An error takes the place of the missing messages and describes one damaged range; iteration continues
 /// after it.
 pub struct Messages {
     files: VecDeque<(std::path::PathBuf, Arc<Layout>)>,
@@ -46,7 +47,7 @@ impl Messages {
         }
     }
 
-    /// Takes back the buffer of a message that is done with, for one of the next.
+    /// Takes back the buffer of a processed message, to reuse it for a later one.
     pub(crate) fn recycle(&mut self, buffer: Vec<u8>) {
         let spare = self.current.as_mut().map_or(&mut self.spare, |file| &mut file.spare);
         if spare.len() < SPARE_BUFFERS {
@@ -80,14 +81,14 @@ impl Iterator for Messages {
     }
 }
 
-/// Position of an item in the order of output: the fields are compared one after another.
+/// Position of an item in the output order. The fields are compared one after another.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Turn {
     /// Nanoseconds since the epoch.
     time: u64,
-    /// Start of the part of the file, bytes.
+    /// Start of the part, bytes from the start of the file.
     offset: u64,
-    /// Number in that part.
+    /// Number within the part.
     number: u64,
 }
 
@@ -97,7 +98,7 @@ impl Turn {
     }
 }
 
-/// An item that waits for its turn: a message, or an error in the place of missing messages.
+/// A buffered item: a message, or an error in the place of missing messages.
 struct Waiting {
     turn: Turn,
     item: Result<RawMessage, BagError>,
@@ -127,14 +128,15 @@ struct FileMessages {
     decoder: ChunkDecoder,
     channels: Channels,
     filter: Filter,
-    /// Still to be read, in order of time.
+    /// Parts still to be read, in order of time.
     parts: VecDeque<Part>,
-    /// Places of the parts that have been read, for when the index proves wrong.
+    /// Offsets of the parts already read, needed if the index proves wrong.
     read_offsets: BTreeSet<u64>,
     waiting: BinaryHeap<Reverse<Waiting>>,
     waiting_bytes: usize,
-    /// Messages found so far and messages stated by the file, by channel.
+    /// Number of messages found so far, by channel.
     found: BTreeMap<u16, u64>,
+    /// Number of messages stated by the file, by channel.
     expected: Option<BTreeMap<u16, u64>>,
     may_rescan: bool,
     has_loss: bool,
@@ -158,7 +160,7 @@ impl FileMessages {
             source,
             channels: layout.channels.clone(),
             parts: layout.parts.iter().filter(takes_any).cloned().collect(),
-            // The file states counts for its whole length only.
+            // The stated counts cover the whole file only.
             expected: layout.stated_counts.clone().filter(|_| filter.start_time() == 0),
             filter,
             read_offsets: BTreeSet::new(),
@@ -190,7 +192,7 @@ impl FileMessages {
         }
     }
 
-    /// True if the next part may hold a message earlier than all waiting ones.
+    /// True if the next part may hold a message earlier than all buffered ones.
     fn must_read_first(&mut self) -> bool {
         let Some(part) = self.parts.front() else { return false };
         let Some(Reverse(first)) = self.waiting.peek() else { return true };
@@ -220,7 +222,7 @@ impl FileMessages {
         self.waiting.push(Reverse(Waiting { turn, item }));
     }
 
-    /// Reads the next part. An error of the operating system ends the file.
+    /// Reads the next part. An I/O error ends the file.
     fn read_part(&mut self) -> Result<(), BagError> {
         let Some(part) = self.parts.pop_front() else { return Ok(()) };
         let result = match &part.kind {
@@ -245,7 +247,7 @@ impl FileMessages {
             Ok(chunk) if !self.may_rescan || chunk.span.end == part.end => chunk,
             Ok(_) => {
                 return self
-                    .rescan(format!("the chunk at byte {} has another length", part.offset));
+                    .rescan(format!("the length of the chunk at byte {} differs", part.offset));
             }
             Err(Fault::Io(error)) => return Err(error),
             Err(Fault::Malformed(_)) => {
@@ -264,7 +266,7 @@ impl FileMessages {
         Ok(())
     }
 
-    /// Reads a chunk of any kind, good or bad.
+    /// Reads any chunk, valid or damaged.
     fn decode_chunk(&mut self, part: &Part, chunk: &ChunkHeader) {
         let mut faults = BTreeSet::new();
         let mut messages = Vec::new();
@@ -299,7 +301,7 @@ impl FileMessages {
         }
     }
 
-    /// The messages of the chunk at `offset`, each with its channel.
+    /// Buffers the messages of the chunk at `offset`, each with its channel.
     fn wait_all(&mut self, offset: u64, messages: Vec<(u16, RawMessage)>) {
         for (number, (channel, message)) in messages.into_iter().enumerate() {
             *self.found.entry(channel).or_default() += 1;
@@ -308,7 +310,7 @@ impl FileMessages {
         }
     }
 
-    /// Reads one message of a run outside chunks, and puts the rest back.
+    /// Reads one message of a run outside chunks and puts the rest of the run back.
     fn read_loose(&mut self, mut part: Part) -> Result<(), BagError> {
         self.read_offsets.insert(part.offset);
         let span = match self.source.record_at(part.offset) {
@@ -338,7 +340,7 @@ impl FileMessages {
         Ok(())
     }
 
-    /// Goes on without the index: every part of the file that has not been read yet.
+    /// Scans the file and continues without the index, with every part that has not been read yet.
     fn rescan(&mut self, what: String) -> Result<(), BagError> {
         if !std::mem::take(&mut self.may_rescan) {
             let end = self.source.len_bytes;
@@ -357,7 +359,7 @@ impl FileMessages {
         Err(BagError::Index { path: self.source.path.clone(), what })
     }
 
-    /// At the end of the file: reports once if fewer messages were found than stated. The index or the file may be wrong.
+    /// At the end of the file, reports once if fewer messages were found than stated: the index or the file is wrong.
     fn missing(&mut self) -> Option<BagError> {
         let expected = self.expected.as_ref()?;
         let (channel, expected_count, found_count) =
@@ -368,7 +370,7 @@ impl FileMessages {
                 (is_taken && found < expected).then_some((*channel, expected, found))
             })?;
         let topic = self.channels.get(channel).map_or("", |topic| &topic.name);
-        let what = format!("{topic}: {found_count} messages of {expected_count}");
+        let what = format!("{topic}: found {found_count} of {expected_count} messages");
         if self.has_loss {
             return None;
         }

@@ -1,4 +1,4 @@
-//! `metadata.yaml`: what rosbag2 keeps beside the files of a bag (version 9).
+//! `metadata.yaml`, rosbag2's description of a bag (version 9).
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::{RecordError, Topic, qos};
 use crate::msg::qos::QosProfile;
 
-/// Longest `metadata.yaml` that is read.
+/// Maximum size of a `metadata.yaml`, bytes.
 pub(super) const METADATA_LIMIT_BYTES: u64 = 16 << 20;
 
-/// The whole file: one key around the rest.
+/// The whole file: a single key that holds the content.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct MetadataFile {
     /// The content.
@@ -59,7 +59,7 @@ pub(crate) struct SinceEpoch {
     pub(crate) nanoseconds_since_epoch: i64,
 }
 
-/// A topic and how many messages it has.
+/// A topic and its number of messages.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct TopicCount {
     pub(crate) topic_metadata: TopicMetadata,
@@ -79,13 +79,13 @@ pub(crate) struct TopicMetadata {
     pub(crate) type_description_hash: String,
 }
 
-/// A list from version 9 on, a string that holds a list before.
+/// A list since version 9; before, a string that holds a list.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged)]
 pub(crate) enum OfferedQos {
     /// Version 9.
     Profiles(Vec<QosProfile>),
-    /// Before; also whatever is not understood.
+    /// Before version 9; also any text that cannot be parsed.
     Text(String),
 }
 
@@ -127,14 +127,14 @@ impl Recorded {
     }
 }
 
-/// Start and length of what lies between two times.
+/// Start and length of the span between two times.
 fn span(bounds_ns: Option<(i64, i64)>) -> (SinceEpoch, Nanoseconds) {
     let (start, length) =
         bounds_ns.map_or((i64::MAX, 0), |(first, last)| (first, last.saturating_sub(first)));
     (SinceEpoch { nanoseconds_since_epoch: start }, Nanoseconds { nanoseconds: length })
 }
 
-/// Writes `metadata.yaml`: it is there whole or not at all.
+/// Writes `metadata.yaml` atomically.
 pub(super) fn write(directory: &Path, files: &[Recorded]) -> Result<(), RecordError> {
     let path = directory.join("metadata.yaml");
     let text = BagInformation::of(files)
@@ -149,7 +149,7 @@ pub(super) fn write(directory: &Path, files: &[Recorded]) -> Result<(), RecordEr
 }
 
 impl BagInformation {
-    /// The description of a bag with these files.
+    /// Returns the description of a bag with these files.
     pub(super) fn of(files: &[Recorded]) -> Self {
         let bounds_ns = files
             .iter()
@@ -180,17 +180,17 @@ impl BagInformation {
             relative_file_paths: files.iter().map(|file| file.path.clone()).collect(),
             files,
             custom_data: None,
-            // No ROS distribution wrote it; rosbags names itself here, too.
+            // No ROS distribution wrote the bag. The rosbags library writes its own name here, too.
             ros_distro: Some(env!("CARGO_PKG_NAME").into()),
         }
     }
 
-    /// The bare YAML, as in the `rosbag2` metadata record.
+    /// Returns the YAML of the `rosbag2` metadata record.
     pub(super) fn to_yaml(&self) -> Result<String, serde_saphyr::ser::Error> {
         serde_saphyr::to_string(self)
     }
 
-    /// The content of `metadata.yaml`.
+    /// Returns the content of `metadata.yaml`.
     pub(super) fn into_file(self) -> Result<String, serde_saphyr::ser::Error> {
         serde_saphyr::to_string(&MetadataFile { rosbag2_bagfile_information: self })
     }

@@ -1,7 +1,7 @@
 //! Recordings: rosbag2 directories and bare MCAP files, read and written. Edge: does I/O.
 //!
-//! Nothing in a file is trusted: every length is checked against the file and against a limit before memory is
-//! taken, every chunk against its checksum before a message leaves it. What is damaged is reported and passed over.
+//! Files are not trusted. Every length is checked against the file size and a limit before memory is allocated, and
+//! every chunk against its checksum before its messages are returned. Damage is reported and skipped.
 
 pub(crate) mod error;
 mod qos;
@@ -44,24 +44,24 @@ pub use take::Filter;
 /// A topic of a recording, with everything needed to decode its messages.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Topic {
-    /// Fully resolved name, as in `/camera/image_raw`.
+    /// Fully resolved name, for example `/camera/image_raw`.
     pub name: String,
-    /// Full type name, as in `sensor_msgs/msg/Image`.
+    /// Full type name, for example `sensor_msgs/msg/Image`.
     pub type_name: String,
-    /// Encoding of the messages: `cdr`.
+    /// Encoding of the messages; `cdr` in ROS 2.
     pub message_encoding: String,
-    /// Encoding of the schema: `ros2msg`.
+    /// Encoding of the schema; usually `ros2msg`.
     pub schema_encoding: String,
-    /// The schema.
+    /// Content of the schema.
     pub schema: Vec<u8>,
-    /// `RIHS01_…`, empty where the recording states none.
+    /// Type hash (`RIHS01_…`); empty if the recording states none.
     pub type_hash: String,
-    /// `offered_qos_profiles` as a YAML list of profiles, empty where the recording states none.
+    /// `offered_qos_profiles`, a YAML list of profiles; empty if the recording states none.
     pub qos: String,
 }
 
 impl Topic {
-    /// A topic of our own messages of that type.
+    /// Returns a topic for one of this crate's message types, encoded as CDR.
     pub fn new(name: impl Into<String>, kind: &MessageType, qos: QosProfile) -> Self {
         Self {
             name: name.into(),
@@ -74,16 +74,16 @@ impl Topic {
         }
     }
 
-    /// True if late subscribers get the last message (ROS 2: transient local).
+    /// True if late subscribers receive the last message (transient local durability in ROS 2).
     pub(crate) fn is_latched(&self) -> bool {
         let profiles = qos::parse(&self.qos).unwrap_or_default();
         profiles.iter().any(|profile| profile.durability == Durability::TransientLocal)
     }
 
-    /// Checks that the messages are CDR, as ROS 2 writes them.
+    /// Checks that the messages are CDR, the encoding of ROS 2.
     ///
     /// # Errors
-    /// Messages that are not CDR, as in recordings of ROS 1.
+    /// The messages are not CDR, for example in a ROS 1 recording.
     pub(crate) fn require_cdr(&self) -> Result<(), BagError> {
         if self.message_encoding == "cdr" {
             return Ok(());
@@ -98,37 +98,37 @@ impl Topic {
 /// One stored message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawMessage {
-    /// Where it belongs.
+    /// Topic of the message.
     pub topic: Arc<Topic>,
-    /// When it was received, nanoseconds since the epoch.
+    /// Time of reception, nanoseconds since the epoch.
     pub log_time_ns: i64,
-    /// When it was sent, nanoseconds since the epoch.
+    /// Time of publication, nanoseconds since the epoch.
     pub publish_time_ns: i64,
-    /// The writer's counter; 0 where it does not count.
+    /// Sequence number of the writer; 0 if it does not count.
     pub sequence: u32,
     /// CDR bytes with their header.
     pub data: Vec<u8>,
 }
 
-/// A file inside the recording, as in `calibration.yaml`.
+/// A file inside the recording, for example `calibration.yaml`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Attachment {
     /// File name.
     pub name: String,
-    /// MIME type, as in `application/yaml`.
+    /// MIME type, for example `application/yaml`.
     pub media_type: String,
-    /// When it was recorded, nanoseconds since the epoch; an argument, so that the same input gives the same bytes.
+    /// Time of recording, nanoseconds since the epoch. The caller supplies it, so that equal input gives equal bytes.
     pub log_time_ns: i64,
-    /// When it was made, nanoseconds since the epoch; 0 where unknown.
+    /// Time of creation, nanoseconds since the epoch; 0 if unknown.
     pub create_time_ns: i64,
     /// Content.
     pub data: Vec<u8>,
 }
 
-/// Named text pairs inside the recording.
+/// Named key-value pairs inside the recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MetadataRecord {
-    /// Name of the record, as in `laser_profiler`.
+    /// Name of the record, for example `laser_profiler`.
     pub name: String,
     /// Keys and values.
     pub entries: std::collections::BTreeMap<String, String>,

@@ -1,4 +1,4 @@
-//! Where a bag lies: the files of one that is read, the directory of one that is written.
+//! Location of a bag: the files of an input, the directory of an output.
 
 use std::fs;
 use std::io::{self, Read};
@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use super::BagError;
 use super::metadata::{BagInformation, METADATA_LIMIT_BYTES, MetadataFile};
 
-/// The files of a bag in their order, and what had to be said about finding them.
+/// The files of a bag in order, and notes for the user about the search.
 #[derive(Debug)]
 pub(super) struct Files {
     pub(super) paths: Vec<PathBuf>,
@@ -33,26 +33,26 @@ pub(super) fn find(path: &Path) -> Result<Files, BagError> {
     paths.sort_by_cached_key(|path| natural_key(path));
     Ok(Files {
         paths,
-        notes: vec![format!("{}: {why}; taking its .mcap files in order of name", path.display())],
+        notes: vec![format!("{}: {why}; reading its .mcap files in order of name", path.display())],
     })
 }
 
-/// Refuses an output that is the input, or that holds it: to replace the one would delete the other.
+/// Rejects an output that is or contains the input, because replacing the output would delete the input.
 ///
 /// # Errors
-/// An input inside the output directory, or that directory itself.
+/// The input lies inside the output directory or is that directory; the input's path cannot be resolved.
 pub(crate) fn refuse_same(input: &Path, output: &Path) -> io::Result<()> {
     let Ok(output_real) = fs::canonicalize(output) else { return Ok(()) };
     let input_real = fs::canonicalize(input)?;
     if input_real.starts_with(&output_real) {
-        let message = format!("{} is the recording itself, or holds it", output.display());
+        let message = format!("{} is the recording itself or contains it", output.display());
         return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
     }
     Ok(())
 }
 
-/// Files of the bag in `directory` that a new bag replaces: those which its metadata lists, or, when a recording was
-/// cut short, those named after the directory. `None` for a directory that is no bag.
+/// Files in `directory` that a new bag replaces: those that its metadata lists and those numbered after `name`, which
+/// an interrupted recording leaves. `None` if the directory is not a bag.
 pub(super) fn replaceable(directory: &Path, name: &str) -> io::Result<Option<Vec<PathBuf>>> {
     let metadata_path = directory.join("metadata.yaml");
     let mut own: Vec<PathBuf> = mcap_files(directory)?;
@@ -100,13 +100,16 @@ fn listed(
 ) -> Result<Files, BagError> {
     let unsupported = |what| Err(BagError::Unsupported { path: metadata_path.into(), what });
     if information.storage_identifier != "mcap" {
-        return unsupported(format!("storage {:?} is not read", information.storage_identifier));
+        return unsupported(format!(
+            "storage {:?} is not supported",
+            information.storage_identifier
+        ));
     }
     if !information.compression_mode.is_empty()
         && !information.compression_mode.eq_ignore_ascii_case("none")
     {
         return unsupported(format!(
-            "compression mode {:?} is not read",
+            "compression mode {:?} is not supported",
             information.compression_mode
         ));
     }
@@ -145,7 +148,7 @@ fn is_mcap(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "mcap") && path.is_file()
 }
 
-/// `name_2` before `name_10`: the text before the last number, the number, the whole.
+/// Sort key that puts `name_2` before `name_10`: the text before the trailing number, the number, the whole path.
 fn natural_key(path: &Path) -> (String, u64, PathBuf) {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let prefix = stem.trim_end_matches(|character: char| character.is_ascii_digit());
@@ -198,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn without_metadata_the_files_come_in_order_of_their_numbers_and_that_is_said() {
+    fn without_metadata_the_files_are_sorted_by_number_and_a_note_reports_it() {
         for broken in [None, Some("no: [yaml"), Some("rosbag2_bagfile_information: 3")] {
             let directory = bag(&[("a_10.mcap", ""), ("a_2.mcap", ""), ("notes.txt", "")]);
             if let Some(text) = broken {
@@ -212,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_without_recordings_is_no_bag() {
+    fn a_directory_without_recordings_is_not_a_bag() {
         assert!(matches!(find(bag(&[("a.txt", "")]).path()), Err(BagError::NoBag(_))));
     }
 
@@ -244,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn an_output_may_not_hold_the_input() {
+    fn an_output_that_contains_the_input_is_refused() {
         let directory = bag(&[("a_0.mcap", "")]);
         assert!(refuse_same(directory.path(), directory.path()).is_err());
         assert!(refuse_same(&directory.path().join("a_0.mcap"), directory.path()).is_err());

@@ -1,5 +1,5 @@
-//! Chunks that are not compressed: each message is read from the file straight into the buffer that it leaves in, and
-//! hashed while the processor's cache still has it. Images pass through memory once, not three times.
+//! Fast path for uncompressed chunks: each message is read from the file directly into its output buffer and hashed
+//! while it is still in the processor's cache. Images pass through memory once instead of three times.
 
 use mcap::records::op;
 
@@ -7,22 +7,22 @@ use super::RawMessage;
 use super::format::{ChunkHeader, MESSAGE_HEADER_BYTES, MessageHeader, PREFIX_BYTES, Source};
 use super::take::Taker;
 
-/// Bytes that are read and hashed at once: they stay in the second-level cache in between.
+/// Bytes that are read and hashed at a time; they fit into the level-2 cache.
 const PIECE_BYTES: usize = 128 << 10;
-/// Messages up to this size are copied from a block that holds several of them: fewer calls of the operating system.
+/// Messages up to this size are copied from a block that holds several of them, which saves system calls.
 const SMALL_BYTES: usize = 16 << 10;
 const BLOCK_BYTES: usize = 2 * SMALL_BYTES;
 const RECORD_START_BYTES: usize = PREFIX_BYTES as usize;
 
-/// Reads uncompressed chunks, keeping its block from one to the next.
+/// Reads uncompressed chunks and reuses its block between them.
 #[derive(Default)]
 pub(super) struct PlainReader {
     block: Vec<u8>,
 }
 
 impl PlainReader {
-    /// The messages of a chunk that is sound, holds nothing but messages of known channels, and whose checksum fits.
-    /// `None` for any other: the general decoder then reads it and reports the faults.
+    /// Returns the messages of an intact chunk that holds only messages of known channels and whose checksum matches.
+    /// `None` for any other chunk: the general decoder then reads it and reports the faults.
     pub(super) fn read(
         &mut self,
         source: &mut Source,
@@ -59,14 +59,14 @@ impl PlainReader {
     }
 }
 
-/// The content of a chunk from its front to its end.
+/// The content of a chunk as a stream.
 struct Stream<'a> {
     source: &'a mut Source,
-    /// Place in the file of what has not been read.
+    /// Offset of the first unread byte in the file.
     from: u64,
     unread_bytes: usize,
     block: &'a mut Vec<u8>,
-    /// Range of the block that has not been taken yet.
+    /// Range of the block that has not been consumed yet.
     held: std::ops::Range<usize>,
     hasher: Option<crc32fast::Hasher>,
 }
@@ -102,7 +102,7 @@ impl Stream<'_> {
         Some(())
     }
 
-    /// The next bytes: at most [`SMALL_BYTES`], or what the block holds.
+    /// Returns the next bytes: at most [`SMALL_BYTES`], or as many as the block holds.
     fn take(&mut self, num_bytes: usize) -> Option<&[u8]> {
         let num_held = self.held.len();
         if num_held < num_bytes {
@@ -121,9 +121,9 @@ impl Stream<'_> {
         self.block.get(taken)
     }
 
-    /// Replaces `data` by the next bytes.
+    /// Replaces `data` with the next bytes.
     fn fill(&mut self, num_bytes: usize, data: &mut Vec<u8>) -> Option<()> {
-        // What the buffer holds is written over: only what it grows by is zeroed.
+        // The old content is overwritten, so only the growth is zeroed.
         data.resize(num_bytes, 0);
         let num_copied =
             if num_bytes <= SMALL_BYTES { num_bytes } else { self.held.len().min(num_bytes) };

@@ -1,15 +1,16 @@
-//! Playing at a rate: how long to wait before each message. Time is an argument; nothing here sleeps.
+//! Pacing of playback: the wait before each message. The caller supplies the time; nothing here sleeps.
 
 use std::time::Duration;
 
 use thiserror::Error;
 
-/// A rate at which nothing can be played.
+/// An invalid playback rate.
 #[derive(Debug, Error, PartialEq)]
 #[error("rate {0}: must be a number above 0 (1 is the speed of the recording)")]
 pub(crate) struct RateError(f64);
 
-/// Paces messages: the first one goes out at once, every later one when its distance from the first has passed.
+/// Paces messages: the first message is due at once, every later one after its time difference from the first, divided
+/// by the rate.
 #[derive(Debug)]
 pub(crate) struct Pacer {
     rate: f64,
@@ -18,10 +19,10 @@ pub(crate) struct Pacer {
 }
 
 impl Pacer {
-    /// A pacer at `rate` times the speed of the recording.
+    /// Returns a pacer at `rate` times the speed of the recording.
     ///
     /// # Errors
-    /// A rate that is not a positive finite number.
+    /// The rate is not a positive finite number.
     pub(crate) fn new(rate: f64) -> Result<Self, RateError> {
         if rate.is_finite() && rate > 0.0 {
             Ok(Self { rate, start_ns: None })
@@ -30,8 +31,8 @@ impl Pacer {
         }
     }
 
-    /// How long to wait at `now_ns` (any monotonic clock) before sending the message of `message_time_ns`; `None`
-    /// when it is due. A late message delays none of its successors; one out of order is due at once.
+    /// Returns the wait from `now_ns` (any monotonic clock) until the message of `message_time_ns` is due; `None` if it
+    /// is due. A late message does not delay later ones; a message out of order is due at once.
     pub(crate) fn wait(&mut self, message_time_ns: i64, now_ns: i64) -> Option<Duration> {
         let (first_ns, start_ns) = *self.start_ns.get_or_insert((message_time_ns, now_ns));
         let recorded_ns = i128::from(message_time_ns) - i128::from(first_ns);
@@ -49,7 +50,7 @@ mod tests {
     const MS: i64 = 1_000_000;
 
     #[test]
-    fn every_message_waits_for_its_distance_from_the_first() {
+    fn every_message_waits_for_its_time_after_the_first() {
         let mut pacer = Pacer::new(2.0).unwrap();
         let waits: Vec<_> =
             [(5_000, 100), (5_040, 100), (5_040, 120), (5_100, 130), (5_060, 140), (5_300, 500)]

@@ -1,15 +1,15 @@
-//! Quality of service as rosbag2 writes it beside a topic: a YAML list of profiles.
+//! Quality of service of a topic in rosbag2's form: a YAML list of profiles.
 
 use crate::msg::qos::QosProfile;
 
-/// The profiles as a YAML list.
+/// Returns the profiles as a YAML list.
 pub(super) fn to_yaml(profiles: &[QosProfile]) -> String {
-    // Plain data of words and integers always has a YAML form.
+    // Words and integers can always be written as YAML.
     serde_saphyr::to_string(&profiles).unwrap_or_default()
 }
 
-/// Reads a YAML list of profiles, in the words of version 9 or the numbers of earlier ones. Empty text is no profile;
-/// `None` for anything else.
+/// Parses a YAML list of profiles, with the words of version 9 or the numbers of earlier versions. Empty text gives
+/// an empty list; `None` for malformed text.
 pub(super) fn parse(yaml: &str) -> Option<Vec<QosProfile>> {
     if yaml.trim().is_empty() {
         return Some(Vec::new());
@@ -42,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_no_profile_and_nonsense_is_refused() {
+    fn empty_text_is_no_profile_and_malformed_text_is_refused() {
         assert_eq!(parse(" \n"), Some(vec![]));
         assert_eq!(parse("[]"), Some(vec![]));
         assert_eq!(parse("- history: sometimes"), None);

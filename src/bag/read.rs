@@ -12,10 +12,10 @@ use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, conte
 /// Options for reading a bag.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadOptions {
-    /// Longest record and longest chunk (compressed or not) that is taken into memory, bytes. Longer ones are damage.
-    /// The default holds a message of 64 MiB and what shares its chunk.
+    /// Limit on the size of a record or chunk (compressed or not) that is loaded into memory, bytes. Longer ones count
+    /// as damage. The default allows a message of 64 MiB and the rest of its chunk.
     pub(crate) record_limit_bytes: usize,
-    /// True to use a valid index; otherwise the whole file is scanned.
+    /// True to use a valid index; false to scan the whole file.
     pub(crate) use_index: bool,
 }
 
@@ -27,7 +27,7 @@ impl Default for ReadOptions {
 
 /// A rosbag2 directory or a bare `.mcap`.
 ///
-/// A file with a sound index is read by it; any other is walked through once when it is opened.
+/// A file with a valid index is read through it; any other is scanned once when it is opened.
 #[derive(Debug)]
 pub struct BagReader {
     files: Vec<(PathBuf, Arc<Layout>)>,
@@ -40,7 +40,8 @@ impl BagReader {
     /// Opens a bag.
     ///
     /// # Errors
-    /// No bag there, a file that is not MCAP, another storage, a path outside the directory, a listed file missing.
+    /// There is no bag, a file is not MCAP, the storage is not supported, a path leaves the directory, a listed file is
+    /// missing.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, BagError> {
         let place::Files { paths, mut notes } = place::find(path)?;
         let mut files = Vec::new();
@@ -62,17 +63,17 @@ impl BagReader {
         Ok(Self { files, topics: topics.into_iter().collect(), notes, options: *options })
     }
 
-    /// Topics of all files, by name. Two entries of one name have different types or qualities of service.
+    /// Topics of all files, sorted by name. Two entries of the same name differ in type or quality of service.
     pub fn topics(&self) -> &[Arc<Topic>] {
         &self.topics
     }
 
-    /// Notes for the user about unusual findings when the bag was opened.
+    /// Notes for the user about irregularities found when the bag was opened.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Its files in their order.
+    /// Paths of the files, in order.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.files.iter().map(|(path, _)| path.as_path())
     }
@@ -82,26 +83,25 @@ impl BagReader {
         self.files.iter().all(|(_, layout)| layout.is_indexed)
     }
 
-    /// Number of messages by topic name, as the bag states it; `None` when it does not.
+    /// Number of messages by topic name; `None` if a file states none.
     pub(crate) fn message_counts(&self) -> Option<BTreeMap<&str, u64>> {
         let mut counts = BTreeMap::new();
         for (_, layout) in &self.files {
             let by_channel = layout.counts.as_ref()?;
             for (channel, topic) in layout.channels.iter() {
                 let count: &mut u64 = counts.entry(topic.name.as_str()).or_default();
-                // What a file states may be any number.
+                // A file may state any number.
                 *count = count.saturating_add(by_channel.get(&channel).copied().unwrap_or(0));
             }
         }
         Some(counts)
     }
 
-    /// Times of the first and of the last message, nanoseconds since the epoch; `None` without messages. An index is
-    /// believed.
+    /// Times of the first and last message, nanoseconds since the epoch; `None` without messages. An index is trusted.
     pub(crate) fn time_range_ns(&self) -> Option<(i64, i64)> {
         let parts = self.files.iter().flat_map(|(_, layout)| &layout.parts);
         let ends = parts
-            // A chunk without messages has no times: 0.
+            // A chunk without messages states 0 for both times.
             .filter(|part| !matches!(part.kind, PartKind::Damage(_)) && part.end_time > 0)
             .map(|part| (part.start_time, part.end_time));
         let (start, end) =
@@ -109,17 +109,17 @@ impl BagReader {
         Some((i64::try_from(start).ok()?, i64::try_from(end).ok()?))
     }
 
-    /// The messages. The iterator is its own: it may go to another thread.
+    /// Returns an iterator over the messages. It borrows nothing and may move to another thread.
     pub fn messages(&self, filter: &Filter) -> Messages {
         Messages::new(self.files.iter().cloned(), filter.clone(), self.options)
     }
 
-    /// The attachments, one after another; each may be damaged by itself.
+    /// Returns an iterator over the attachments. Each may be damaged independently.
     pub(crate) fn attachments(&self) -> impl Iterator<Item = Result<Attachment, BagError>> {
         self.records(|layout| &layout.attachments, content::attachment)
     }
 
-    /// The metadata records, one after another; each may be damaged by itself.
+    /// Returns an iterator over the metadata records. Each may be damaged independently.
     pub(crate) fn metadata(&self) -> impl Iterator<Item = Result<MetadataRecord, BagError>> {
         self.records(|layout| &layout.metadata, content::metadata)
     }
@@ -139,7 +139,7 @@ impl BagReader {
                     Err(Fault::Io(error)) => Err(error),
                     _ => {
                         Err(source
-                            .damaged(span, "the index names a record that is not there".into()))
+                            .damaged(span, "the index lists a record that does not exist".into()))
                     }
                 }
             })

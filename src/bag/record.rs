@@ -1,6 +1,6 @@
-//! Writing a bag: one MCAP file in a rosbag2 directory, as `ros2 bag`, Foxglove and Rerun open it.
+//! Writes a bag: one MCAP file in a rosbag2 directory, readable by `ros2 bag`, Foxglove and Rerun.
 //!
-//! The same calls give the same bytes: no clock, no random number, no order of a hash map.
+//! The same calls give the same bytes: there is no clock, random number or hash map order.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -21,7 +21,7 @@ use super::{Attachment, MetadataRecord, RecordError, Topic, place, qos};
 
 /// Uncompressed bytes after which a chunk is closed.
 const CHUNK_BYTES: u64 = 1 << 20;
-/// Topics of one file: the crate counts channels from 1 and one further than it uses, in 16 bits.
+/// Maximum number of topics in a file: the mcap crate numbers channels in 16 bits from 1, and needs one spare number.
 const MAX_TOPICS: usize = 65_534;
 /// Name of the metadata record that rosbag2 reads.
 pub(super) const OWN_RECORD: &str = "rosbag2";
@@ -30,7 +30,7 @@ const IDENTITY: &str = concat!("laser_profiler ", env!("CARGO_PKG_VERSION"));
 /// Compression of chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Compression {
-    /// Not at all: for images, which disks take faster than processors compress.
+    /// None: for images, because disks write faster than processors compress.
     None,
     /// LZ4.
     Lz4,
@@ -48,18 +48,18 @@ pub struct RecordOptions {
     pub force: bool,
 }
 
-/// A topic that a recorder knows.
+/// Identifier of a topic within a recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TopicId(usize);
 
-/// When a message was received and sent.
+/// Times and sequence number of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
-    /// Received, nanoseconds since the epoch.
+    /// Time of reception, nanoseconds since the epoch.
     pub log_ns: i64,
-    /// Sent, nanoseconds since the epoch.
+    /// Time of publication, nanoseconds since the epoch.
     pub publish_ns: i64,
-    /// Counter of the topic, so that gaps are visible; 0 without a counter.
+    /// Sequence number within the topic, so that gaps are visible; 0 without numbering.
     pub sequence: u32,
 }
 
@@ -70,11 +70,11 @@ pub struct RecordSummary {
     pub(crate) directory: PathBuf,
     /// The MCAP file in it.
     pub(crate) file: PathBuf,
-    /// Topics in the order in which they were added, and their numbers of messages.
+    /// Topics in the order of addition, with their numbers of messages.
     pub(crate) topics: Vec<(String, u64)>,
-    /// Messages of all topics.
+    /// Number of messages of all topics.
     pub(crate) messages: u64,
-    /// Length of the file.
+    /// Size of the file, bytes.
     pub(crate) bytes: u64,
 }
 
@@ -84,11 +84,11 @@ pub struct Recorder {
     directory: PathBuf,
     file_name: String,
     topics: Vec<(Topic, u64)>,
-    /// Places in `topics`.
+    /// Indices into `topics`, by name.
     places: BTreeMap<String, usize>,
-    /// Of the topics that are in the file, which are the first ones.
+    /// Channels of the topics already written to the file, which are the first of `topics`.
     channels: Vec<u16>,
-    /// A chunk was to be closed that has no message yet.
+    /// True if a chunk must be closed as soon as it has a message.
     is_head_closed: bool,
     bounds_ns: Option<(i64, i64)>,
     written_bytes: Arc<AtomicU64>,
@@ -96,10 +96,10 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Makes `directory` and in it `<name>_0.mcap`, where the name is the directory's last component.
+    /// Creates `directory` and in it `<name>_0.mcap`, where `<name>` is the directory's last component.
     ///
     /// # Errors
-    /// An output that is there (without `force`), that is no bag (with it), or that cannot be written.
+    /// The output exists (without `force`), is not a bag (with `force`), or cannot be written.
     pub fn create(directory: &Path, options: RecordOptions) -> Result<Self, RecordError> {
         let no_name = || RecordError::NoName(directory.into());
         let name = directory.file_name().and_then(|name| name.to_str()).ok_or_else(no_name)?;
@@ -148,22 +148,22 @@ impl Recorder {
         })
     }
 
-    /// The file that is being written.
+    /// Path of the file that is being written.
     pub(crate) fn path(&self) -> PathBuf {
         self.directory.join(&self.file_name)
     }
 
-    /// Bytes of the file so far, without the open chunk.
+    /// Bytes written to the file so far, without the open chunk.
     pub fn written_bytes(&self) -> u64 {
         self.written_bytes.load(Ordering::Relaxed)
     }
 
-    /// Makes a topic known. The same one again is the same. It is written with the next message, in a chunk of their own
-    /// when something closed the chunk in between: some readers refuse a chunk without messages, and damage should not
-    /// take the topics along.
+    /// Adds a topic; adding it again returns the same identifier. The topic is written together with the next message.
+    /// If the chunk was closed in between, both get a chunk of their own: some readers reject a chunk without messages,
+    /// and damage to other messages must not destroy the topics.
     ///
     /// # Errors
-    /// A name that has another type already; too many topics.
+    /// The name already has another type; there are too many topics.
     pub fn add_topic(&mut self, topic: &Topic) -> Result<TopicId, RecordError> {
         if let Some(&at) = self.places.get(&topic.name) {
             let known = &self.topics[at].0;
@@ -189,7 +189,7 @@ impl Recorder {
         self.is_head_closed |= self.channels.len() < self.topics.len();
     }
 
-    /// Writes schema and channel of the topics that are not in the file yet.
+    /// Writes the schemas and channels of the topics that are not in the file yet.
     fn announce(&mut self) -> Result<(), RecordError> {
         while let Some((topic, _)) = self.topics.get(self.channels.len()) {
             let topic = topic.clone();
@@ -202,7 +202,7 @@ impl Recorder {
     /// Appends a message.
     ///
     /// # Errors
-    /// A time before the epoch; a failing disk.
+    /// A time is before the epoch; writing fails.
     pub fn write(&mut self, topic: TopicId, times: Times, data: &[u8]) -> Result<(), RecordError> {
         self.announce()?;
         let (Some(&channel_id), Some((known, _))) =
@@ -232,7 +232,7 @@ impl Recorder {
     /// Stores a file inside the recording. Closes the open chunk.
     ///
     /// # Errors
-    /// A time before the epoch; a failing disk.
+    /// A time is before the epoch; writing fails.
     pub fn attach(&mut self, attachment: &Attachment) -> Result<(), RecordError> {
         let attachment = mcap::Attachment {
             log_time: since_epoch(&attachment.name, attachment.log_time_ns)?,
@@ -245,13 +245,13 @@ impl Recorder {
         self.write_with(|writer| writer.attach(&attachment))
     }
 
-    /// Stores named text pairs. Closes the open chunk. The record `rosbag2` is the recorder's own.
+    /// Stores named key-value pairs. Closes the open chunk. The name `rosbag2` is reserved for the recorder.
     ///
     /// # Errors
-    /// That name; a failing disk.
+    /// The name is `rosbag2`; writing fails.
     pub fn metadata(&mut self, record: &MetadataRecord) -> Result<(), RecordError> {
         if record.name == OWN_RECORD {
-            let what = format!("the metadata record {OWN_RECORD:?} is written at the end");
+            let what = format!("the name {OWN_RECORD:?} is reserved for the metadata of rosbag2");
             return Err(RecordError::Format { path: self.path(), what });
         }
         let record =
@@ -260,11 +260,11 @@ impl Recorder {
         self.write_with(|writer| writer.write_metadata(&record))
     }
 
-    /// Closes the open chunk and hands everything to the operating system: all of it can then be read, even when this
-    /// process dies.
+    /// Closes the open chunk and passes everything to the operating system. All of it stays readable if this process
+    /// dies.
     ///
     /// # Errors
-    /// A failing disk.
+    /// Writing fails.
     pub fn flush(&mut self) -> Result<(), RecordError> {
         self.close_head();
         self.write_with(mcap::Writer::flush)
@@ -273,7 +273,7 @@ impl Recorder {
     /// Writes the index and `metadata.yaml`.
     ///
     /// # Errors
-    /// A failing disk.
+    /// Writing fails.
     pub fn finish(self) -> Result<RecordSummary, RecordError> {
         let (directory, file) = (self.directory.clone(), self.path());
         let (recorded, bytes) = self.finish_file()?;
@@ -284,7 +284,7 @@ impl Recorder {
         Ok(RecordSummary { directory, file, topics, messages, bytes })
     }
 
-    /// Writes the index of this file; returns what is in it and its length in bytes.
+    /// Writes the index of this file. Returns a summary of its content and its size in bytes.
     pub(super) fn finish_file(mut self) -> Result<(Recorded, u64), RecordError> {
         self.announce()?;
         let path = self.path();
@@ -303,14 +303,14 @@ impl Recorder {
             writer.finish()?;
             Ok(())
         })?;
-        // `finish` does not flush, and the writer must not be asked for more after it.
+        // `finish` does not flush, and the writer must not be used after it.
         let bytes = self.written_bytes();
         let flushed = io::Write::flush(self.writer.into_inner().get_mut());
         flushed.map_err(|source| RecordError::Io { path, source })?;
         Ok((recorded, bytes))
     }
 
-    /// Lets `act` write, once nothing has failed before.
+    /// Runs `act` on the writer unless an earlier call has failed.
     fn write_with<T>(
         &mut self,
         act: impl FnOnce(&mut mcap::Writer<NoSeek<Sink>>) -> Result<T, McapError>,
@@ -327,7 +327,7 @@ impl Recorder {
 
 fn add_channel(writer: &mut mcap::Writer<NoSeek<Sink>>, topic: &Topic) -> Result<u16, McapError> {
     let mut metadata = BTreeMap::new();
-    // Version 9 has words where older recordings have numbers; what is neither stays as it is.
+    // Version 9 has words where older versions have numbers. Malformed text is kept.
     let words = qos::parse(&topic.qos).filter(|profiles| !profiles.is_empty());
     metadata.insert(
         QOS_KEY.into(),
@@ -354,7 +354,7 @@ fn since_epoch(what: &str, time_ns: i64) -> Result<u64, RecordError> {
         .map_err(|_negative| RecordError::NegativeTime { what: what.into(), time_ns })
 }
 
-/// Makes the directory, or frees it of the bag that is in it.
+/// Creates the directory, or deletes the bag that is in it.
 fn make_room(directory: &Path, name: &str, options: RecordOptions) -> Result<(), RecordError> {
     let io_error = |source| RecordError::Io { path: directory.into(), source };
     if fs::symlink_metadata(directory).is_err() {

@@ -1,4 +1,4 @@
-//! Everything readable of a damaged bag, as a new one.
+//! Recovers the readable part of a damaged bag into a new bag.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use super::{
     Times, place,
 };
 
-/// Why nothing was recovered.
+/// Error of recovering a bag.
 #[derive(Debug, Error)]
 pub(crate) enum RecoverError {
     /// The input cannot be read at all.
@@ -26,21 +26,21 @@ pub(crate) enum RecoverError {
     SamePlace(io::Error),
 }
 
-/// A stretch of the input that was passed over.
+/// A range of the input that was skipped.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct DamagedRange {
     /// The file.
     pub(crate) file: PathBuf,
-    /// Its first byte, from the start of the file.
+    /// Start, bytes from the start of the file.
     pub(crate) offset: u64,
-    /// The byte behind its last.
+    /// End (exclusive), bytes from the start of the file.
     pub(crate) end: u64,
-    /// What is wrong.
+    /// Description of the damage.
     pub(crate) what: String,
 }
 
 impl DamagedRange {
-    /// The range an error speaks of; `None` for an error that is none of damage.
+    /// Returns the damaged range that an error reports; `None` for any other error.
     pub(super) fn of(error: &BagError) -> Option<Self> {
         let BagError::Damaged { path, offset, end, what } = error else { return None };
         Some(Self { file: path.clone(), offset: *offset, end: *end, what: what.clone() })
@@ -50,7 +50,7 @@ impl DamagedRange {
 /// Options for recovering a bag.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RecoverOptions {
-    /// Compression of the new bag; the input's when `None`.
+    /// Compression of the new bag; `None` for that of the input.
     pub(crate) compression: Option<Compression>,
     /// True to replace an existing bag.
     pub(crate) force: bool,
@@ -61,22 +61,21 @@ pub(crate) struct RecoverOptions {
 pub(crate) struct Recovery {
     /// The new bag.
     pub(crate) output: RecordSummary,
-    /// Attachments in it.
+    /// Number of attachments in the new bag.
     pub(crate) num_attachments: u64,
-    /// Metadata records in it, without the recorder's own.
+    /// Number of metadata records in the new bag, without the recorder's own.
     pub(crate) num_metadata: u64,
-    /// Skipped ranges. Messages in them are lost.
+    /// Skipped ranges, whose messages are lost.
     pub(crate) damaged: Vec<DamagedRange>,
     /// Further notes for the user.
     pub(crate) notes: Vec<String>,
 }
 
-/// Copies what can be read of `input` into a new bag `output`: all topics, messages, metadata and attachments. The
-/// input is walked through without its index: a damaged chunk is skipped, and where no record begins the search goes
-/// on for the next chunk.
+/// Copies all readable topics, messages, metadata and attachments of `input` into a new bag `output`. The input is
+/// scanned without its index. A damaged chunk is skipped; after other damage, the scan searches for the next chunk.
 ///
 /// # Errors
-/// An input that is no bag, an output that cannot be written.
+/// The input is not a bag or cannot be read, the output contains the input or cannot be written.
 pub(crate) fn recover(
     input: &Path,
     output: &Path,

@@ -15,14 +15,14 @@ use super::format::{
 use super::layout::{Layout, Part, PartKind};
 use super::{BagError, content};
 
-/// Bytes that are searched at a time for the next chunk.
+/// Bytes searched at a time for the next chunk.
 const SEARCH_BLOCK_BYTES: u64 = 1 << 20;
-/// A `DataEnd` record: opcode, length, checksum.
+/// Bytes of a `DataEnd` record: opcode, length, checksum.
 const DATA_END_BYTES: u64 = PREFIX_BYTES + 4;
-/// The same up to its checksum.
+/// A `DataEnd` record up to its checksum.
 const DATA_END: [u8; PREFIX_BYTES as usize] = [op::DATA_END, 4, 0, 0, 0, 0, 0, 0, 0];
 
-/// Profile in the file's header record; empty when there is no such record.
+/// Returns the profile in the file's header record; empty if there is no such record.
 pub(super) fn profile(source: &mut Source) -> Result<String, BagError> {
     let first = match source.record_at(mcap::MAGIC.len() as u64) {
         Err(Fault::Io(error)) => return Err(error),
@@ -38,8 +38,8 @@ pub(super) fn profile(source: &mut Source) -> Result<String, BagError> {
     Ok(String::new())
 }
 
-/// The layout of a file by walking from record to record, opening every chunk. Where no record begins, the search
-/// goes on for the next chunk or the end of the data; loose messages, attachments and metadata in between are lost.
+/// Returns the layout of a file from a scan of all records, which opens every chunk. After damage it searches for the
+/// next chunk or the end of the data; loose messages, attachments and metadata in between are lost.
 pub(super) fn scan(source: &mut Source, channels: Channels) -> Result<Layout, BagError> {
     let layout = Layout { channels, ..Layout::default() };
     let decoder = ChunkDecoder::new(source.limit_bytes);
@@ -52,7 +52,7 @@ pub(super) fn scan(source: &mut Source, channels: Channels) -> Result<Layout, Ba
     scan.layout.counts = Some(scan.counts);
     if scan.unknown_bytes > 0 {
         let note = format!(
-            "{}: {} bytes in records of unknown kinds",
+            "{}: ignored {} bytes of unknown record types",
             scan.source.path.display(),
             scan.unknown_bytes
         );
@@ -74,17 +74,17 @@ struct Scan<'a> {
 
 struct Suspect {
     offset: u64,
-    /// Of a message.
+    /// Channel if the record is a message.
     channel: Option<u16>,
 }
 
 impl Scan<'_> {
-    /// Takes what lies at `offset`; where to go on, `None` behind the last.
+    /// Takes the record at `offset`. Returns the offset at which to continue, `None` after the last record.
     fn step(&mut self, offset: u64) -> Result<Option<u64>, BagError> {
         let span = match self.source.record_at(offset) {
             Ok(Some(span)) => span,
             Ok(None) => {
-                let what = "the file was not finished: what was not yet written out is missing";
+                let what = "the file was not finished: messages not yet written are missing";
                 self.damage(offset, offset, what.into());
                 return Ok(None);
             }
@@ -121,7 +121,8 @@ impl Scan<'_> {
                         .source
                         .damaged(span, "a message record shorter than its header".into()));
                 };
-                // No checksum guards the kinds of the records behind a chunk: one bit makes an index a message.
+                // No checksum protects the opcodes of the records after a chunk: one flipped bit turns an index
+                // into a message.
                 let is_behind_chunk = self
                     .layout
                     .parts
@@ -162,20 +163,21 @@ impl Scan<'_> {
                 self.layout.metadata.push(*span);
                 self.suspect = None;
             }
-            // A chunk whose opcode has changed must not pass for one of these.
+            // A chunk with a damaged opcode must not be taken for a message index.
             op::MESSAGE_INDEX => self.check_message_index(span)?,
             op::HEADER if span.offset == mcap::MAGIC.len() as u64 => {}
             0x80.. => self.unknown_bytes += span.end - span.offset,
             opcode => {
-                return Err(self
-                    .source
-                    .damaged(span, format!("a record {opcode:#04x} among the data")));
+                return Err(self.source.damaged(
+                    span,
+                    format!("a record with opcode {opcode:#04x} in the data section"),
+                ));
             }
         }
         Ok(())
     }
 
-    /// A message index is a channel and the length of the rest.
+    /// Checks that a message index consists of a channel, a length, and as many bytes as the length states.
     fn check_message_index(&mut self, span: &RecordSpan) -> Result<(), BagError> {
         let body_bytes = span.end - span.offset - PREFIX_BYTES;
         let mut start = [0; 6];
@@ -191,7 +193,7 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// Opens a chunk for its channels, counts and times. Faults inside are reported when its messages are read.
+    /// Reads the channels, counts and times of a chunk. Faults inside are reported when its messages are read.
     fn chunk(&mut self, chunk: &ChunkHeader) -> Result<Option<u64>, BagError> {
         let mut times: Option<RangeInclusive<u64>> = None;
         let (channels, counts) = (&mut self.layout.channels, &mut self.counts);
@@ -225,14 +227,14 @@ impl Scan<'_> {
         self.layout.parts.push(part);
     }
 
-    /// Notes damage at the time of what came before it.
+    /// Notes damage at the start time of the preceding part.
     fn damage(&mut self, offset: u64, end: u64, what: String) {
         let start_time = self.layout.parts.last().map_or(0, |part| part.start_time);
         let span = RecordSpan { opcode: 0, offset, end };
         self.part(PartKind::Damage(what), &span, start_time..=start_time);
     }
 
-    /// Notes damage from `offset` to the next place where a chunk or the end of the data begins.
+    /// Notes damage from `offset` to the next chunk or end of the data. Returns where that begins.
     fn resume_behind(&mut self, offset: u64, what: String) -> Result<Option<u64>, BagError> {
         let offset = self.drop_suspect().unwrap_or(offset);
         let next = self.find_landmark(offset + 1)?;
@@ -240,7 +242,7 @@ impl Scan<'_> {
         Ok(next)
     }
 
-    /// Forgets a record whose length has led astray; where it began.
+    /// Removes the last record, whose length was wrong. Returns its start.
     fn drop_suspect(&mut self) -> Option<u64> {
         let Suspect { offset, channel } = self.suspect.take()?;
         if let (Some(channel), Some(part)) = (channel, self.layout.parts.last_mut()) {

@@ -1,10 +1,11 @@
-//! Where a recorder's bytes go: buffered, counted, and shut after the first error, so that nothing follows a hole.
+//! Destination of a recorder's bytes. It buffers and counts them, and writes nothing after the first error, so that no
+//! data follows a gap.
 
 use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes that are collected before they are written.
+/// Size of the buffer, bytes.
 const BUFFER_BYTES: usize = 64 << 10;
 
 /// A destination of bytes.

@@ -1,4 +1,4 @@
-//! A bag in several files, as rosbag2 splits: each of them explains itself and can be opened alone.
+//! A bag split into several files, as in rosbag2. Each file is self-contained and can be opened alone.
 
 use std::fs::{self, File};
 use std::io;
@@ -10,14 +10,13 @@ use super::{
     Attachment, Compression, MetadataRecord, RecordError, Recorder, Times, Topic, TopicId,
 };
 
-/// File overhead of a message, bytes: the record's header and the index entry.
+/// Overhead of a message in the file, bytes: the record's header and the index entry.
 const MESSAGE_OVERHEAD_BYTES: u64 = 31 + 16;
 
-/// When a file of the bag is closed and the next begun. 0 is no limit.
+/// Limits at which a file of the bag is closed and the next one started. 0 means no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SplitLimits {
-    /// Length of a file, bytes. What explains the file and its index come on top; a message longer than this has a file
-    /// for itself.
+    /// Size of a file, bytes, without its description and index. A message longer than this gets a file of its own.
     pub(crate) bytes: u64,
     /// Time from the first message of a file to its last, nanoseconds.
     pub(crate) duration_ns: u64,
@@ -28,25 +27,25 @@ pub(crate) struct SplitLimits {
 pub(crate) struct SplitSummary {
     /// The directory.
     pub(crate) directory: PathBuf,
-    /// Number of files.
+    /// Number of files of the bag.
     pub(crate) files: usize,
-    /// Messages of all topics, repeated ones included.
+    /// Number of messages of all topics, including repeated ones.
     pub(crate) messages: u64,
-    /// Length of all files.
+    /// Size of all files, bytes.
     pub(crate) bytes: u64,
 }
 
-/// A bag being written to `NAME/NAME_0.mcap`, `NAME/NAME_1.mcap` and so on. `metadata.yaml` appears when it is finished.
+/// A bag being written to `NAME/NAME_0.mcap`, `NAME/NAME_1.mcap` and so on. `metadata.yaml` is written at the end.
 ///
-/// Each file begins with what explains the bag, and with the last message of each latched (transient local) topic: at
-/// the log time of the file's first message, with the publish time and the sequence that the message had.
+/// Each file begins with the description of the bag and the last message of each latched (transient local) topic. The
+/// repeated message has the log time of the file's first message and keeps its publish time and sequence number.
 pub(crate) struct SplitRecorder {
     directory: PathBuf,
     compression: Compression,
     limits: SplitLimits,
     topics: Vec<Topic>,
     head: Head,
-    /// By topic; `None` for one that is not latched or has no message yet.
+    /// Last message by topic; `None` if the topic is not latched or has no message yet.
     latched: Vec<Option<(Times, Arc<[u8]>)>>,
     is_latched: Vec<bool>,
     current: Option<OpenFile>,
@@ -54,7 +53,7 @@ pub(crate) struct SplitRecorder {
     closed_bytes: u64,
 }
 
-/// Records at the start of every file that describe the messages.
+/// Description at the start of every file.
 #[derive(Default)]
 struct Head {
     record: Option<MetadataRecord>,
@@ -64,21 +63,21 @@ struct Head {
 struct OpenFile {
     recorder: Recorder,
     ids: Vec<TopicId>,
-    /// The same file, to have the disk take what was written.
+    /// Handle of the same file, for syncing it to the disk.
     file: File,
-    /// Length of what explains the file.
+    /// Size of the description and the repeated messages, bytes.
     head_bytes: u64,
-    /// Bytes of messages in the open chunk, at most: they are not in the file yet.
+    /// Upper limit of the bytes of messages in the open chunk, which are not in the file yet.
     pending_bytes: u64,
     written_bytes: u64,
     first_log_ns: Option<i64>,
 }
 
 impl SplitRecorder {
-    /// Makes the directory and its first file. A message's topic is its place in `topics`.
+    /// Creates the directory and its first file. Messages refer to a topic by its index in `topics`.
     ///
     /// # Errors
-    /// A directory that is there already; a failing disk.
+    /// The directory exists already; writing fails.
     pub(crate) fn create(
         directory: &Path,
         compression: Compression,
@@ -110,23 +109,24 @@ impl SplitRecorder {
         &self.directory
     }
 
-    /// Changes when files are closed, from the next message on.
+    /// Changes the limits, from the next message on.
     pub(crate) const fn set_limits(&mut self, limits: SplitLimits) {
         self.limits = limits;
     }
 
-    /// Bytes of all files so far, without the open chunk.
+    /// Bytes written to all files so far, without the open chunk.
     pub(crate) fn written_bytes(&self) -> u64 {
         let open = self.current.as_ref().map_or(0, |open| open.recorder.written_bytes());
         self.closed_bytes + open
     }
 
-    /// Stores what explains the messages that follow, here and in every later file of the bag. What explained those
-    /// before stays where it was written: of several records or attachments of a name in a file, the last counts.
+    /// Stores the description of the following messages in this file and every later file of the bag. Earlier
+    /// descriptions stay in the file: of several records or attachments of the same name in a file, the last one is
+    /// valid.
     ///
     /// # Errors
-    /// The record's name `rosbag2`; a time before the epoch; a failing disk.
-    pub(crate) fn explain(
+    /// The record's name is `rosbag2`; a time is before the epoch; writing fails.
+    pub(crate) fn describe(
         &mut self,
         record: MetadataRecord,
         attachment: Option<Attachment>,
@@ -140,26 +140,26 @@ impl SplitRecorder {
         Ok(())
     }
 
-    /// Stores named text pairs in the open file only.
+    /// Stores named key-value pairs in the open file only.
     ///
     /// # Errors
-    /// The name `rosbag2`; a failing disk.
+    /// The name is `rosbag2`; writing fails.
     pub(crate) fn metadata(&mut self, record: &MetadataRecord) -> Result<(), RecordError> {
         self.open()?.recorder.metadata(record)
     }
 
-    /// Tells of a message that was sent before the bag began: the last one of a latched topic stands in the first file
-    /// too. One of another topic is passed over.
-    pub(crate) fn remember(&mut self, topic: usize, times: Times, data: &Arc<[u8]>) {
+    /// Sets the last message of a latched topic that was sent before the bag began, so that the first file repeats it.
+    /// A message of another topic is ignored.
+    pub(crate) fn set_latched(&mut self, topic: usize, times: Times, data: &Arc<[u8]>) {
         if self.is_latched.get(topic) == Some(&true) {
             self.latched[topic] = Some((times, Arc::clone(data)));
         }
     }
 
-    /// Appends a message; begins the next file first where a limit demands it.
+    /// Appends a message. If a limit is reached, starts the next file first.
     ///
     /// # Errors
-    /// A time before the epoch, after which the recorder goes on; a failing disk, after which it does not.
+    /// A time is before the epoch, after which the recorder can continue; writing fails, after which it cannot.
     pub(crate) fn write(
         &mut self,
         topic: usize,
@@ -183,33 +183,34 @@ impl SplitRecorder {
             self.repeat_latched(topic, times.log_ns)?;
         }
         self.open()?.write(topic, times, data)?;
-        self.remember(topic, times, data);
+        self.set_latched(topic, times, data);
         Ok(())
     }
 
-    /// Hands everything to the operating system: all of it can then be read, even when this process dies.
+    /// Passes everything to the operating system. All of it stays readable if this process dies.
     ///
     /// # Errors
-    /// A failing disk.
+    /// Writing fails.
     pub(crate) fn flush(&mut self) -> Result<(), RecordError> {
         self.open()?.flush()
     }
 
-    /// The file that is open, for a thread that waits until the disk has what was flushed.
+    /// Returns a handle of the open file, for a thread that syncs the flushed data to the disk.
     ///
     /// # Errors
-    /// Too many open files.
+    /// The process has too many open files.
     pub(crate) fn sync_handle(&self) -> Result<Option<File>, RecordError> {
         let Some(open) = &self.current else { return Ok(None) };
         let path = open.recorder.path();
         open.file.try_clone().map(Some).map_err(|source| RecordError::Io { path, source })
     }
 
-    /// Writes the index of the open file, and `metadata.yaml`. After a failing disk there is no `metadata.yaml`, which
-    /// would promise a whole bag: readers that ask for it refuse, ours take the files as they are.
+    /// Writes the index of the open file and `metadata.yaml`. If writing fails, there is no `metadata.yaml`, because it
+    /// would describe a complete bag. This crate's readers open such a bag by its files; readers that need
+    /// `metadata.yaml` do not.
     ///
     /// # Errors
-    /// A failing disk.
+    /// Writing fails.
     pub(crate) fn finish(mut self) -> Result<SplitSummary, RecordError> {
         self.close_file()?;
         metadata::write(&self.directory, &self.closed)?;
@@ -262,7 +263,7 @@ impl SplitRecorder {
         Ok(())
     }
 
-    /// Writes the last messages of latched topics; that of `except` follows by itself.
+    /// Writes the last messages of all latched topics but `except`, whose own message follows.
     fn repeat_latched(&mut self, except: usize, log_ns: i64) -> Result<(), RecordError> {
         let Some(open) = &mut self.current else { return Ok(()) };
         for (topic, latched) in self.latched.iter().enumerate() {
@@ -272,7 +273,7 @@ impl SplitRecorder {
             open.write(topic, Times { log_ns, ..*times }, data)?;
         }
         open.flush()?;
-        // What is repeated is no reason to begin another file, in which it would be repeated again.
+        // Repeated messages do not count toward the limit, otherwise they could fill every file.
         open.head_bytes = open.written_bytes;
         Ok(())
     }
@@ -291,7 +292,7 @@ impl OpenFile {
         let length = self.recorder.written_bytes() - self.head_bytes + self.pending_bytes;
         let is_long =
             limits.bytes > 0 && length + data_bytes + MESSAGE_OVERHEAD_BYTES > limits.bytes;
-        // A clock that is set back begins a file, too.
+        // A clock that is set back starts a new file, too.
         let age_ns = log_ns.abs_diff(first_log_ns);
         is_long || (limits.duration_ns > 0 && age_ns >= limits.duration_ns)
     }
@@ -304,7 +305,7 @@ impl OpenFile {
         if written_bytes == self.written_bytes {
             self.pending_bytes += message_bytes;
         } else {
-            // A chunk was closed; whether with this message is the format's affair.
+            // A chunk was closed, with or without this message; assume without.
             self.written_bytes = written_bytes;
             self.pending_bytes = message_bytes;
         }

@@ -1,23 +1,23 @@
-//! Counts, rates and gaps of one topic, from times in their order.
+//! Counts, rates and gaps of one topic, from its message times in order.
 
 /// Statistics of a topic's messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Statistics {
     /// Number of messages.
     pub(crate) count: u64,
-    /// Time of the first and the last message, nanoseconds since the epoch.
+    /// Times of the first and last message, nanoseconds since the epoch.
     pub(crate) bounds_ns: Option<(i64, i64)>,
-    /// Longest time between two messages, and when it began, nanoseconds.
+    /// Longest time between two consecutive messages, nanoseconds, and its start, nanoseconds since the epoch.
     pub(crate) largest_gap_ns: Option<(i64, i64)>,
-    /// Messages that the writer's counter skips.
+    /// Sequence numbers that the writer skipped.
     pub(crate) num_skipped: u64,
-    /// Bytes of all messages.
+    /// Size of all messages, bytes.
     pub(crate) bytes: u64,
     sequence: Option<u32>,
 }
 
 impl Statistics {
-    /// Counts a message of that time.
+    /// Counts a message by its time alone, nanoseconds since the epoch.
     pub(crate) fn add_time(&mut self, time_ns: i64) {
         self.count += 1;
         let (first_ns, last_ns) = *self.bounds_ns.get_or_insert((time_ns, time_ns));
@@ -30,8 +30,8 @@ impl Statistics {
         self.bounds_ns = Some((first_ns.min(time_ns), last_ns.max(time_ns)));
     }
 
-    /// Counts a message with all that it tells. A counter that stands at 0 does not count; one that goes back has
-    /// been started anew.
+    /// Counts a message by its time, sequence number and size. Constant or decreasing sequence numbers skip nothing:
+    /// the writer does not count or was restarted.
     pub(crate) fn add_message(&mut self, time_ns: i64, sequence: u32, bytes: usize) {
         self.add_time(time_ns);
         self.bytes += bytes as u64;
@@ -41,7 +41,7 @@ impl Statistics {
         self.sequence = Some(sequence);
     }
 
-    /// Messages a second; `None` for fewer than two, or without time between them.
+    /// Message rate, hertz; `None` for fewer than two messages or if all have the same time.
     pub(crate) fn rate_hz(&self) -> Option<f64> {
         let (first_ns, last_ns) = self.bounds_ns?;
         let span_ns = i128::from(last_ns) - i128::from(first_ns);
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rate_and_gaps_of_a_stumbling_camera() {
+    fn rate_and_gaps_of_an_irregular_camera() {
         let mut statistics = Statistics::default();
         for (time_ms, sequence) in [(1000, 7), (1100, 8), (1500, 12), (1600, 13), (2000, 1)] {
             statistics.add_message(time_ms * 1_000_000, sequence, 10);

@@ -11,7 +11,7 @@ use super::error::Fault;
 use super::fields::Fields;
 use super::format::{PREFIX_BYTES, RecordSpan, Source, u32_at, u64_at};
 
-/// A footer record and the magic behind it.
+/// Bytes of the footer record and the magic after it.
 const END_BYTES: u64 = PREFIX_BYTES + 20 + 8;
 
 /// The summary section of a file.
@@ -24,7 +24,7 @@ pub(super) struct Summary {
     pub(super) statistics: Option<Statistics>,
 }
 
-/// Where a chunk lies and what is in it.
+/// Position and content of a chunk.
 #[derive(Debug)]
 pub(super) struct ChunkIndex {
     pub(super) span: RecordSpan,
@@ -59,7 +59,7 @@ pub(super) fn read(source: &mut Source) -> Result<Summary, Fault> {
 impl Summary {
     fn add(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
         let mut fields = Fields::of(body);
-        let ill_formed = || format!("a record {opcode:#04x} whose fields do not fit");
+        let ill_formed = || format!("malformed record with opcode {opcode:#04x}");
         match opcode {
             op::SCHEMA | op::CHANNEL => self.channels.add(opcode, body)?,
             op::CHUNK_INDEX => self.chunks.push(chunk_index(&mut fields).ok_or_else(ill_formed)?),
@@ -92,9 +92,9 @@ fn chunk_index(fields: &mut Fields<'_>) -> Option<ChunkIndex> {
     Some(ChunkIndex { span, start_time, end_time, message_indexes, compression: fields.string()? })
 }
 
-/// Returns where the summary lies, up to the footer, if footer, magic and checksum are right.
+/// Returns the range of the summary before the footer if footer, magic and checksum are valid.
 fn find(source: &mut Source) -> Result<Range<u64>, Fault> {
-    let unfinished = || "it was not finished".to_owned();
+    let unfinished = || "the file was not finished".to_owned();
     let footer_offset = source.len_bytes.checked_sub(END_BYTES).ok_or_else(unfinished)?;
     let mut end = [0; END_BYTES as usize];
     source.read_exact_at(footer_offset, &mut end)?;
@@ -103,13 +103,13 @@ fn find(source: &mut Source) -> Result<Range<u64>, Fault> {
     }
     let (summary_start, saved) = (u64_at(&end, 9), u32_at(&end, 25));
     if summary_start == 0 {
-        return Err("it has no summary".to_owned().into());
+        return Err("the file has no summary".to_owned().into());
     }
     if summary_start > footer_offset {
         return Err(format!("the footer puts the summary at byte {summary_start}").into());
     }
     if saved != 0 && saved != checksum(source, summary_start, footer_offset + PREFIX_BYTES + 16)? {
-        return Err("the checksum of the summary does not fit".to_owned().into());
+        return Err("the checksum of the summary is wrong".to_owned().into());
     }
     Ok(summary_start..footer_offset)
 }

@@ -1,4 +1,4 @@
-//! Selects messages and converts records into them.
+//! Selects messages and converts records into messages.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -11,22 +11,23 @@ use super::format::MessageHeader;
 #[derive(Clone, Debug, Default)]
 pub struct Filter {
     topics: Option<BTreeSet<String>>,
-    /// Earlier messages are passed over.
+    /// Earlier messages are skipped, nanoseconds since the epoch.
     start_time: u64,
 }
 
 impl Filter {
-    /// Every topic.
+    /// Selects every topic.
     pub fn all() -> Self {
         Self::default()
     }
 
-    /// These topics. Chunks without them are skipped if the index lists their channels.
+    /// Selects these topics. Chunks without them are skipped if the index lists the channels of each chunk.
     pub fn topics<Name: Into<String>>(names: impl IntoIterator<Item = Name>) -> Self {
         Self { topics: Some(names.into_iter().map(Into::into).collect()), start_time: 0 }
     }
 
-    /// Only messages received at that time or later, nanoseconds since the epoch. Chunks that end before are not opened.
+    /// Selects only messages received at `start_ns` or later, nanoseconds since the epoch. Chunks that end earlier are
+    /// not opened.
     #[must_use]
     pub(crate) fn from(self, start_ns: i64) -> Self {
         Self { start_time: u64::try_from(start_ns).unwrap_or(0), ..self }
@@ -49,10 +50,10 @@ pub(super) struct Taker<'a> {
 }
 
 impl Taker<'_> {
-    /// The message in a record's body with its channel, when the filter takes it.
+    /// Returns the message in a record's body and its channel if the filter selects it.
     ///
     /// # Errors
-    /// A malformed message record; the text describes the fault.
+    /// The message record is malformed; the text describes the fault.
     pub(super) fn take(&mut self, body: &[u8]) -> Result<Option<(u16, RawMessage)>, String> {
         let Some((header, data)) = MessageHeader::split(body) else {
             return Err("a message record shorter than its header".into());
@@ -65,21 +66,21 @@ impl Taker<'_> {
         }))
     }
 
-    /// A message with that header, when the filter takes it. Its data is whatever the buffer held before.
+    /// Returns a message with that header if the filter selects it. Its data is the old content of the buffer.
     ///
     /// # Errors
-    /// A malformed message record; the text describes the fault.
+    /// The message record is malformed; the text describes the fault.
     pub(super) fn empty(&mut self, header: &MessageHeader) -> Result<Option<RawMessage>, String> {
         let Some(topic) = self.channels.get(header.channel) else {
             let channel = header.channel;
-            return Err(format!("messages on channel {channel}, which no record describes"));
+            return Err(format!("messages on channel {channel}, which is not defined"));
         };
         if header.log_time < self.filter.start_time || !self.filter.takes(&topic.name) {
             return Ok(None);
         }
         let time_ns = |time: u64| {
             i64::try_from(time)
-                .map_err(|_beyond| format!("{}: a time beyond the year 2262", topic.name))
+                .map_err(|_beyond| format!("{}: a time is after the year 2262", topic.name))
         };
         Ok(Some(RawMessage {
             topic: Arc::clone(topic),

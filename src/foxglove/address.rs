@@ -1,21 +1,21 @@
-//! Where the server listens: on this machine only.
+//! Address of the server, restricted to the loopback interface.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use super::ViewError;
 
-/// Default address of the server, and the one that viewers try first.
+/// Default address of the server, which viewers also use by default.
 pub(crate) const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 
-/// An address that only this machine reaches.
+/// A loopback address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Address(SocketAddr);
 
 impl Address {
-    /// Reads `HOST:PORT` or `PORT`; port 0 is any that is free.
+    /// Parses `HOST:PORT` or `PORT`; port 0 selects any free port.
     ///
     /// # Errors
-    /// Something else, or an address that is not of the loopback.
+    /// The text has another form, or the address is not a loopback address.
     pub(crate) fn parse(text: &str) -> Result<Self, ViewError> {
         let loopback = IpAddr::V4(Ipv4Addr::LOCALHOST);
         let address = match text.strip_prefix("localhost:").unwrap_or(text).parse::<u16>() {
@@ -31,12 +31,12 @@ impl Address {
         }
     }
 
-    /// As sockets have it.
+    /// Returns the socket address.
     pub(crate) const fn socket(self) -> SocketAddr {
         self.0
     }
 
-    /// The host as it stands before `:PORT`.
+    /// Returns the host as written before `:PORT`.
     pub(super) fn host(self) -> String {
         match self.0.ip() {
             IpAddr::V4(ip) => ip.to_string(),
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn this_machine_may_be_written_in_several_ways() {
+    fn loopback_addresses_are_accepted_in_every_form() {
         for (text, expected) in [
             (DEFAULT_ADDRESS, "127.0.0.1:8765"),
             ("9000", "127.0.0.1:9000"),

@@ -1,4 +1,4 @@
-//! Topics that viewers can subscribe to. Messages without subscribers are neither encoded nor sent.
+//! Topics that viewers can subscribe to. Messages without subscribers are not sent.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -17,20 +17,20 @@ use super::ViewError;
 pub(crate) struct ChannelDescription {
     /// Absolute name.
     pub(crate) name: String,
-    /// Full name of the type, as in `sensor_msgs/msg/Image`.
+    /// Full name of the type, for example `sensor_msgs/msg/Image`.
     pub(crate) type_name: String,
-    /// Text of the type and of those that it needs, as `ros2msg` wants it.
+    /// Definition of the type and its dependencies in the `ros2msg` format.
     pub(crate) schema: Vec<u8>,
-    /// The last messages that late viewers get: 0 for a stream, 1 for a latched topic.
+    /// Number of last messages that late viewers receive; 0 for a stream, 1 or more for a latched topic.
     pub(crate) num_kept: usize,
 }
 
-/// A topic that is served. Dropping it takes it away from viewers.
+/// A topic that is served. Dropping it removes it from viewers.
 pub(crate) struct Channel {
     raw: Arc<RawChannel>,
     topic: ChannelDescription,
     kept: Mutex<VecDeque<(u64, Arc<[u8]>)>>,
-    /// Of all channels together.
+    /// Number of messages sent on all channels.
     num_sent: Arc<AtomicU64>,
 }
 
@@ -40,7 +40,8 @@ impl Channel {
         self.raw.has_sinks()
     }
 
-    /// Sends CDR bytes to the subscribed viewers. `time_ns`: receive time, nanoseconds since the epoch.
+    /// Sends CDR bytes to the subscribed viewers and keeps them for late ones. `time_ns` is the log time, nanoseconds
+    /// since the epoch.
     pub(crate) fn send(&self, data: &Arc<[u8]>, time_ns: i64) {
         let time = time_of(time_ns);
         if self.topic.num_kept > 0 {
@@ -55,7 +56,7 @@ impl Channel {
         }
     }
 
-    /// As [`send`](Self::send), of bytes that need not be kept.
+    /// Like [`send`](Self::send), but keeps nothing for late viewers.
     pub(crate) fn send_once(&self, data: &[u8], time_ns: i64) {
         if self.is_wanted() {
             self.log(data, time_of(time_ns), None);
@@ -84,7 +85,7 @@ impl Drop for Channel {
     }
 }
 
-/// Viewers know no time before 1970.
+/// Converts a time to the viewers' unsigned form; times before 1970 become 0.
 fn time_of(time_ns: i64) -> u64 {
     u64::try_from(time_ns).unwrap_or(0)
 }
@@ -101,7 +102,7 @@ impl Channels {
         Self { context: Context::new(), by_id: Mutex::default(), num_sent: Arc::default() }
     }
 
-    /// Serves a topic. Publishers of the same topic share its channel: all cameras publish on `/diagnostics`.
+    /// Serves a topic. Publishers of the same topic share its channel, for example all cameras on `/diagnostics`.
     pub(super) fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
         let mut by_id = self.lock();
         by_id.retain(|_, channel| channel.strong_count() > 0);
@@ -122,7 +123,7 @@ impl Channels {
         Ok(channel)
     }
 
-    /// Sends a new subscriber the messages that were kept for it.
+    /// Sends the kept messages to a new subscriber.
     pub(super) fn resend(&self, id: u64, viewer: Option<SinkId>) {
         let channel = self.lock().get(&id).and_then(Weak::upgrade);
         if let Some(channel) = channel {
@@ -130,7 +131,7 @@ impl Channels {
         }
     }
 
-    /// Messages handed to viewers so far.
+    /// Number of messages sent to viewers so far.
     pub(super) fn num_sent(&self) -> u64 {
         self.num_sent.load(Ordering::Relaxed)
     }

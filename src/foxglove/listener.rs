@@ -1,4 +1,4 @@
-//! Handles viewer events. The server calls these between messages, so nothing here may block.
+//! Handles viewer events. The server calls these handlers between messages, so they must not block.
 
 use std::sync::{Arc, Weak};
 

@@ -1,7 +1,7 @@
-//! Live view: this process as a server that Foxglove connects to, over its WebSocket protocol.
+//! Live view: a server to which Foxglove connects over its WebSocket protocol.
 //!
-//! Edge: sockets and threads. It forwards encoded messages and passes viewer requests to a `Desk`; it depends on
-//! neither the node nor recordings. A slow viewer never blocks others: messages are dropped for that viewer only.
+//! Edge: sockets and threads. It forwards encoded messages and passes viewer requests to a `Desk`; it depends neither
+//! on the node nor on recordings. A slow viewer never blocks others: messages are dropped for that viewer only.
 
 mod address;
 mod channels;
@@ -24,10 +24,10 @@ use thiserror::Error;
 /// Errors of starting the view.
 #[derive(Debug, Error)]
 pub(crate) enum ViewError {
-    /// An address that is none.
+    /// The address is malformed.
     #[error("--view={0:?}: must be HOST:PORT or PORT, as in {DEFAULT_ADDRESS}")]
     Address(String),
-    /// An address that other machines could reach.
+    /// The address is not a loopback address.
     #[error(
         "--view={0}: must be a loopback address (127.0.0.1, [::1] or localhost), because the server has no client \
          authentication; for remote access use an SSH tunnel: ssh -L {1}:127.0.0.1:{1}"
@@ -39,16 +39,16 @@ pub(crate) enum ViewError {
         .0.port(), .0.ip(), .0.ip()
     )]
     PortTaken(std::net::SocketAddr),
-    /// The system refuses.
+    /// Input or output failed.
     #[error("--view: {address}: {source}")]
     Io {
-        /// Where the server was to listen.
+        /// Address that the server was to listen on.
         address: std::net::SocketAddr,
-        /// Why it cannot.
+        /// Cause.
         #[source]
         source: std::io::Error,
     },
-    /// The library refuses.
+    /// The Foxglove library reports an error.
     #[error("--view: {0}")]
     Library(#[from] foxglove::FoxgloveError),
 }
@@ -60,20 +60,20 @@ impl ViewError {
     }
 }
 
-/// Requests of viewers. Called on a server thread; playback requests must return immediately.
+/// Handler of viewer requests. The methods run on the server's threads; all but the parameter methods must not block.
 pub(crate) trait Desk: Send + Sync + 'static {
-    /// The named parameters, all of them where no name is given. Names that do not exist are left out.
+    /// Returns the named parameters, or all if `names` is empty. Unknown names are ignored.
     fn parameters(&self, names: &[String]) -> Vec<Parameter>;
 
-    /// Sets one after another; why some of them were refused, in words. May take a moment.
-    fn set_parameters(&self, wishes: Vec<Parameter>) -> Vec<String>;
+    /// Sets parameters one after another. Returns the reasons of refusals as text. May block.
+    fn set_parameters(&self, parameters: Vec<Parameter>) -> Vec<String>;
 
-    /// Plays, pauses, jumps; the state that follows. `None`: nothing is played here.
+    /// Plays, pauses or seeks. Returns the resulting state; `None` if there is no playback.
     fn control(&self, request: &PlaybackControlRequest) -> Option<PlaybackState>;
 
-    /// A viewer has come.
+    /// Called when a viewer has connected.
     fn on_viewer(&self);
 
-    /// A viewer wants a topic that it did not want before.
+    /// Called when a viewer has subscribed to a topic.
     fn on_subscribe(&self, topic: &str);
 }

@@ -1,4 +1,4 @@
-//! The Parameters panel: requests in their order, on a thread that may wait for the node.
+//! The Parameters panel. A separate thread handles its requests in order and may wait for the node.
 
 use std::{
     io,
@@ -15,10 +15,10 @@ use foxglove::websocket::{
 
 use super::server::ServerState;
 
-/// Requests that may wait: a slider that is dragged sends some sixty a second.
+/// Maximum number of queued requests. Dragging a slider sends about sixty per second.
 const MAX_WAITING: usize = 256;
 
-/// Takes requests.
+/// Queue of the panel's requests.
 pub(super) struct Parameters(SyncSender<Request>);
 
 enum Request {
@@ -27,7 +27,7 @@ enum Request {
 }
 
 impl Parameters {
-    /// Starts the thread that answers; it ends with the last of the senders.
+    /// Starts the thread that handles requests. It ends when the last sender is dropped.
     pub(super) fn start(shared: Weak<ServerState>) -> io::Result<Self> {
         let (sender, requests) = sync_channel(MAX_WAITING);
         thread::Builder::new()
@@ -37,10 +37,10 @@ impl Parameters {
     }
 
     /// Queues a request; replies with an error if the queue is full.
-    fn ask(&self, client: &AnyClient, request: Request) {
-        if let Err(unasked) = self.0.try_send(request) {
+    fn enqueue(&self, client: &AnyClient, request: Request) {
+        if let Err(rejected) = self.0.try_send(request) {
             client.send_error(format!("{MAX_WAITING} requests are already queued: try again"));
-            drop(unasked);
+            drop(rejected);
         }
     }
 }
@@ -53,7 +53,7 @@ impl ParameterHandler for Parameters {
         _request_id: Option<String>,
         responder: GetParametersResponder,
     ) {
-        self.ask(&client, Request::Get(names, responder));
+        self.enqueue(&client, Request::Get(names, responder));
     }
 
     fn set(
@@ -63,8 +63,8 @@ impl ParameterHandler for Parameters {
         _request_id: Option<String>,
         responder: SetParametersResponder,
     ) {
-        let asker = client.clone();
-        self.ask(&client, Request::Set(parameters, asker, responder));
+        let requester = client.clone();
+        self.enqueue(&client, Request::Set(parameters, requester, responder));
     }
 }
 
@@ -73,12 +73,12 @@ fn answer_all(requests: &Receiver<Request>, shared: &Weak<ServerState>) {
         let Some(shared) = shared.upgrade() else { return };
         match request {
             Request::Get(names, responder) => responder.respond(shared.desk.parameters(&names)),
-            Request::Set(wishes, client, responder) => {
-                let names: Vec<_> = wishes.iter().map(|wish| wish.name.clone()).collect();
-                for reason in shared.desk.set_parameters(wishes) {
+            Request::Set(parameters, client, responder) => {
+                let names: Vec<_> = parameters.iter().map(|it| it.name.clone()).collect();
+                for reason in shared.desk.set_parameters(parameters) {
                     client.send_error(reason);
                 }
-                // What is in force, accepted or not: a panel must not show what was refused.
+                // The reply holds the current values, because a panel must not show refused ones.
                 let in_force = shared.desk.parameters(&names);
                 responder.respond(in_force.clone());
                 shared.publish_parameters(in_force);

@@ -24,7 +24,7 @@ use super::{
 
 /// Messages queued per viewer; the oldest are dropped first. About 50 MB of previews.
 const BACKLOG_MESSAGES: usize = 256;
-/// Threads of all connections.
+/// Number of threads for all connections.
 const NUM_THREADS: usize = 2;
 /// Timeout for closing the viewers' connections.
 const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
@@ -34,7 +34,7 @@ const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
 pub(crate) struct Settings {
     /// Name shown in viewers.
     pub(crate) name: String,
-    /// Times of the first and the last message of what is played, nanoseconds since the epoch; `None`: it is live.
+    /// Times of the first and last message of a recording, nanoseconds since the epoch; `None` for a live node.
     pub(crate) time_range_ns: Option<(i64, i64)>,
 }
 
@@ -56,10 +56,10 @@ pub(super) struct ServerState {
 }
 
 impl Server {
-    /// Listens.
+    /// Starts a server that listens on `address`.
     ///
     /// # Errors
-    /// The port is taken, or the system refuses.
+    /// The port is in use, or the server cannot start.
     pub(crate) fn start(
         address: Address,
         settings: Settings,
@@ -102,7 +102,7 @@ impl Server {
         Ok(Self { shared, address, runtime: Some(runtime) })
     }
 
-    /// Where it listens.
+    /// Address that the server listens on.
     pub(crate) const fn address(&self) -> SocketAddr {
         self.address
     }
@@ -110,7 +110,7 @@ impl Server {
     /// Serves a topic until the channel is dropped.
     ///
     /// # Errors
-    /// The library refuses.
+    /// The Foxglove library rejects the topic.
     pub(crate) fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
         self.shared.channels.open(topic)
     }
@@ -120,10 +120,10 @@ impl Server {
         self.shared.channels.num_sent()
     }
 
-    /// Offers a service; `on_request` answers CDR bytes with CDR bytes, or `None` where they are malformed.
+    /// Offers a service. `on_request` receives and returns CDR bytes, or returns `None` for a malformed request.
     ///
     /// # Errors
-    /// Another one has the name.
+    /// Another service has the same name.
     pub(crate) fn serve(
         &self,
         description: ServiceDescription<'_>,
@@ -133,12 +133,12 @@ impl Server {
         Ok(self.shared.with(|handle| handle.add_services([service])).unwrap_or(Ok(()))?)
     }
 
-    /// Takes a service away.
+    /// Removes a service.
     pub(crate) fn withdraw(&self, name: &str) {
         self.shared.with(|handle| handle.remove_services([name]));
     }
 
-    /// Warns every viewer, those that come later too. A later note with the same key takes its place.
+    /// Shows a warning to all current and later viewers. A later note with the same key replaces it.
     pub(crate) fn note(&self, key: &str, text: &str) {
         let mut notes = self.shared.notes.lock().unwrap_or_else(PoisonError::into_inner);
         notes.insert(key.to_owned(), text.to_owned());
@@ -201,10 +201,10 @@ impl Drop for Server {
         let handle = self.shared.handle.write().unwrap_or_else(PoisonError::into_inner).take();
         let Some(runtime) = self.runtime.take() else { return };
         if let Some(handle) = handle {
-            let farewell = handle.stop();
+            let stopped = handle.stop();
             runtime.block_on(async {
-                // Viewers that do not respond are dropped.
-                _ = tokio::time::timeout(CLOSE_TIMEOUT, farewell.wait()).await;
+                // Viewers that do not respond in time are disconnected.
+                _ = tokio::time::timeout(CLOSE_TIMEOUT, stopped.wait()).await;
             });
         }
         runtime.shutdown_background();

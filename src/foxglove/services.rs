@@ -1,4 +1,4 @@
-//! The node's services, for buttons in a viewer.
+//! The node's services, which viewers can call.
 
 use foxglove::{
     Schema,
@@ -8,9 +8,9 @@ use foxglove::{
 /// Description of a service for viewers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ServiceDescription<'a> {
-    /// Absolute name, as in `/laser_profiler/start_scan`.
+    /// Absolute name, for example `/laser_profiler/start_scan`.
     pub(crate) name: &'a str,
-    /// Full name of the type, as in `std_srvs/srv/Trigger`.
+    /// Full name of the type, for example `std_srvs/srv/Trigger`.
     pub(crate) type_name: &'a str,
     /// The request in the `.msg` language.
     pub(crate) request: &'a str,
@@ -18,10 +18,11 @@ pub(crate) struct ServiceDescription<'a> {
     pub(crate) response: &'a str,
 }
 
-/// A request of four bytes is the header of CDR alone.
+/// Bytes of an empty CDR message: the header alone.
 const EMPTY_BYTES: usize = 4;
 
-/// A service that answers CDR bytes with CDR bytes, on a thread that may wait; `None`: the request is malformed.
+/// Creates a service. `on_request` receives and returns CDR bytes, or returns `None` for a malformed request; it runs
+/// on a thread that may block.
 pub(super) fn service(
     description: ServiceDescription<'_>,
     on_request: impl Fn(&[u8]) -> Option<Vec<u8>> + Send + Sync + 'static,
@@ -36,7 +37,7 @@ pub(super) fn service(
     Service::builder(name, schema).blocking_handler_fn(move |request: Request| {
         let mut bytes = request.payload().to_vec();
         if bytes.len() == EMPTY_BYTES {
-            // ROS puts one byte into messages that would be empty; not every viewer knows.
+            // ROS pads empty messages with one byte, but not every viewer does.
             bytes.push(0);
         }
         on_request(&bytes).ok_or("the request is not valid CDR of its type")

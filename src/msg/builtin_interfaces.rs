@@ -1,4 +1,4 @@
-//! `builtin_interfaces`: time on the wire. Inside, a stamp is an `i64` of nanoseconds.
+//! `builtin_interfaces`: time on the wire. Internally, a stamp is an `i64` of nanoseconds.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,12 +16,12 @@ pub struct Time {
 }
 
 impl Time {
-    /// The earliest time there is: 1901.
+    /// Earliest time: 1901.
     pub const MIN: Self = Self { sec: i32::MIN, nanosec: 0 };
-    /// The latest time there is: 2038.
+    /// Latest time: 2038.
     pub const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
 
-    /// From nanoseconds since the epoch; times outside [`MIN`](Self::MIN) to [`MAX`](Self::MAX) become these.
+    /// Converts nanoseconds since the epoch; clamps to [`MIN`](Self::MIN) and [`MAX`](Self::MAX).
     pub fn from_ns(ns: i64) -> Self {
         let (sec, nanosec) = split(ns).unwrap_or(if ns < 0 {
             (Self::MIN.sec, Self::MIN.nanosec)
@@ -31,13 +31,13 @@ impl Time {
         Self { sec, nanosec }
     }
 
-    /// Nanoseconds since the epoch: exact for every value, even where `nanosec` is a second or more.
+    /// Returns nanoseconds since the epoch; exact for every value, even if `nanosec` is a second or more.
     pub const fn to_ns(self) -> i64 {
         join(self.sec, self.nanosec)
     }
 }
 
-/// Seconds rounded down and the rest; `None` where the seconds do not fit.
+/// Returns seconds, rounded down, and remaining nanoseconds; `None` if the seconds do not fit.
 fn split(ns: i64) -> Option<(i32, u32)> {
     let sec = i32::try_from(ns.div_euclid(NS_PER_S)).ok()?;
     Some((sec, ns.rem_euclid(NS_PER_S) as u32))
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn times_beyond_the_wire_stop_at_its_ends() {
+    fn times_out_of_range_are_clamped() {
         assert_eq!(Time::from_ns(i64::MIN), Time::MIN);
         assert_eq!(Time::from_ns(i64::MAX), Time::MAX);
         assert_eq!(Time::from_ns(Time::MAX.to_ns() + 1), Time::MAX);
@@ -79,7 +79,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_wire_time_keeps_its_nanoseconds(sec: i32, nanosec in 0_u32..1_000_000_000) {
+        fn every_wire_time_round_trips(sec: i32, nanosec in 0_u32..1_000_000_000) {
             let time = Time { sec, nanosec };
             prop_assert_eq!(Time::from_ns(time.to_ns()), time);
         }

@@ -1,4 +1,4 @@
-//! Messages as CDR bytes behind the four-byte encapsulation header, through serde.
+//! Messages as CDR bytes after the four-byte encapsulation header, through serde.
 
 use byteorder::{BigEndian, ByteOrder, LittleEndian};
 use cdr_encoding::CdrDeserializer;
@@ -15,61 +15,61 @@ const HEADER_BYTES: usize = 4;
 /// Writers may pad a message to the alignment of its widest number.
 const MAX_PADDING_BYTES: usize = 7;
 
-/// Why bytes are not the message they should be, or a message cannot become bytes.
+/// Errors of encoding and decoding.
 #[derive(Debug, Error)]
 pub enum CdrError {
-    /// Not even a header.
-    #[error("{message}: {actual} bytes are too few for the {HEADER_BYTES} bytes of a CDR header")]
+    /// Too short for a header.
+    #[error("{message}: {actual} bytes are fewer than the {HEADER_BYTES} bytes of a CDR header")]
     Header {
-        /// Type expected.
+        /// Expected type.
         message: &'static str,
-        /// Bytes there are.
+        /// Number of bytes.
         actual: usize,
     },
     /// Another encoding, such as a parameter list or version 2.
     #[error("{message}: encapsulation {:02x} {:02x} is not plain CDR (00 00 or 00 01)", .id[0], .id[1])]
     Encapsulation {
-        /// Type expected.
+        /// Expected type.
         message: &'static str,
         /// The first two bytes.
         id: [u8; 2],
     },
-    /// The bytes end early, or hold what the type cannot.
+    /// The bytes end early or contain a value that is invalid for the type.
     #[error("{message}: at byte {offset} of {length}: {reason}")]
     Content {
-        /// Type expected.
+        /// Expected type.
         message: &'static str,
-        /// Bytes that could be read, header included.
+        /// Number of bytes read, header included.
         offset: usize,
-        /// Bytes there are.
+        /// Number of bytes.
         length: usize,
-        /// What is wrong there.
+        /// Error of the decoder.
         reason: cdr_encoding::Error,
     },
-    /// The type ends long before the bytes do: they are another type's.
+    /// The message ends long before the bytes: they belong to another type.
     #[error("{message} ends after {used} bytes, but there are {length}")]
     Surplus {
-        /// Type expected.
+        /// Expected type.
         message: &'static str,
-        /// Bytes that the message takes, header included.
+        /// Size of the message, bytes, header included.
         used: usize,
-        /// Bytes there are.
+        /// Number of bytes.
         length: usize,
     },
-    /// It cannot be written.
+    /// The message cannot be encoded.
     #[error("{message} cannot be encoded: {reason}")]
     Encode {
         /// Type of the message.
         message: &'static str,
-        /// Why.
+        /// Error of the encoder.
         reason: cdr_encoding::Error,
     },
-    /// A message of 4 GiB or more: its lengths do not fit into 32 bits.
-    #[error("{message} takes {length} bytes, but lengths in CDR end at {}", u32::MAX)]
+    /// A message of 4 GiB or more, whose lengths do not fit into 32 bits.
+    #[error("{message} takes {length} bytes, but CDR lengths are limited to {}", u32::MAX)]
     TooLong {
         /// Type of the message.
         message: &'static str,
-        /// Bytes written.
+        /// Number of bytes written.
         length: usize,
     },
 }
@@ -77,7 +77,7 @@ pub enum CdrError {
 /// Replaces `out` by the message's bytes, header included (little endian, `00 01 00 00`). Keeps `out`'s memory.
 ///
 /// # Errors
-/// A message of 4 GiB or more.
+/// The message has 4 GiB or more.
 pub fn encode<T: Message>(message: &T, out: &mut Vec<u8>) -> Result<(), CdrError> {
     out.clear();
     out.extend_from_slice(&LITTLE_ENDIAN);
@@ -85,19 +85,19 @@ pub fn encode<T: Message>(message: &T, out: &mut Vec<u8>) -> Result<(), CdrError
     let name = T::TYPE.name;
     cdr_encoding::to_writer::<T, LittleEndian, _>(&mut *out, message)
         .map_err(|reason| CdrError::Encode { message: name, reason })?;
-    // The serializer truncates longer lengths unseen; every element takes a byte or more.
+    // The serializer truncates longer lengths silently; every element takes at least one byte.
     if u32::try_from(out.len()).is_err() {
         return Err(CdrError::TooLong { message: name, length: out.len() });
     }
     Ok(())
 }
 
-/// Reads a message; byte arrays and text are borrowed from `bytes`. Both byte orders.
+/// Reads a message of either byte order. Byte arrays and text are borrowed from `bytes`.
 ///
-/// Memory stays in proportion to `bytes`: a stated length reserves nothing.
+/// Memory is proportional to `bytes`: a stated length reserves nothing.
 ///
 /// # Errors
-/// A header of another encoding, bytes that end early or late, text that is not UTF-8 or not ended by NUL, a bool
+/// A header of another encoding, missing or surplus bytes, text that is not UTF-8 or does not end in NUL, or a bool
 /// other than 0 and 1.
 pub fn decode<'de, T: Message + Deserialize<'de>>(bytes: &'de [u8]) -> Result<T, CdrError> {
     let message = T::TYPE.name;

@@ -1,4 +1,4 @@
-//! Between messages and the scanner's types: images in, results out. Nothing is copied that can be borrowed.
+//! Conversions between messages and the scanner's types: images in, results out. Borrows wherever possible.
 
 pub(crate) mod frame;
 pub mod compressed;

@@ -1,4 +1,4 @@
-//! `diagnostic_msgs`: how the node is doing, for people and for aggregators.
+//! `diagnostic_msgs`: health of the node, for people and for aggregators.
 
 use std::borrow::Cow;
 
@@ -12,7 +12,7 @@ pub(crate) struct DiagnosticArray<'a> {
     /// Time of the states.
     #[serde(borrow)]
     pub(crate) header: Header<'a>,
-    /// One entry a component.
+    /// One entry per component.
     #[serde(borrow)]
     pub(crate) status: Vec<DiagnosticStatus<'a>>,
 }
@@ -31,27 +31,27 @@ pub(crate) struct DiagnosticStatus<'a> {
     /// Identity of the hardware.
     #[serde(borrow, with = "text")]
     pub(crate) hardware_id: Cow<'a, str>,
-    /// Figures behind the state.
+    /// Values that explain the state.
     #[serde(borrow)]
     pub(crate) values: Vec<KeyValue<'a>>,
 }
 
 impl DiagnosticStatus<'_> {
-    /// All is well.
+    /// Normal operation.
     pub(crate) const OK: u8 = 0;
-    /// It works, but somebody should look.
+    /// Works, but needs attention.
     pub(crate) const WARN: u8 = 1;
-    /// It does not work.
+    /// Does not work.
     pub(crate) const ERROR: u8 = 2;
 }
 
 /// A named value for people to read.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct KeyValue<'a> {
-    /// What it is.
+    /// Name of the value.
     #[serde(borrow, with = "text")]
     pub(crate) key: Cow<'a, str>,
-    /// Its value as text.
+    /// Value as text.
     #[serde(borrow, with = "text")]
     pub(crate) value: Cow<'a, str>,
 }

@@ -1,4 +1,4 @@
-//! `foxglove_msgs`: drawings over an image, the form without `metadata` that ROS 2 distributions carry.
+//! `foxglove_msgs`: annotations of an image, in the version without `metadata` that ROS 2 distributions contain.
 //!
 //! Image coordinates have their origin at the *corner* of the top-left pixel, half a pixel from the scanner's.
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{builtin_interfaces::Time, schema::message, text};
 
-/// Everything that is drawn over one image.
+/// All annotations of one image.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ImageAnnotations<'a> {
     /// Circles.
@@ -44,7 +44,7 @@ pub(crate) struct PointsAnnotation {
     pub(crate) timestamp: Time,
     /// [`LINE_STRIP`](Self::LINE_STRIP).
     pub r#type: u8,
-    /// The points.
+    /// Points.
     pub(crate) points: Vec<Point2>,
     /// Colour of all lines.
     pub(crate) outline_color: Color,
@@ -68,27 +68,27 @@ pub(crate) struct TextAnnotation<'a> {
     pub(crate) timestamp: Time,
     /// Bottom-left corner of the text.
     pub(crate) position: Point2,
-    /// The text.
+    /// Text.
     #[serde(borrow, with = "text")]
     pub(crate) text: Cow<'a, str>,
     /// Height of the letters, pixels.
     pub(crate) font_size: f64,
     /// Colour of the letters.
     pub(crate) text_color: Color,
-    /// Colour behind them.
+    /// Background colour.
     pub(crate) background_color: Color,
 }
 
 /// A point of an image, pixels from the corner of its top-left pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Point2 {
-    /// To the right.
+    /// Position to the right.
     pub(crate) x: f64,
-    /// Down.
+    /// Position down.
     pub(crate) y: f64,
 }
 
-/// A colour, parts from 0 to 1.
+/// A colour, components from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Color {
     /// Red.

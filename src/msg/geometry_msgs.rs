@@ -1,4 +1,4 @@
-//! `geometry_msgs`: where one coordinate frame is in another.
+//! `geometry_msgs`: poses of coordinate frames.
 
 use std::borrow::Cow;
 
@@ -8,7 +8,7 @@ use super::{schema::message, std_msgs::Header, text};
 
 /// A vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "there is nothing to say of them")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub struct Vector3 {
     pub x: f64,
     pub y: f64,
@@ -17,7 +17,7 @@ pub struct Vector3 {
 
 /// A rotation as a unit quaternion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "there is nothing to say of them")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub struct Quaternion {
     pub x: f64,
     pub y: f64,
@@ -32,7 +32,7 @@ impl Default for Quaternion {
     }
 }
 
-/// A pose: it takes points of the child frame to the parent frame.
+/// A pose that maps points of the child frame to the parent frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Transform {
     /// Origin of the child in the parent, metres.
@@ -41,16 +41,16 @@ pub struct Transform {
     pub rotation: Quaternion,
 }
 
-/// Where one coordinate frame is in another at one time.
+/// Pose of one coordinate frame in another at one time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TransformStamped<'a> {
-    /// Time, and the parent frame.
+    /// Time and parent frame.
     #[serde(borrow)]
     pub header: Header<'a>,
-    /// The child frame.
+    /// Child frame.
     #[serde(borrow, with = "text")]
     pub child_frame_id: Cow<'a, str>,
-    /// The child's pose in the parent.
+    /// Pose of the child in the parent.
     pub transform: Transform,
 }
 

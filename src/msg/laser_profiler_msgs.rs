@@ -1,4 +1,4 @@
-//! `laser_profiler_msgs`: our own interface package, `msgs/laser_profiler_msgs`, where each field is explained at length.
+//! `laser_profiler_msgs`: our own interface package. `msgs/laser_profiler_msgs` documents each field in detail.
 
 use std::borrow::Cow;
 
@@ -15,37 +15,37 @@ use super::{
 
 const START_SCAN_TEXT: &str = include_str!("../../msgs/laser_profiler_msgs/srv/StartScan.srv");
 
-/// Begins a scan.
+/// Starts a scan.
 pub const START_SCAN: ServiceType = ServiceType {
     name: "laser_profiler_msgs/srv/StartScan",
     text: START_SCAN_TEXT,
     hash: "RIHS01_f4259805747f25c2e6f744c771c1487dce16ab59e3d4d52f687a51553a94ac2b",
 };
 
-/// Which frame it is, what is missing before it, and where the axis was.
+/// Identity of a frame, frames missing before it, and position of the axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameTrace {
     /// Frame counter, 64 bit.
     pub frame_number: u64,
-    /// Where `frame_number` comes from, one of the `SOURCE_` constants.
+    /// Source of `frame_number`, one of the `SOURCE_` constants.
     pub frame_number_source: u8,
     /// Frames known to be missing directly before this one.
     pub frames_missing: u32,
-    /// Whether `frames_missing` can be known.
+    /// True if `frames_missing` is known.
     pub frames_missing_valid: bool,
     /// Encoder, counts.
     pub encoder: i64,
     /// Position along the scan axis, metres.
     pub position: f64,
-    /// Where `encoder` and `position` come from, one of the `SOURCE_` constants.
+    /// Source of `encoder` and `position`, one of the `SOURCE_` constants.
     pub encoder_source: u8,
     /// Bits of the `ENCODER_` constants.
     pub encoder_status: u8,
     /// Digital inputs at exposure, bit i = input i.
     pub digital_inputs: u16,
-    /// Seconds; NaN: unknown.
+    /// Exposure time, seconds; NaN: unknown.
     pub exposure_time: f32,
-    /// When this host received the frame.
+    /// Time at which this host received the frame.
     pub receive_stamp: Time,
 }
 
@@ -69,7 +69,7 @@ impl FrameTrace {
 }
 
 impl Default for FrameTrace {
-    /// Nothing is known of the frame: zeros, and NaN for the exposure time.
+    /// Returns the trace of an unknown frame: zeros, and NaN for the exposure time.
     fn default() -> Self {
         Self {
             frame_number: 0,
@@ -92,16 +92,16 @@ impl Default for FrameTrace {
 /// The per-point arrays `width` to `flags` are as long as `u` and `v`, or empty.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Centerline<'a> {
-    /// Copied from the image.
+    /// Header of the image.
     #[serde(borrow)]
     pub header: Header<'a>,
-    /// Where the frame sits in the stream.
+    /// Position of the frame in the stream.
     pub trace: FrameTrace,
     /// Columns of the image.
     pub image_width: u32,
     /// Rows of the image.
     pub image_height: u32,
-    /// Searched part of the image.
+    /// Region of interest.
     pub roi: RegionOfInterest,
     /// Direction of the stripe in the image, one of the `STRIPE_` constants.
     pub stripe_direction: u8,
@@ -126,11 +126,11 @@ pub struct Centerline<'a> {
 }
 
 impl Centerline<'_> {
-    /// Not stated: written before the field existed.
+    /// Unknown: written before the field existed.
     pub const STRIPE_UNKNOWN: u8 = 0;
-    /// One centre per column: `u` is an integer.
+    /// Horizontal: one centre per column, `u` is an integer.
     pub const STRIPE_HORIZONTAL: u8 = 1;
-    /// One centre per row: `v` is an integer.
+    /// Vertical: one centre per row, `v` is an integer.
     pub const STRIPE_VERTICAL: u8 = 2;
 }
 
@@ -142,13 +142,13 @@ pub struct Profile<'a> {
     /// Stamp of the image, frame of the laser plane.
     #[serde(borrow)]
     pub header: Header<'a>,
-    /// Where the frame sits in the stream.
+    /// Position of the frame in the stream.
     pub trace: FrameTrace,
     /// Number of the stripe or laser, from 0.
     pub stripe: u16,
-    /// Positions along the stripe, metres; NaN where not measured.
+    /// Positions along the stripe, metres; NaN if not measured.
     pub x: Cow<'a, [f32]>,
-    /// Heights, metres; NaN where not measured.
+    /// Heights, metres; NaN if not measured.
     pub z: Cow<'a, [f32]>,
     /// Grey levels as a share of full scale, 0 to 1.
     pub intensity: Cow<'a, [f32]>,
@@ -164,10 +164,10 @@ pub struct Profile<'a> {
     pub calibration_id: Cow<'a, str>,
 }
 
-/// What a slice covers and what is missing from it; see [`scan::SliceAccount`](crate::scanner::scan::SliceAccount).
+/// Range of a slice and frames missing from it; see [`scan::SliceAccount`](crate::scanner::scan::SliceAccount).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SliceInfo<'a> {
-    /// That of the slice's cloud.
+    /// Header of the slice's cloud.
     #[serde(borrow)]
     pub header: Header<'a>,
     /// Identity of the scan.
@@ -177,7 +177,7 @@ pub struct SliceInfo<'a> {
     pub part_id: Cow<'a, str>,
     /// Number of the slice in its scan, from 0.
     pub slice_index: u32,
-    /// Whether the scan ends with this slice.
+    /// True if the scan ends with this slice.
     pub last_slice: bool,
     /// First frame.
     pub first_frame: u64,
@@ -193,7 +193,7 @@ pub struct SliceInfo<'a> {
     pub frames_accepted: u32,
     /// Frames that never reached the node.
     pub frames_missing: u32,
-    /// Frames that reached it and were not used.
+    /// Frames that reached the node, but were not used.
     pub frames_rejected: u32,
     /// Accepted frames without a valid point.
     pub profiles_empty: u32,
@@ -204,9 +204,9 @@ pub struct SliceInfo<'a> {
 }
 
 impl SliceInfo<'_> {
-    /// Every expected frame is in.
+    /// The slice contains every expected frame.
     pub const COMPLETE: u8 = 0;
-    /// Frames are missing or rejected; positions are right.
+    /// Frames are missing or rejected; positions are correct.
     pub const GAPS: u8 = 1;
     /// Positions are in doubt.
     pub const DEGRADED: u8 = 2;
@@ -225,39 +225,39 @@ pub struct StreamStatus<'a> {
     /// Input topic, fully resolved.
     #[serde(borrow, with = "text")]
     pub topic: Cow<'a, str>,
-    /// Frames taken from the source.
+    /// Frames received from the source.
     pub frames_received: u64,
     /// Frames measured.
     pub frames_processed: u64,
-    /// Frames whose results went out.
+    /// Frames whose results were published.
     pub frames_published: u64,
     /// Gaps in the camera's frame counter.
     pub lost_upstream: u64,
     /// Gaps in the middleware's sequence number.
     pub lost_transport: u64,
-    /// Taken, but discarded because the queue was full.
+    /// Frames dropped because the queue was full.
     pub dropped_overload: u64,
-    /// Size, step, encoding or CDR not valid.
+    /// Frames with invalid size, step, encoding or CDR.
     pub rejected_malformed: u64,
-    /// Came twice.
+    /// Frames received twice.
     pub rejected_duplicate: u64,
-    /// Older than its predecessor.
+    /// Frames older than their predecessors.
     pub rejected_out_of_order: u64,
-    /// Processed, but not recorded.
+    /// Messages processed, but not recorded.
     pub recorder_dropped: u64,
     /// Bytes recorded.
     pub recorder_bytes: u64,
     /// Frames received per second, over the last second.
     pub rate: f32,
-    /// Median of stamp to publish, seconds, over the last second.
+    /// Median latency from stamp to publication, seconds, over the last second.
     pub latency_p50: f32,
-    /// 99th percentile of stamp to publish, seconds.
+    /// 99th percentile of that latency, seconds.
     pub latency_p99: f32,
-    /// Maximum of stamp to publish, seconds.
+    /// Maximum of that latency, seconds.
     pub latency_max: f32,
-    /// Frames waiting.
+    /// Frames in the queue.
     pub queue_depth: u32,
-    /// Frames that can wait.
+    /// Capacity of the queue, frames.
     pub queue_capacity: u32,
 }
 
@@ -273,33 +273,33 @@ pub struct EncoderStamped<'a> {
     pub scale: f64,
     /// Counts at the last index pulse.
     pub index_counts: i64,
-    /// Whether `index_counts` is valid.
+    /// True if `index_counts` is valid.
     pub index_valid: bool,
-    /// Metres a second; NaN: not measured.
+    /// Velocity, metres per second; NaN: not measured.
     pub velocity: f32,
-    /// 0: in order; otherwise bits of the device.
+    /// Error bits of the device; 0: none.
     pub error: u32,
 }
 
-/// Asks for a [`START_SCAN`].
+/// Request of [`START_SCAN`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StartScanRequest<'a> {
     /// Name of the part.
     #[serde(borrow, with = "text")]
     pub part_id: Cow<'a, str>,
-    /// Travel after the axis's scale, metres; 0: until it is stopped. Only 0 on a revolute axis without measured poses.
+    /// Travel after the axis's scale, metres; 0: until stopped. Must be 0 on a revolute axis without measured poses.
     pub length: f64,
 }
 
-/// Answers a [`START_SCAN`].
+/// Response of [`START_SCAN`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StartScanResponse<'a> {
-    /// Whether the scan has begun.
+    /// True if the scan has started.
     pub success: bool,
-    /// Why it has not.
+    /// Reason for a failure.
     #[serde(borrow, with = "text")]
     pub message: Cow<'a, str>,
-    /// The scan.
+    /// Identity of the scan.
     pub scan_id: Uuid,
 }
 

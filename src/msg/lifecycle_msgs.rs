@@ -1,4 +1,4 @@
-//! `lifecycle_msgs`: the states of a managed node, and the services that change and tell them.
+//! `lifecycle_msgs`: states of a managed node, and the services that change and report them.
 
 use std::borrow::Cow;
 
@@ -16,28 +16,28 @@ const GET_AVAILABLE_STATES_TEXT: &str =
 const GET_AVAILABLE_TRANSITIONS_TEXT: &str =
     include_str!("definitions/lifecycle_msgs/GetAvailableTransitions.srv");
 
-/// Changes the state.
+/// Service that changes the state.
 pub const CHANGE_STATE: ServiceType = ServiceType {
     name: "lifecycle_msgs/srv/ChangeState",
     text: CHANGE_STATE_TEXT,
     hash: "RIHS01_356fe34f0475a43acf54542013af4167b0e729f77ea22ffb045c6ad8e20668e5",
 };
 
-/// Tells the state.
+/// Service that returns the state.
 pub const GET_STATE: ServiceType = ServiceType {
     name: "lifecycle_msgs/srv/GetState",
     text: GET_STATE_TEXT,
     hash: "RIHS01_800a0a5aae599782b02932de0caf563f6dc4e7e94b794eadde075ba2cbef9795",
 };
 
-/// Tells all states.
+/// Service that returns all states.
 pub const GET_AVAILABLE_STATES: ServiceType = ServiceType {
     name: "lifecycle_msgs/srv/GetAvailableStates",
     text: GET_AVAILABLE_STATES_TEXT,
     hash: "RIHS01_00a07d79d2207d71e81a8cbc1880e5d924cc16d4688ea8e8e06e443dc8f8aa1d",
 };
 
-/// Tells transitions: those that can begin now, or all.
+/// Service that returns transitions: those possible in the current state, or all.
 pub const GET_AVAILABLE_TRANSITIONS: ServiceType = ServiceType {
     name: "lifecycle_msgs/srv/GetAvailableTransitions",
     text: GET_AVAILABLE_TRANSITIONS_TEXT,
@@ -47,9 +47,9 @@ pub const GET_AVAILABLE_TRANSITIONS: ServiceType = ServiceType {
 /// A state of a managed node.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct State<'a> {
-    /// Its number.
+    /// Number.
     pub id: u8,
-    /// Its name, as in `inactive`.
+    /// Name, such as `inactive`.
     #[serde(borrow, with = "text")]
     pub label: Cow<'a, str>,
 }
@@ -57,81 +57,81 @@ pub struct State<'a> {
 /// A change of state.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Transition<'a> {
-    /// Its number.
+    /// Number.
     pub id: u8,
-    /// Its name, as in `configure`; where it is given, it counts, and not the id.
+    /// Name, such as `configure`. Takes precedence over the id unless empty.
     #[serde(borrow, with = "text")]
     pub label: Cow<'a, str>,
 }
 
-/// From where to where a transition leads.
+/// A transition with its start and goal states.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TransitionDescription<'a> {
-    /// The transition.
+    /// Transition.
     #[serde(borrow)]
     pub transition: Transition<'a>,
-    /// Where it begins.
+    /// State before the transition.
     #[serde(borrow)]
     pub start_state: State<'a>,
-    /// Where it leads.
+    /// State after the transition.
     #[serde(borrow)]
     pub goal_state: State<'a>,
 }
 
-/// The state has changed. As in ROS 2 Jazzy: Lyrical has a `stamp` instead of the timestamp, and thus another hash.
+/// A change of state, as in ROS 2 Jazzy. Lyrical has a `stamp` instead of the timestamp, and therefore another hash.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TransitionEvent<'a> {
-    /// When, nanoseconds since the epoch.
+    /// Time of the change, nanoseconds since the epoch.
     pub timestamp: u64,
-    /// The transition.
+    /// Transition.
     #[serde(borrow)]
     pub transition: Transition<'a>,
-    /// The state before.
+    /// State before.
     #[serde(borrow)]
     pub start_state: State<'a>,
-    /// The state now.
+    /// Current state.
     #[serde(borrow)]
     pub goal_state: State<'a>,
 }
 
-/// Asks for a [`CHANGE_STATE`].
+/// Request of [`CHANGE_STATE`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChangeStateRequest<'a> {
-    /// The transition, by id or by label.
+    /// Transition, by id or by label.
     #[serde(borrow)]
     pub transition: Transition<'a>,
 }
 
-/// Answers a [`CHANGE_STATE`].
+/// Response of [`CHANGE_STATE`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChangeStateResponse {
-    /// Whether the transition could begin, and what it does succeeded.
+    /// True if the transition was allowed and succeeded.
     pub success: bool,
 }
 
-/// Asks [`GET_STATE`]; says nothing.
+/// Request of [`GET_STATE`]; empty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GetStateRequest {
-    /// What ROS puts into messages that would be empty.
+    /// Placeholder that ROS adds to empty messages.
     pub structure_needs_at_least_one_member: u8,
 }
 
-/// Answers [`GET_STATE`].
+/// Response of [`GET_STATE`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GetStateResponse<'a> {
-    /// The state that the node is in.
+    /// Current state of the node.
     #[serde(borrow)]
     pub current_state: State<'a>,
 }
 
-/// Asks [`GET_AVAILABLE_STATES`]; says nothing.
+/// Request of [`GET_AVAILABLE_STATES`]; empty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GetAvailableStatesRequest {
-    /// What ROS puts into messages that would be empty.
+    /// Placeholder that ROS adds to empty messages.
     pub structure_needs_at_least_one_member: u8,
 }
 
-/// Answers [`GET_AVAILABLE_STATES`].
+/// Response of [`GET_AVAILABLE_STATES`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GetAvailableStatesResponse<'a> {
     /// All states.
@@ -139,17 +139,17 @@ pub struct GetAvailableStatesResponse<'a> {
     pub available_states: Vec<State<'a>>,
 }
 
-/// Asks [`GET_AVAILABLE_TRANSITIONS`]; says nothing.
+/// Request of [`GET_AVAILABLE_TRANSITIONS`]; empty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GetAvailableTransitionsRequest {
-    /// What ROS puts into messages that would be empty.
+    /// Placeholder that ROS adds to empty messages.
     pub structure_needs_at_least_one_member: u8,
 }
 
-/// Answers [`GET_AVAILABLE_TRANSITIONS`].
+/// Response of [`GET_AVAILABLE_TRANSITIONS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GetAvailableTransitionsResponse<'a> {
-    /// The transitions.
+    /// Transitions.
     #[serde(borrow)]
     pub available_transitions: Vec<TransitionDescription<'a>>,
 }

@@ -1,8 +1,8 @@
 //! ROS messages and their bytes. Pure: no I/O.
 //!
-//! [`schema`] says what a message type is, [`cdr`] turns messages into bytes and back, [`convert`] translates between
-//! messages and the scanner's types. Between them stand the messages, one file a ROS package; fields and units are
-//! those of the `.msg` files. Arrays and text borrow where a copy would cost: a decoded message from its bytes, a
+//! [`schema`] defines message types, [`cdr`] converts messages to and from bytes, and [`convert`] translates between
+//! messages and the scanner's types. The other modules contain the messages, one file per ROS package; fields and units
+//! are those of the `.msg` files. Large arrays and text are borrowed: by a decoded message from its bytes, by a
 //! published one from the scanner's buffers.
 
 pub mod schema;

@@ -1,4 +1,4 @@
-//! Test help: any message made from noise, and how its struct lies on the wire.
+//! Test support: messages filled with noise, and the wire layout of their structs.
 
 use serde::{
     Deserialize,
@@ -49,25 +49,25 @@ macro_rules! for_each_message {
 }
 pub(super) use for_each_message;
 
-/// A message made from noise; zeros when the noise ends.
+/// Returns a message filled with noise; zeros after the noise ends.
 pub(super) fn message<'de, T: Deserialize<'de>>(noise: &'de [u8]) -> T {
     let mut source = Noise { bytes: noise, path: String::new(), layout: Vec::new(), single: false };
     T::deserialize(&mut source).unwrap()
 }
 
-/// What lies on the wire for a struct, in order, as `path: kind`; one element for each sequence.
+/// Returns the wire layout of a struct as `path: kind` in order, with one element for each sequence.
 pub(super) fn layout<'de, T: Deserialize<'de>>() -> Vec<String> {
     let mut source = Noise { bytes: &[], path: String::new(), layout: Vec::new(), single: true };
     T::deserialize(&mut source).unwrap();
     source.layout
 }
 
-/// Answers every question of a `Deserialize` implementation, and notes the questions.
+/// Deserializer that yields noise and records the requested kinds.
 struct Noise<'de> {
     bytes: &'de [u8],
     path: String,
     layout: Vec<String>,
-    /// Whether sequences have one element, and not 0 to 3.
+    /// True if sequences have one element; otherwise 0 to 3.
     single: bool,
 }
 
@@ -85,7 +85,7 @@ impl Noise<'_> {
     }
 }
 
-/// The elements of a sequence or the fields of a struct, each with what it adds to the path.
+/// Elements of a sequence or fields of a struct, each with its path segment.
 struct Parts<'s, 'de> {
     source: &'s mut Noise<'de>,
     names: std::vec::IntoIter<String>,
@@ -152,7 +152,7 @@ impl<'de> Deserializer<'de> for &mut Noise<'de> {
 
     fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
         let [byte] = self.next();
-        // Our texts ask for bytes, and say so in what they expect.
+        // Our texts request bytes and state "text" as the expected value.
         let expected: &dyn Expected = &visitor;
         if expected.to_string().contains("text") {
             self.note("string");

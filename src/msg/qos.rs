@@ -1,11 +1,11 @@
-//! Quality of service of a topic, in the words that rosbag2 has for it (metadata version 9).
+//! Quality of service of a topic, in the terms of rosbag2 (metadata version 9).
 
 use serde::{Deserialize, Serialize};
 
-/// What a publisher of a topic offered.
+/// Quality of service that a publisher offered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct QosProfile {
-    /// Limit on the samples that are kept.
+    /// Limit on the number of stored samples.
     pub(crate) history: History,
     /// Number of samples for `keep_last`.
     pub(crate) depth: u64,
@@ -15,20 +15,20 @@ pub struct QosProfile {
     pub(crate) durability: Durability,
     /// Longest time between two samples.
     pub(crate) deadline: QosTime,
-    /// How long a sample is valid.
+    /// Time after which a sample expires.
     pub(crate) lifespan: QosTime,
-    /// Who says that the publisher lives.
+    /// Source of the publisher's liveliness.
     pub(crate) liveliness: Liveliness,
-    /// How often that must be said.
+    /// Longest time between two assertions of liveliness.
     pub(crate) liveliness_lease_duration: QosTime,
-    /// Whether topic names are used as they are.
+    /// True if topic names are used without the ROS prefix.
     #[serde(default)]
     pub(crate) avoid_ros_namespace_conventions: bool,
 }
 
-// The aliases are the numbers that metadata before version 9 holds (rmw's enumerations).
+// The aliases are the numbers in metadata before version 9 (rmw's enumerations).
 
-/// Limit on the samples that are kept.
+/// Limit on the number of stored samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum History {
@@ -75,7 +75,7 @@ pub(crate) enum Durability {
     BestAvailable,
 }
 
-/// Who says that the publisher lives.
+/// Source of the publisher's liveliness.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Liveliness {
@@ -98,15 +98,15 @@ pub(crate) enum Liveliness {
 pub(crate) struct QosTime {
     /// Whole seconds.
     pub(crate) sec: u64,
-    /// The rest, nanoseconds.
+    /// Remaining nanoseconds.
     pub(crate) nsec: u64,
 }
 
-/// rmw's "for ever": `i64::MAX` nanoseconds.
+/// Infinite duration of rmw: `i64::MAX` nanoseconds.
 const INFINITE: QosTime = QosTime { sec: 9_223_372_036, nsec: 854_775_807 };
 
 impl QosProfile {
-    /// Reliable, volatile, the last `depth` samples.
+    /// Returns a reliable, volatile profile with a queue of `depth` samples.
     pub const fn reliable(depth: u64) -> Self {
         Self {
             history: History::KeepLast,
@@ -121,12 +121,12 @@ impl QosProfile {
         }
     }
 
-    /// Best effort, volatile, the last `depth` samples.
+    /// Returns a best-effort, volatile profile with a queue of `depth` samples.
     pub const fn best_effort(depth: u64) -> Self {
         Self { reliability: Reliability::BestEffort, ..Self::reliable(depth) }
     }
 
-    /// Reliable, and late subscribers get the last `depth` samples.
+    /// Returns a reliable profile in which late subscribers receive the last `depth` samples.
     pub const fn latched(depth: u64) -> Self {
         Self { durability: Durability::TransientLocal, ..Self::reliable(depth) }
     }

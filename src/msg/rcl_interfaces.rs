@@ -1,4 +1,4 @@
-//! `rcl_interfaces`: parameters of a node, as other nodes see and set them.
+//! `rcl_interfaces`: parameters of a node, as other nodes read and set them.
 
 mod services;
 
@@ -10,7 +10,7 @@ pub(crate) use super::text::Text;
 use super::{builtin_interfaces::Time, schema::message, text};
 pub(crate) use services::*;
 
-/// The types of a parameter, as in [`ParameterValue::kind`].
+/// Types of a parameter, as in [`ParameterValue::kind`].
 pub(crate) mod parameter_type {
     pub(crate) const NOT_SET: u8 = 0;
     pub(crate) const BOOL: u8 = 1;
@@ -22,7 +22,7 @@ pub(crate) mod parameter_type {
     pub(crate) const STRING_ARRAY: u8 = 9;
 }
 
-/// The value of a parameter: of the fields only the one that `kind` names counts.
+/// Value of a parameter: only the field that `kind` selects is valid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ParameterValue<'a> {
     /// A constant of [`parameter_type`].
@@ -52,7 +52,7 @@ pub(crate) struct Parameter<'a> {
     pub(crate) value: ParameterValue<'a>,
 }
 
-/// What a parameter is and which values it may have.
+/// Description of a parameter and its allowed values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ParameterDescriptor<'a> {
     /// Full name.
@@ -61,80 +61,80 @@ pub(crate) struct ParameterDescriptor<'a> {
     /// A constant of [`parameter_type`].
     #[serde(rename = "type")]
     pub(crate) kind: u8,
-    /// What it does.
+    /// Description of its effect.
     #[serde(borrow, with = "text")]
     pub(crate) description: Cow<'a, str>,
-    /// Rules that no range can say.
+    /// Constraints that a range cannot express.
     #[serde(borrow, with = "text")]
     pub(crate) additional_constraints: Cow<'a, str>,
-    /// Whether it stands fast.
+    /// True if it is read-only.
     pub(crate) read_only: bool,
-    /// Whether its type may change.
+    /// True if its type may change.
     pub(crate) dynamic_typing: bool,
-    /// Range of a float, one at most; empty: any.
+    /// Range of a float, at most one; empty: unlimited.
     pub(crate) floating_point_range: Vec<FloatingPointRange>,
-    /// Range of an integer, one at most; empty: any.
+    /// Range of an integer, at most one; empty: unlimited.
     pub(crate) integer_range: Vec<IntegerRange>,
 }
 
-/// Floats that a parameter may have.
+/// Range of a float parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct FloatingPointRange {
-    /// Smallest.
+    /// Minimum.
     pub(crate) from_value: f64,
-    /// Largest.
+    /// Maximum.
     pub(crate) to_value: f64,
-    /// From one to the next; 0: any between.
+    /// Step between allowed values; 0: any value in the range.
     pub(crate) step: f64,
 }
 
-/// Integers that a parameter may have.
+/// Range of an integer parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct IntegerRange {
-    /// Smallest.
+    /// Minimum.
     pub(crate) from_value: i64,
-    /// Largest.
+    /// Maximum.
     pub(crate) to_value: i64,
-    /// From one to the next; 0: any between.
+    /// Step between allowed values; 0: any value in the range.
     pub(crate) step: u64,
 }
 
-/// What became of a node's parameters.
+/// Changes to a node's parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ParameterEvent<'a> {
-    /// When.
+    /// Time of the change.
     pub(crate) stamp: Time,
     /// Fully qualified name of the node.
     #[serde(borrow, with = "text")]
     pub(crate) node: Cow<'a, str>,
-    /// Those that were declared.
+    /// Declared parameters.
     #[serde(borrow)]
     pub(crate) new_parameters: Vec<Parameter<'a>>,
-    /// Those that were set.
+    /// Changed parameters.
     #[serde(borrow)]
     pub(crate) changed_parameters: Vec<Parameter<'a>>,
-    /// Those that are no more.
+    /// Deleted parameters.
     #[serde(borrow)]
     pub(crate) deleted_parameters: Vec<Parameter<'a>>,
 }
 
-/// What came of a wish to set parameters.
+/// Result of a request to set parameters.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct SetParametersResult<'a> {
-    /// Whether they are set.
+    /// True if they are set.
     pub(crate) successful: bool,
-    /// Why not.
+    /// Reason for a failure.
     #[serde(borrow, with = "text")]
     pub(crate) reason: Cow<'a, str>,
 }
 
-/// Names that begin as somebody asked.
+/// Names with a requested prefix.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ListParametersResult<'a> {
-    /// Full names of parameters.
+    /// Full names of the parameters.
     #[serde(borrow)]
     pub(crate) names: Vec<Text<'a>>,
-    /// What stands before the last dot of any of them.
+    /// Their prefixes: the parts before the last dot.
     #[serde(borrow)]
     pub(crate) prefixes: Vec<Text<'a>>,
 }

@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{builtin_interfaces::Time, schema::message};
 
-/// The time that the nodes of a simulation or a replay shall take for now.
+/// Current time for the nodes of a simulation or a replay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Clock {
-    /// The time.
+    /// Time.
     pub clock: Time,
 }
 

@@ -1,4 +1,4 @@
-//! `rcl_interfaces/msg/Log`: a line of a node's log, as it stands on `/rosout`.
+//! `rcl_interfaces/msg/Log`: a line of a node's log, as published on `/rosout`.
 
 use std::borrow::Cow;
 
@@ -9,20 +9,20 @@ use super::{builtin_interfaces::Time, schema::message, text};
 /// A line of a node's log.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Log<'a> {
-    /// When.
+    /// Time of the line.
     pub stamp: Time,
     /// [`DEBUG`](Self::DEBUG) to [`FATAL`](Self::FATAL).
     pub level: u8,
     /// Name of the logger.
     #[serde(borrow, with = "text")]
     pub name: Cow<'a, str>,
-    /// What is told.
+    /// Text of the line.
     #[serde(borrow, with = "text")]
     pub msg: Cow<'a, str>,
     /// Source file.
     #[serde(borrow, with = "text")]
     pub file: Cow<'a, str>,
-    /// Function in it.
+    /// Function in that file.
     #[serde(borrow, with = "text")]
     pub function: Cow<'a, str>,
     /// Line of the file.
@@ -30,15 +30,15 @@ pub struct Log<'a> {
 }
 
 impl Log<'_> {
-    /// For whoever looks for a fault in the node.
+    /// Details for debugging the node.
     pub const DEBUG: u8 = 10;
-    /// In the normal course of things.
+    /// Normal operation.
     pub const INFO: u8 = 20;
-    /// It works, but somebody should look.
+    /// Works, but needs attention.
     pub const WARN: u8 = 30;
     /// Something does not work.
     pub const ERROR: u8 = 40;
-    /// The node ends.
+    /// The node terminates.
     pub const FATAL: u8 = 50;
 }
 

@@ -1,24 +1,24 @@
-//! Texts and type hashes of the messages, so that files explain themselves and peers recognise our types.
+//! Definitions and type hashes of the messages: definitions make files self-describing, hashes let peers match types.
 
 use serde::Serialize;
 
 /// A ROS 2 message type.
 #[derive(Debug)]
 pub struct MessageType {
-    /// Full name, as in `sensor_msgs/msg/Image`.
+    /// Full name, such as `sensor_msgs/msg/Image`.
     pub name: &'static str,
     /// Fields and constants in the `.msg` language.
     pub(crate) text: &'static str,
-    /// Types of the fields that are messages themselves, direct ones only.
+    /// Types of the fields that are messages themselves; direct dependencies only.
     pub(crate) dependencies: &'static [&'static Self],
     /// `RIHS01_` and 64 hexadecimal digits (REP-2016).
     pub hash: &'static str,
 }
 
 impl MessageType {
-    /// The schema as MCAP's `ros2msg` wants it: the text, then every dependency once behind a rule of 80 `=`.
+    /// Returns the schema in MCAP's `ros2msg` format: the text, then every dependency once after a line of 80 `=`.
     ///
-    /// Dependencies stand in rosbag2's order: depth first, by name among those of one message.
+    /// Dependencies are in rosbag2's order: depth first, sorted by name within a message.
     pub fn schema(&self) -> String {
         let mut schema = self.text.to_owned();
         self.append_dependencies(&mut Vec::new(), &mut schema);
@@ -44,36 +44,36 @@ impl MessageType {
     }
 }
 
-/// A struct that is a ROS message: its fields are those of the type's text, in that order.
+/// A struct that represents a ROS message: its fields are those of the type's text, in the same order.
 pub trait Message: Serialize {
-    /// Its type.
+    /// Type of the message.
     const TYPE: &'static MessageType;
 }
 
 /// A ROS 2 service type.
 #[derive(Debug)]
 pub struct ServiceType {
-    /// Full name, as in `std_srvs/srv/Trigger`.
+    /// Full name, such as `std_srvs/srv/Trigger`.
     pub name: &'static str,
-    /// Request, response and event in the `.srv` language, for whoever asks for the type's description.
+    /// Request and response in the `.srv` language, as in the type's description.
     pub text: &'static str,
     /// `RIHS01_` and 64 hexadecimal digits of the whole service (REP-2016).
     pub hash: &'static str,
 }
 
-/// The request's part of a service's text.
+/// Returns the request part of a service's text.
 pub(super) const fn request_text(service: &'static str) -> &'static str {
     service.split_at(separator(service)).0
 }
 
-/// The response's part of a service's text.
+/// Returns the response part of a service's text.
 pub(super) const fn response_text(service: &'static str) -> &'static str {
     service.split_at(separator(service) + SEPARATOR.len()).1
 }
 
 const SEPARATOR: &[u8] = b"---\n";
 
-/// Where the line stands that parts request from response. A text without one does not compile.
+/// Returns the offset of the line that separates request from response. A text without one does not compile.
 const fn separator(service: &str) -> usize {
     let text = service.as_bytes();
     let mut start = 0;
@@ -88,7 +88,7 @@ const fn separator(service: &str) -> usize {
     }
 }
 
-/// Ties a struct to its type: name, text, hash and the messages among its fields.
+/// Implements [`Message`] for a struct: name, text, hash and the messages among its fields.
 macro_rules! message {
     ($message:ty, $name:literal, $text:expr, $hash:literal, [$($dependency:ty),*]) => {
         impl $crate::msg::schema::Message for $message {

@@ -1,4 +1,4 @@
-//! `sensor_msgs`: what comes from cameras and axes, and the clouds that go out.
+//! `sensor_msgs`: input from cameras and axes, and published point clouds.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{schema::message, std_msgs::Header, text};
 
-/// An uncompressed picture, row after row from the top.
+/// An uncompressed image, row by row from the top.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Image<'a> {
     /// Acquisition time and optical frame of the camera.
@@ -16,28 +16,28 @@ pub struct Image<'a> {
     pub height: u32,
     /// Columns.
     pub width: u32,
-    /// How a pixel lies in memory, as in `mono8`.
+    /// Memory layout of a pixel, such as `mono8`.
     #[serde(borrow, with = "text")]
     pub encoding: Cow<'a, str>,
-    /// Not 0 where wide samples have their most significant byte first.
+    /// Not 0 if samples of several bytes are big-endian.
     pub is_bigendian: u8,
-    /// Bytes from one row to the next.
+    /// Bytes from the start of one row to the next.
     pub step: u32,
     /// `height * step` bytes.
     #[serde(with = "serde_bytes")]
     pub data: &'a [u8],
 }
 
-/// A picture as a compressed file.
+/// An image as a compressed file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CompressedImage<'a> {
     /// Acquisition time and optical frame of the camera.
     #[serde(borrow)]
     pub header: Header<'a>,
-    /// Codec, as in `jpeg`, `png` or `mono8; png compressed`.
+    /// Codec, such as `jpeg`, `png` or `mono8; png compressed`.
     #[serde(borrow, with = "text")]
     pub format: Cow<'a, str>,
-    /// The file.
+    /// Content of the file.
     #[serde(with = "serde_bytes")]
     pub data: &'a [u8],
 }
@@ -52,7 +52,7 @@ pub struct CameraInfo<'a> {
     pub height: u32,
     /// Columns of the calibrated resolution.
     pub width: u32,
-    /// Name of the distortion model, as in `plumb_bob`.
+    /// Name of the distortion model, such as `plumb_bob`.
     #[serde(borrow, with = "text")]
     pub distortion_model: Cow<'a, str>,
     /// Distortion coefficients of that model.
@@ -63,11 +63,11 @@ pub struct CameraInfo<'a> {
     pub r: [f64; 9],
     /// Projection matrix, row-major 3 x 4, pixels.
     pub p: [f64; 12],
-    /// Camera pixels in an image column; 0 means 1.
+    /// Sensor columns combined into one image column; 0 means 1.
     pub binning_x: u32,
-    /// Camera pixels in an image row; 0 means 1.
+    /// Sensor rows combined into one image row; 0 means 1.
     pub binning_y: u32,
-    /// Part of the sensor that the image shows, in unbinned pixels.
+    /// Part of the sensor shown in the image, in unbinned pixels.
     pub roi: RegionOfInterest,
 }
 
@@ -82,11 +82,11 @@ pub struct RegionOfInterest {
     pub height: u32,
     /// Columns.
     pub width: u32,
-    /// Whether a rectified image needs the rectangle to be rectified, too.
+    /// True if rectified images require a rectified rectangle.
     pub do_rectify: bool,
 }
 
-/// Points as binary records, row after row; height 1 when they have no order.
+/// Points as binary records, row by row; height 1 if unordered.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PointCloud2<'a> {
     /// Acquisition time and coordinate frame.
@@ -94,12 +94,12 @@ pub struct PointCloud2<'a> {
     pub header: Header<'a>,
     /// Rows.
     pub height: u32,
-    /// Points of a row.
+    /// Points in a row.
     pub width: u32,
     /// Layout of a point.
     #[serde(borrow)]
     pub fields: Cow<'a, [PointField<'a>]>,
-    /// Whether numbers have their most significant byte first.
+    /// True if numbers are big-endian.
     pub is_bigendian: bool,
     /// Bytes of a point.
     pub point_step: u32,
@@ -108,21 +108,21 @@ pub struct PointCloud2<'a> {
     /// `height * row_step` bytes.
     #[serde(with = "serde_bytes")]
     pub data: &'a [u8],
-    /// True when no point is missing.
+    /// True if no point is missing.
     pub is_dense: bool,
 }
 
 /// One field of the points of a [`PointCloud2`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PointField<'a> {
-    /// Name, as in `x`.
+    /// Name, such as `x`.
     #[serde(borrow, with = "text")]
     pub name: Cow<'a, str>,
     /// Bytes from the start of the point.
     pub offset: u32,
     /// Type of an element: [`FLOAT32`](Self::FLOAT32) or another of the constants.
     pub datatype: u8,
-    /// Elements.
+    /// Number of elements.
     pub count: u32,
 }
 
@@ -155,7 +155,7 @@ pub struct JointState<'a> {
     pub name: Vec<String>,
     /// Positions, radians or metres.
     pub position: Vec<f64>,
-    /// Velocities, radians or metres a second.
+    /// Velocities, radians or metres per second.
     pub velocity: Vec<f64>,
     /// Efforts, newton metres or newtons.
     pub effort: Vec<f64>,

@@ -1,4 +1,4 @@
-//! `std_msgs`: what every stamped message begins with.
+//! `std_msgs`: the header of every stamped message.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{builtin_interfaces::Time, schema::message, text};
 
-/// When and in which coordinate frame the data was taken.
+/// Time and coordinate frame of the data.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header<'a> {
     /// Time of acquisition.
@@ -17,7 +17,7 @@ pub struct Header<'a> {
 }
 
 impl Header<'_> {
-    /// The same header, its text borrowed.
+    /// Returns the same header with borrowed text.
     pub fn borrowed(&self) -> Header<'_> {
         Header { stamp: self.stamp, frame_id: Cow::Borrowed(&self.frame_id) }
     }

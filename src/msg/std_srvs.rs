@@ -1,4 +1,4 @@
-//! `std_srvs`: services that press a button or turn a switch.
+//! `std_srvs`: services that trigger an action or switch something on or off.
 
 use std::borrow::Cow;
 
@@ -12,50 +12,50 @@ use super::{
 const TRIGGER_TEXT: &str = include_str!("definitions/std_srvs/Trigger.srv");
 const SET_BOOL_TEXT: &str = include_str!("definitions/std_srvs/SetBool.srv");
 
-/// Does what the service's name says.
+/// Service that triggers an action.
 pub const TRIGGER: ServiceType = ServiceType {
     name: "std_srvs/srv/Trigger",
     text: TRIGGER_TEXT,
     hash: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
 };
 
-/// Switches something on or off.
+/// Service that switches something on or off.
 pub const SET_BOOL: ServiceType = ServiceType {
     name: "std_srvs/srv/SetBool",
     text: SET_BOOL_TEXT,
     hash: "RIHS01_abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
 };
 
-/// Asks for a [`TRIGGER`]; says nothing.
+/// Request of [`TRIGGER`]; empty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TriggerRequest {
-    /// What ROS puts into messages that would be empty.
+    /// Placeholder that ROS adds to empty messages.
     pub structure_needs_at_least_one_member: u8,
 }
 
-/// Answers a [`TRIGGER`].
+/// Response of [`TRIGGER`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TriggerResponse<'a> {
-    /// Whether it was done.
+    /// True on success.
     pub success: bool,
-    /// What was done, or why it was not.
+    /// Result, or reason for a failure.
     #[serde(borrow, with = "text")]
     pub message: Cow<'a, str>,
 }
 
-/// Asks for a [`SET_BOOL`].
+/// Request of [`SET_BOOL`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SetBoolRequest {
-    /// Whether it shall be on.
+    /// True to switch on, false to switch off.
     pub data: bool,
 }
 
-/// Answers a [`SET_BOOL`].
+/// Response of [`SET_BOOL`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SetBoolResponse<'a> {
-    /// Whether it was done.
+    /// True on success.
     pub success: bool,
-    /// What was done, or why it was not.
+    /// Result, or reason for a failure.
     #[serde(borrow, with = "text")]
     pub message: Cow<'a, str>,
 }

@@ -1,7 +1,7 @@
-//! A `string` field that borrows from the bytes it is read from, for `#[serde(borrow, with = "text")]`.
+//! A `string` field that borrows from its source bytes, for `#[serde(borrow, with = "text")]`.
 //!
-//! In CDR a string is a byte sequence that ends in NUL. The CDR crate's own strings are copies, and lose their last
-//! character unseen when the NUL is missing.
+//! In CDR a string is a byte sequence that ends in NUL. The strings of the CDR crate are copies and silently lose their
+//! last character if the NUL is missing.
 
 use std::{borrow::Cow, fmt};
 
@@ -42,7 +42,7 @@ impl<'de> Visitor<'de> for TextVisitor {
 
     fn visit_borrowed_bytes<E: Error>(self, bytes: &'de [u8]) -> Result<Self::Value, E> {
         let text = match bytes.split_last() {
-            // Some writers send an empty string without its NUL.
+            // Some writers send an empty string without a NUL.
             None => bytes,
             Some((0, text)) => text,
             Some(_) => {

@@ -1,4 +1,4 @@
-//! `tf2_msgs`: poses of coordinate frames, as they stand on `/tf_static`.
+//! `tf2_msgs`: poses of coordinate frames, as on `/tf` and `/tf_static`.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use super::{geometry_msgs::TransformStamped, schema::message};
 /// Poses of coordinate frames.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TFMessage<'a> {
-    /// One entry a child frame.
+    /// One entry per child frame.
     #[serde(borrow)]
     pub transforms: Vec<TransformStamped<'a>>,
 }

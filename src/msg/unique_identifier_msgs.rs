@@ -7,7 +7,7 @@ use super::schema::message;
 /// A universally unique identifier (RFC 9562).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Uuid {
-    /// Its bytes, most significant first.
+    /// Bytes, most significant first.
     pub(crate) uuid: [u8; 16],
 }
 

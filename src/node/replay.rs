@@ -46,15 +46,15 @@ const RECORD_MARGIN_BYTES: usize = 16 << 20;
 pub struct ReplayRequest {
     /// Recordings, played one after another.
     pub bags: Vec<PathBuf>,
-    /// The results bag; with several cameras, the directory of their bags, each named after its camera.
+    /// Results bag; with several cameras, the directory of their bags, each named after its camera.
     pub output: PathBuf,
-    /// Rate relative to the recorded speed; `None`: as fast as possible.
+    /// Rate relative to the recorded speed; `None` for as fast as possible.
     pub rate: Option<f64>,
     /// True if an existing results bag is replaced.
     pub force: bool,
     /// True if the input images are also stored in the results bag.
     pub with_images: bool,
-    /// The only camera whose images are replayed, where the parameters name several.
+    /// Camera to replay if the parameters name several; `None` for all whose images are recorded.
     pub camera: Option<String>,
     /// Names, remaps and parameters.
     pub ros: RosArguments,

@@ -1,7 +1,7 @@
-//! The program's log on `/rosout`, as every ROS node has it.
+//! Publishes the program's log on `/rosout`, as every ROS node does.
 //!
-//! [`layer`] is made where logging starts, before there is a node; [`Rosout::start`] connects it to one. Log lines wait
-//! in a bounded queue for a thread of their own: whoever logs never waits for the network.
+//! [`layer`] is created when logging starts, before there is a node; [`Rosout::start`] connects it to one. Log lines
+//! pass through a bounded queue to a separate thread, so that logging never waits for the network.
 
 mod line;
 
@@ -33,18 +33,18 @@ use crate::{
     },
 };
 
-/// Log lines that can wait; as many are kept for late subscribers, as in rcl.
+/// Maximum number of queued log lines, and number of lines kept for late subscribers, as in rcl.
 const DEPTH: usize = 1000;
 const LIFESPAN: QosTime = QosTime { sec: 10, nsec: 0 };
-/// The root of this crate's modules: what others log stays on standard error.
+/// Root of this crate's modules. Log lines of other crates go only to standard error.
 const OWN_TARGET: &str = "laser_profiler";
 
 thread_local! {
-    /// Set on the thread that publishes: what that thread logs, the transport logs about a log line.
+    /// True on the publishing thread, whose own log lines would recurse: the transport logs them about a log line.
     static IS_PUBLISHING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Where the layer finds its way to the node.
+/// Connection between the layer and the node.
 #[derive(Clone, Default)]
 pub(crate) struct RosoutSlot(Arc<Slot>);
 
@@ -55,7 +55,7 @@ struct Slot {
 }
 
 impl RosoutSlot {
-    /// Log lines that did not fit into the queue.
+    /// Number of log lines dropped because the queue was full.
     pub(crate) fn num_dropped(&self) -> u64 {
         self.0.num_dropped.load(Ordering::Relaxed)
     }
@@ -67,17 +67,17 @@ impl RosoutSlot {
     fn push(&self, event: &Event<'_>) {
         let connected = self.0.queue.read().unwrap_or_else(PoisonError::into_inner).clone();
         let Some(queue) = connected else { return };
-        // If the reader has ended, the line only goes to standard error.
+        // If the publishing thread has ended, the line only goes to standard error.
         if let Err(TrySendError::Full(_)) = queue.try_send(Line::of(event)) {
             self.0.num_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 }
 
-/// Takes part in logging: hands this program's events to whatever node the slot is connected to.
+/// Logging layer that passes this program's events to the node connected to the slot.
 pub(crate) struct RosoutLayer(RosoutSlot);
 
-/// The layer and its slot.
+/// Returns a layer and its slot.
 pub(crate) fn layer() -> (RosoutLayer, RosoutSlot) {
     let slot = RosoutSlot::default();
     (RosoutLayer(slot.clone()), slot)
@@ -96,28 +96,28 @@ fn is_own(target: &str) -> bool {
     target.strip_prefix(OWN_TARGET).is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
 }
 
-/// The reason that `/rosout` cannot be started.
+/// Error of starting `/rosout`.
 #[derive(Debug, Error)]
 pub(crate) enum RosoutError {
-    /// The middleware refuses the topic.
+    /// The middleware rejects the topic.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// The system refuses a thread.
-    #[error("/rosout: no thread: {0}")]
+    /// The thread cannot be started.
+    #[error("/rosout: cannot start the thread: {0}")]
     Thread(#[from] io::Error),
 }
 
-/// The node's log on `/rosout`. Dropping it sends what waits, and disconnects.
+/// The node's log on `/rosout`. Dropping it publishes the queued lines and disconnects.
 pub(crate) struct Rosout {
     slot: RosoutSlot,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Rosout {
-    /// Publishes from now on what the layer of `slot` sees, under the node's logger name.
+    /// Starts publishing the events of the slot's layer under the node's logger name.
     ///
     /// # Errors
-    /// The middleware refuses the topic, or the system a thread.
+    /// The middleware rejects the topic, or the thread cannot be started.
     pub(crate) fn start(
         transport: &dyn Transport,
         names: &NodeNames,
@@ -126,8 +126,8 @@ impl Rosout {
         let qos = QosProfile { lifespan: LIFESPAN, ..QosProfile::latched(DEPTH as u64) };
         let publication = endpoints::advertise::<Log<'_>>(transport, names, "/rosout", qos)?;
         let (sender, receiver) = sync_channel(DEPTH);
-        let (name, counted, num_told) = (names.logger(), slot.clone(), slot.num_dropped());
-        let run = move || publish_all(&receiver, publication, &name, &counted, num_told);
+        let (name, counted, num_reported) = (names.logger(), slot.clone(), slot.num_dropped());
+        let run = move || publish_all(&receiver, publication, &name, &counted, num_reported);
         let thread = Some(thread::Builder::new().name("rosout".to_owned()).spawn(run)?);
         slot.set(Some(sender));
         Ok(Self { slot, thread })
@@ -149,7 +149,7 @@ fn publish_all(
     mut publication: Box<dyn Publication>,
     name: &str,
     slot: &RosoutSlot,
-    mut num_told: u64,
+    mut num_reported: u64,
 ) {
     IS_PUBLISHING.set(true);
     let mut publish = |line: &Line| {
@@ -160,9 +160,9 @@ fn publish_all(
     for line in lines {
         publish(&line);
         let num_dropped = slot.num_dropped();
-        if num_dropped > num_told {
-            publish(&line.about_loss(num_dropped - num_told));
-            num_told = num_dropped;
+        if num_dropped > num_reported {
+            publish(&line.about_loss(num_dropped - num_reported));
+            num_reported = num_dropped;
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The command line's `--ros-args … --` groups, cut out of the program's own arguments.
+//! Separates `--ros-args … --` groups from the program's own arguments.
 
 use std::path::PathBuf;
 
@@ -7,34 +7,32 @@ use thiserror::Error;
 
 use super::value::Value;
 
-/// Why ROS arguments are refused.
+/// Errors in ROS arguments.
 #[derive(Debug, Error)]
 pub enum ArgumentError {
-    /// The grammar of ROS arguments.
+    /// Invalid syntax.
     #[error("{0}")]
     Syntax(#[from] Ros2ArgsError),
-    /// An argument of rcl that this program would have to ignore.
-    #[error("ROS argument {0} is not supported: leave it out")]
+    /// An argument of rcl that this program does not support.
+    #[error("ROS argument {0} is not supported: remove it")]
     Unsupported(&'static str),
-    /// A parameter that is no scalar and no list of texts.
-    #[error(
-        "-p {0}: the value must be a single number, word or text, or a list of texts in brackets"
-    )]
+    /// A value that is neither a scalar nor a list of texts.
+    #[error("-p {0}: the value must be a boolean, a number, a text or a list of texts in brackets")]
     Value(String),
 }
 
 /// One `-p [node:]name:=value`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assignment {
-    /// The node it speaks of; `None` is every node.
+    /// Node that it applies to; `None`: every node.
     pub(crate) node: Option<String>,
-    /// The parameter.
+    /// Name of the parameter.
     pub(crate) name: String,
-    /// What it is set to.
+    /// New value.
     pub(crate) value: Value,
 }
 
-/// All `--ros-args` groups of a command line.
+/// Content of all `--ros-args` groups of a command line.
 #[derive(Clone, Debug, Default)]
 pub struct RosArguments {
     /// `-r`, in order.
@@ -50,7 +48,7 @@ pub struct RosArguments {
 /// Splits a command line into ROS arguments and the rest.
 ///
 /// # Errors
-/// An unknown or unsupported ROS argument, or one that is badly formed.
+/// An unknown, unsupported or malformed ROS argument.
 pub fn split(arguments: &[String]) -> Result<(RosArguments, Vec<String>), ArgumentError> {
     let (parsed, rest) = ros2args::parse_ros2_args(arguments)?;
     if parsed.log_config_file.is_some() {
@@ -99,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn several_groups_are_cut_out() {
+    fn several_groups_are_separated() {
         let (ros, rest) = split(&line(
             "replay --ros-args -r a:=b -p top:motion.step:=0.5 -- bag --ros-args --params-file f.yaml --log-level debug --log-level top:=warn",
         ))
@@ -137,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_understood_is_an_error() {
+    fn unsupported_arguments_are_rejected() {
         for text in [
             "--bogus",
             "-r",

@@ -1,5 +1,5 @@
-//! A middleware inside the process, for tests of what stands above the seam: every message arrives before `publish`
-//! returns, late subscribers of a latched topic get the last message.
+//! A middleware within the process, for tests of everything above [`Transport`]: every message arrives before `publish`
+//! returns, and late subscribers of a latched topic receive the last message.
 
 use std::{
     collections::BTreeMap,
@@ -31,25 +31,25 @@ struct Network {
     max_reliable_bytes: Option<usize>,
 }
 
-/// The network; clones share it.
+/// A network; clones share it.
 #[derive(Clone, Default)]
 pub(crate) struct Loopback(Shared<Network>);
 
 impl Loopback {
-    /// Calls a service as a client would; `None`: it does not exist, or gave no answer.
+    /// Calls a service like a client. Returns `None` if it does not exist or sends no response.
     pub(crate) fn call(&self, service: &str, request: &[u8]) -> Option<Vec<u8>> {
         let on_request = Arc::clone(lock(&self.0).services.get(service)?);
         lock(&on_request)(request)
     }
 
-    /// One that carries messages up to that length only.
+    /// Creates a network that carries messages of at most `max_bytes`.
     pub(crate) fn carrying(max_bytes: usize) -> Self {
         let network = Self::default();
         lock(&network.0).max_reliable_bytes = Some(max_bytes);
         network
     }
 
-    /// Has something arrive at the subscribers of a topic, as from a publisher elsewhere.
+    /// Delivers a message or fault to the subscribers of a topic, as from a remote publisher.
     pub(crate) fn deliver(&self, topic: &str, arrival: &Result<Arrival, Fault>) {
         let network = lock(&self.0);
         let topic = network.topics.get(topic);
@@ -61,12 +61,12 @@ impl Loopback {
         }
     }
 
-    /// Quality of service of everything that was made on a topic.
+    /// Returns the quality of service of all endpoints created on a topic.
     pub(crate) fn qos(&self, topic: &str) -> Vec<QosProfile> {
         lock(&self.0).topics.get(topic).map(|topic| topic.qos.clone()).unwrap_or_default()
     }
 
-    /// The names of all services.
+    /// Returns the names of all services.
     pub(crate) fn services(&self) -> Vec<String> {
         lock(&self.0).services.keys().cloned().collect()
     }
@@ -138,7 +138,7 @@ impl Drop for Reader {
         let mut network = lock(&self.network.0);
         let topic = network.topics.get_mut(&self.topic);
         let removed = topic.and_then(|topic| topic.subscribers.remove(&self.id));
-        // It may own a publisher, which wants the lock.
+        // Dropped after unlocking: it may own a publisher, which takes the lock.
         drop(network);
         drop(removed);
     }
@@ -154,7 +154,7 @@ impl Server for Offered {}
 impl Drop for Offered {
     fn drop(&mut self) {
         let removed = lock(&self.network.0).services.remove(&self.name);
-        // It may own a publisher, which wants the lock.
+        // Dropped after unlocking: it may own a publisher, which takes the lock.
         drop(removed);
     }
 }
@@ -209,7 +209,7 @@ impl Transport for Loopback {
     ) -> Result<Box<dyn Server>, TransportError> {
         let mut network = lock(&self.0);
         if network.services.contains_key(&service.name) {
-            let (name, reason) = (service.name.clone(), "is offered already".to_owned());
+            let (name, reason) = (service.name.clone(), "is already offered".to_owned());
             return Err(TransportError::Endpoint { name, reason });
         }
         network.services.insert(service.name.clone(), Arc::new(Mutex::new(on_request)));

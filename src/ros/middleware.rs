@@ -1,4 +1,4 @@
-//! Which middleware, and how it is joined.
+//! Selection of the middleware, and joining its network.
 
 use std::sync::Arc;
 
@@ -17,22 +17,22 @@ named_enum! {
     Middleware {
         /// DDS: Fast DDS, Cyclone DDS and others.
         Dds = "dds",
-        /// Zenoh, as `rmw_zenoh` speaks it.
+        /// Zenoh, compatible with `rmw_zenoh`.
         Zenoh = "zenoh",
     }
 }
 
-/// What decides how a middleware is joined, besides the environment.
+/// Options for joining a network, in addition to the environment.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JoinOptions {
-    /// How services are spoken on DDS.
+    /// Wire format of services on DDS.
     pub(crate) service_mapping: ServiceMapping,
-    /// Whether the node is its own Zenoh router.
+    /// True if the node is its own Zenoh router.
     pub(crate) is_router: bool,
 }
 
 impl Middleware {
-    /// That of the environment's `RMW_IMPLEMENTATION`: Zenoh where it says so, else DDS.
+    /// Returns the middleware of the environment's `RMW_IMPLEMENTATION`: Zenoh if it is `rmw_zenoh_cpp`, otherwise DDS.
     pub(crate) fn of_environment(variable: &dyn Fn(&str) -> Option<String>) -> Self {
         match variable("RMW_IMPLEMENTATION").as_deref() {
             Some("rmw_zenoh_cpp") => Self::Zenoh,
@@ -40,10 +40,10 @@ impl Middleware {
         }
     }
 
-    /// Joins it as `node`, with the settings of the environment.
+    /// Joins the network as `node`, with the settings of the environment.
     ///
     /// # Errors
-    /// A setting that cannot be followed, nobody to join, or a program that was built without this middleware.
+    /// An invalid setting, an unreachable network, or a program built without this middleware.
     pub(crate) fn join(
         self,
         node: &NodeIdentity,
@@ -68,7 +68,7 @@ impl Middleware {
                 Err(TransportError::Setting {
                     setting: format!("--transport {}", absent.name()),
                     reason: format!(
-                        "this program was built without it: build it with the Cargo feature {:?}",
+                        "this program was built without it: rebuild it with the Cargo feature {:?}",
                         absent.name()
                     ),
                 })
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_environment_names_the_middleware() {
+    fn the_environment_selects_the_middleware() {
         let of = |value: Option<&str>| {
             Middleware::of_environment(&|name| {
                 value.filter(|_| name == "RMW_IMPLEMENTATION").map(str::to_owned)

@@ -1,5 +1,5 @@
-//! What makes this a ROS 2 node without ROS: names, remaps, arguments, parameters and the middleware. Edge: reads
-//! parameter files, talks to the network.
+//! A ROS 2 node without a ROS installation: names, remaps, arguments, parameters and the middleware. Edge: reads
+//! parameter files and uses the network.
 
 pub mod names;
 pub mod arguments;

@@ -3,20 +3,20 @@
 use ros2args::{RemapRule, Ros2ArgsError, names};
 use thiserror::Error;
 
-/// Why a name or a remap rule is refused.
+/// Errors in names and remap rules.
 #[derive(Debug, Error)]
 pub enum NameError {
     /// A name with characters or slashes that ROS does not allow.
     #[error("{0}")]
     Invalid(#[from] Ros2ArgsError),
-    /// Substitutions are not expanded.
+    /// A substitution, which is not supported.
     #[error(
-        "name {0:?} holds a substitution in braces, which is not supported: write the name out"
+        "name {0:?} contains a substitution in braces, which is not supported: write the full name"
     )]
     Substitution(String),
 }
 
-/// A node's resolved identity and the rules that rename its topics.
+/// A node's resolved identity and the remap rules of its topics.
 #[derive(Clone, Debug)]
 pub struct NodeNames {
     name: String,
@@ -25,8 +25,8 @@ pub struct NodeNames {
 }
 
 impl NodeNames {
-    /// The node called `name` after its `__node` and `__ns` rules. A rule with a node prefix speaks of the name before
-    /// renaming here and of the final one in [`resolve`](Self::resolve), as in rcl.
+    /// Applies the `__node` and `__ns` rules to the node `name`. As in rcl, a rule with a node prefix is matched with
+    /// the name before renaming here, and with the final name in [`resolve`](Self::resolve).
     ///
     /// # Errors
     /// A node name, namespace or topic name in a rule that ROS does not allow.
@@ -37,7 +37,7 @@ impl NodeNames {
                 .find(|rule| rule.applies_to_node(name) && keys.contains(&rule.from.as_str()))
                 .map(|rule| rule.to.clone())
         };
-        // `__name` is the older spelling of `__node`; rcl takes both.
+        // `__name` is the older spelling of `__node`; rcl accepts both.
         let final_name = renamed(&["__node", "__name"]).unwrap_or_else(|| name.to_owned());
         names::validate_node_name(&final_name)?;
         let mut namespace = renamed(&["__ns"]).unwrap_or_else(|| "/".to_owned());
@@ -56,27 +56,27 @@ impl NodeNames {
         Ok(names)
     }
 
-    /// The node's name without its namespace.
+    /// Returns the node's name without its namespace.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    /// The node's namespace, `/` for none.
+    /// Returns the node's namespace, `/` for none.
     pub(crate) fn namespace(&self) -> &str {
         &self.namespace
     }
 
-    /// Namespace and name, as in `/cell/laser_profiler`.
+    /// Returns namespace and name, such as `/cell/laser_profiler`.
     pub fn fully_qualified(&self) -> String {
         names::build_node_fqn(&self.namespace, &self.name)
     }
 
-    /// Name of the node's logger: namespace and name with dots, as in `cell.laser_profiler`.
+    /// Returns the name of the node's logger: namespace and name with dots, such as `cell.laser_profiler`.
     pub(crate) fn logger(&self) -> String {
         self.fully_qualified().trim_start_matches('/').replace('/', ".")
     }
 
-    /// The absolute name of a topic after remapping; the first rule that matches decides.
+    /// Returns the absolute name of a topic after remapping; the first matching rule applies.
     ///
     /// # Errors
     /// A name that ROS does not allow.
@@ -84,7 +84,7 @@ impl NodeNames {
         self.remapped(topic)?.map_or_else(|| self.expand(topic), Ok)
     }
 
-    /// The absolute name that a rule gives to a topic; `None` when no rule speaks of it.
+    /// Returns the absolute name that a rule assigns to a topic; `None` if no rule matches.
     ///
     /// # Errors
     /// A name that ROS does not allow.
@@ -106,7 +106,7 @@ impl NodeNames {
     }
 }
 
-/// The topic a rule speaks of; rcl lets `rostopic://` stand before it.
+/// Returns the topic that a rule matches, without the prefix `rostopic://` that rcl allows.
 fn topic_of(rule: &RemapRule) -> &str {
     rule.from.strip_prefix("rostopic://").unwrap_or(&rule.from)
 }
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_prefix_speaks_of_one_node_only() {
+    fn a_node_prefix_selects_one_node() {
         assert_eq!(resolved(&["other:image_raw:=/a", "image_raw:=/b"], "image_raw"), "/b");
         assert_eq!(resolved(&["laser_profiler:image_raw:=/a"], "image_raw"), "/a");
         assert_eq!(
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_ros_forbids_are_refused() {
+    fn names_that_ros_forbids_are_rejected() {
         for rule in ["__node:=a/b", "__ns:=/a//b", "image_raw:=/9a", "a b:=/c", "x:={node}/a"] {
             assert!(names(&[rule]).is_err(), "{rule}");
         }

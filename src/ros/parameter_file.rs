@@ -1,7 +1,7 @@
-//! ROS 2 parameter files: which values they hold for one node.
+//! ROS 2 parameter files: their values for one node.
 //!
-//! `ros2args::parse_param_file` is not used: it reads neither nested parameters nor nested namespaces, takes `foo*` for a
-//! literal name and says nothing of a second document. Its wildcard matching is used.
+//! `ros2args::parse_param_file` is not used: it supports neither nested parameters nor nested namespaces, treats `foo*`
+//! as a literal name and silently ignores a second document. Its wildcard matching is used.
 
 use std::path::{Path, PathBuf};
 
@@ -10,26 +10,26 @@ use thiserror::Error;
 
 use super::value::{Value, Yaml};
 
-/// Largest file that is taken for a parameter file, bytes.
+/// Largest accepted file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
-/// Why a parameter file is refused.
+/// Errors of parameter files.
 #[derive(Debug, Error)]
 pub enum FileError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("parameter file {}: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// It is no parameter file.
+    /// The file is not a parameter file.
     #[error("parameter file {}: {reason}", path.display())]
     Content {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong and what would be right.
+        /// Problem and valid content.
         reason: String,
     },
 }
@@ -39,44 +39,42 @@ pub enum FileError {
 pub(crate) struct Setting {
     /// Full name, levels joined by dots.
     pub(crate) name: String,
-    /// Its value.
+    /// Value of the parameter.
     pub(crate) value: Value,
-    /// Whether the section names this very node, without a wildcard.
+    /// True if the section names the node exactly, without a wildcard.
     pub(crate) is_exact: bool,
 }
 
-/// What a file holds for one node.
+/// Settings of a file for one node.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct FileSettings {
     /// Parameters in the order of the file.
     pub(crate) settings: Vec<Setting>,
-    /// Names of all sections, for a warning when none matches.
+    /// Names of all sections, for a warning if none matches.
     pub(crate) sections: Vec<String>,
-    /// Whether some section speaks of this node.
+    /// True if a section matches this node.
     pub(crate) has_section: bool,
 }
 
-/// Reads the sections of `path` that speak of the node with that fully qualified name.
+/// Reads the sections of `path` that match the fully qualified name `node`.
 ///
 /// # Errors
-/// A file that cannot be read, is larger than 1 MiB or is no parameter file.
+/// The file cannot be read, is larger than 1 MiB or is not a parameter file.
 pub(crate) fn read(path: &Path, node: &str) -> Result<FileSettings, FileError> {
     let read = |source| FileError::Read { path: path.to_owned(), source };
     let content = |reason| FileError::Content { path: path.to_owned(), reason };
     let size = std::fs::metadata(path).map_err(read)?.len();
     if size > MAX_FILE_BYTES {
-        return Err(content(format!(
-            "has {size} bytes, more than the {MAX_FILE_BYTES} of a parameter file"
-        )));
+        return Err(content(format!("has {size} bytes, more than the limit of {MAX_FILE_BYTES}")));
     }
     let text = std::fs::read_to_string(path).map_err(read)?;
     parse(&text, node).map_err(content)
 }
 
-/// [`read`] without the file: the text is the file's content, an error says what is wrong with it.
+/// Parses the content of a parameter file, like [`read`]; the error describes the problem.
 pub(super) fn parse(text: &str, node: &str) -> Result<FileSettings, String> {
     let mut out = FileSettings::default();
-    // NaN and infinity are read, so that the table can refuse them by name and range.
+    // NaN and infinity are accepted here, so that the table can reject them with name and range.
     let options = serde_saphyr::options! {
         non_finite_float_policy: NonFiniteFloatPolicy::PassThrough,
         with_snippet: false,
@@ -106,7 +104,7 @@ fn walk_sections(
             return Err(format!("section {key:?}: a wildcard must be the whole word * or **"));
         }
         let Yaml::Mapping(inner) = value else {
-            return Err(format!("section {key:?} must hold ros__parameters or more names"));
+            return Err(format!("section {key:?} must contain ros__parameters or further names"));
         };
         let mut deeper = Vec::new();
         for (name, value) in inner {
@@ -155,7 +153,7 @@ fn flatten(
             Yaml::Scalar(value) => take(name, value.clone()),
             Yaml::Sequence(elements) => {
                 let texts = texts(elements).ok_or_else(|| {
-                    format!("{name}: a list, but parameters take no others than lists of texts")
+                    format!("{name}: a list, but only lists of texts are supported")
                 })?;
                 take(name, Value::TextList(texts));
             }
@@ -209,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn types_survive() {
+    fn values_keep_their_types() {
         let text = "n: {ros__parameters: {a: 1, b: 1.0, c: 1e-3, d: true, e: '1', f: auto, g: .nan, h: -7, i: '', j: [a, '1'], k: []}}";
         let values: Vec<_> =
             parse(text, "/n").unwrap().settings.into_iter().map(|setting| setting.value).collect();
@@ -233,11 +231,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_parameter_file_is_refused_with_a_reason() {
+    fn invalid_files_are_rejected_with_a_reason() {
         let cases = [
             ("foo*: {ros__parameters: {a: 1}}", "wildcard"),
             ("/cell*/x: {ros__parameters: {a: 1}}", "wildcard"),
-            ("n: 3", "must hold ros__parameters"),
+            ("n: 3", "must contain ros__parameters"),
             ("n: {ros__parameters: 3}", "must be a mapping"),
             ("n: {ros__parameters: {a: [1, 2]}}", "a: a list"),
             ("n: {ros__parameters: {a: [left, [right]]}}", "a: a list"),

@@ -1,4 +1,4 @@
-//! The values in force: defaults < parameter files in order < `-p`, each checked against the table.
+//! Values in force: defaults, overridden by parameter files in order, then by `-p`; each is checked against the table.
 
 mod declared;
 mod hint;
@@ -24,46 +24,46 @@ use super::{
 pub(crate) use declared::Declared;
 pub(super) use declared::Section;
 
-/// Longest name of a camera, bytes.
+/// Largest length of a camera's name, bytes.
 const MAX_CAMERA_NAME_BYTES: usize = 64;
 
-/// Most characters of a value in a message.
+/// Largest number of characters of a value in an error.
 const MAX_SHOWN: usize = 80;
 
-/// Why parameters are refused.
+/// Errors in parameters.
 #[derive(Debug, Error)]
 pub enum ParameterError {
-    /// A file that is no parameter file.
+    /// An invalid parameter file.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A name that is not declared.
+    /// An undeclared name.
     #[error("{origin}: no parameter is called {name:?}; {hint}")]
     Unknown {
-        /// The name.
+        /// Name of the parameter.
         name: String,
-        /// Which file or option says so.
+        /// File or option that sets it.
         origin: String,
-        /// What was perhaps meant.
+        /// Suggested correction.
         hint: String,
     },
-    /// A value of another type, out of range or not among the choices.
+    /// A value of the wrong type, out of range or not among the choices.
     #[error("{origin}: {name} is {value}, but must be {allowed}")]
     Value {
-        /// The parameter.
+        /// Name of the parameter.
         name: String,
-        /// What was given.
+        /// Rejected value.
         value: String,
-        /// What would be right.
+        /// Allowed values.
         allowed: String,
-        /// Which file or option says so.
+        /// File or option that sets it.
         origin: String,
     },
-    /// A parameter that stands fast once the node runs.
-    #[error("{origin}: {name} is read-only: set it where the node is started")]
+    /// A parameter that is read-only while the node runs.
+    #[error("{origin}: {name} is read-only: set it when starting the node")]
     ReadOnly {
-        /// The parameter.
+        /// Name of the parameter.
         name: String,
-        /// Who wanted to set it.
+        /// Source of the request.
         origin: String,
     },
     /// Values that contradict each other.
@@ -74,16 +74,15 @@ pub enum ParameterError {
     NotAllowed(#[from] NotAllowed),
 }
 
-/// One value for every parameter that the node has: those of the node, then those of each camera, then
-/// overrides of quality of service.
+/// Values of all parameters: those of the node, then those of each camera, then overrides of quality of service.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     declared: Vec<Declared>,
-    /// Names of the cameras; one camera without a name is called by the empty text.
+    /// Names of the cameras; empty for a single camera without a name.
     cameras: Vec<String>,
 }
 
-/// The defaults of the table, for one camera without a name.
+/// Defaults of the table, for one camera without a name.
 impl Default for Parameters {
     fn default() -> Self {
         let rows = NODE.iter().chain(CAMERA.iter());
@@ -93,13 +92,13 @@ impl Default for Parameters {
 }
 
 impl Parameters {
-    /// The values for a node, from its parameter files and `-p`.
+    /// Loads the values for a node from its parameter files and `-p`.
     ///
-    /// Within the files, and again within `-p`, a section with the node's exact name beats a wildcard, and then the
-    /// later one wins: the order that rcl's merged parameter tree has.
+    /// Within the files, and likewise within `-p`, a section with the node's exact name takes precedence over a
+    /// wildcard, then the later one over the earlier: the order of rcl's merged parameter tree.
     ///
     /// # Errors
-    /// The first file or value that is refused.
+    /// The first invalid file or value.
     pub fn load(node: &NodeNames, arguments: &RosArguments) -> Result<Self, ParameterError> {
         let mut values = Self::default();
         let fqn = node.fully_qualified();
@@ -109,12 +108,12 @@ impl Parameters {
             if !file.has_section {
                 let (file, sections) = (path.display(), file.sections.join(", "));
                 tracing::warn!(
-                    "parameter file {file} says nothing about {fqn}: it has sections for [{sections}]"
+                    "parameter file {file} has no section for {fqn}, only for [{sections}]"
                 );
             }
             settings.extend(file.settings.into_iter().map(|setting| (path, setting)));
         }
-        // Stable: the order of files stays within each half.
+        // Stable sort: keeps the order of files within each half.
         settings.sort_by_key(|(_, setting)| setting.is_exact);
         let in_file = |(path, setting): (&PathBuf, Setting)| {
             let base = path.parent().unwrap_or(Path::new("")).to_owned();
@@ -134,7 +133,7 @@ impl Parameters {
             let origin = ("-p".to_owned(), PathBuf::new());
             (assignment.name.clone(), assignment.value.clone(), origin)
         }));
-        // Which others there are follows from the cameras.
+        // First `cameras`, which declares further parameters.
         settings.sort_by_key(|(name, ..)| name != CAMERAS);
         for (name, value, origin) in settings {
             values.put(&name, value, origin)?;
@@ -142,11 +141,11 @@ impl Parameters {
         Ok(values)
     }
 
-    /// Sets one value; `origin` says who set it, for messages. Setting `cameras` declares the parameters of each; those of
-    /// cameras that are no longer there are forgotten.
+    /// Sets one value; `origin` names its source in errors. Setting `cameras` declares the parameters of each camera
+    /// and removes those of cameras no longer listed.
     ///
     /// # Errors
-    /// An undeclared name, another type, a value out of range.
+    /// An undeclared name, a wrong type or a value out of range.
     pub(crate) fn set(
         &mut self,
         name: &str,
@@ -156,10 +155,10 @@ impl Parameters {
         self.put(name, value, (origin.to_owned(), PathBuf::new()))
     }
 
-    /// [`set`](Self::set) for a node that runs: what stands fast is refused.
+    /// Sets one value of a running node, like [`set`](Self::set).
     ///
     /// # Errors
-    /// As there, and a read-only parameter.
+    /// Those of [`set`](Self::set), and a read-only parameter.
     pub(crate) fn change(
         &mut self,
         name: &str,
@@ -207,14 +206,14 @@ impl Parameters {
         Ok(())
     }
 
-    /// Overrides stand last, by name.
+    /// Inserts an override: they come last, sorted by name.
     fn insert_override(&mut self, declared: Declared) {
         let first = NODE.len() + self.cameras.len() * CAMERA.len();
         let place = self.declared[first..].partition_point(|other| other.name < declared.name);
         self.declared.insert(first + place, declared);
     }
 
-    /// Replaces the parameters of the cameras; those of a camera that stays keep their values.
+    /// Replaces the parameters of the cameras; those of cameras that remain keep their values.
     fn declare_cameras(&mut self, names: &[String]) -> Result<(), String> {
         check_cameras(names)?;
         let unnamed = [String::new()];
@@ -240,40 +239,41 @@ impl Parameters {
         Ok(())
     }
 
-    /// Names of the cameras, at least one; a single camera without a name is called by the empty text.
+    /// Returns the names of the cameras, at least one; empty for a single camera without a name.
     pub(crate) fn cameras(&self) -> &[String] {
         &self.cameras
     }
 
-    /// Every parameter: the node's and each camera's in the order of their tables, then overrides of quality of service by name.
+    /// Iterates over all parameters: those of the node and of each camera in the order of their tables, then overrides
+    /// of quality of service by name.
     pub fn iter(&self) -> impl Iterator<Item = &Declared> {
         self.declared.iter()
     }
 
-    /// The parameter of that full name.
+    /// Returns the parameter with that full name.
     pub(crate) fn get(&self, name: &str) -> Option<&Declared> {
         self.declared.iter().find(|declared| declared.name == name)
     }
 
-    /// Whether a file or option set this parameter.
+    /// Returns true if a file or option set this parameter.
     pub(crate) fn is_set(&self, name: &str) -> bool {
         self.get(name).is_some_and(|declared| declared.origin.is_some())
     }
 
-    /// The canonical text: a parameter file in the order of [`iter`](Self::iter). Of paths only the file's name, so that
-    /// the same settings give the same text on every machine.
+    /// Returns the canonical text: a parameter file in the order of [`iter`](Self::iter). Paths are reduced to file
+    /// names, so that the same settings give the same text on every machine.
     pub(crate) fn to_yaml(&self) -> String {
         to_yaml(self.iter().map(|declared| (declared.name(), declared)))
     }
 
-    /// The canonical text of what decides the results of one camera: its parameters by the names that a camera without
-    /// a name has. So neither its name nor how results are recorded changes it.
+    /// Returns the canonical text of the parameters that determine the results of one camera, under the names of a
+    /// camera without a name. It depends neither on the camera's name nor on the recording.
     pub(crate) fn camera_yaml(&self, camera: &str) -> String {
         let Section(declared) = self.of_camera(camera);
         to_yaml(declared.iter().map(|declared| (declared.row.name, declared)))
     }
 
-    /// SHA-256 of [`camera_yaml`](Self::camera_yaml), 64 hexadecimal digits.
+    /// Returns the SHA-256 of [`camera_yaml`](Self::camera_yaml), 64 hexadecimal digits.
     pub(crate) fn camera_sha256(&self, camera: &str) -> String {
         let digest = Sha256::digest(self.camera_yaml(camera).as_bytes());
         digest.iter().fold(String::with_capacity(64), |mut out, byte| {
@@ -282,12 +282,12 @@ impl Parameters {
         })
     }
 
-    /// The values of the node.
+    /// Returns the values of the node.
     pub(super) fn of_node(&self) -> Section<'_> {
         Section(&self.declared[..NODE.len()])
     }
 
-    /// The values of a camera; none for a camera that is not there.
+    /// Returns the values of a camera; empty for an unknown camera.
     pub(super) fn of_camera(&self, camera: &str) -> Section<'_> {
         let index = self.cameras.iter().position(|name| name == camera);
         Section(index.map_or(&[], |index| {
@@ -305,7 +305,7 @@ fn to_yaml<'a>(values: impl Iterator<Item = (&'a str, &'a Declared)>) -> String 
     out
 }
 
-/// A value in a message: texts in quotes, long ones cut.
+/// Formats a value for errors: texts in quotes, long ones truncated.
 fn shown(value: &Value) -> String {
     let text = match value {
         Value::Text(text) => format!("{text:?}"),
@@ -321,7 +321,7 @@ fn unknown(name: &str, origin: &str, hint: String) -> ParameterError {
     ParameterError::Unknown { name: name.to_owned(), origin: origin.to_owned(), hint }
 }
 
-/// Whether cameras may be called so: each name becomes part of the names of topics and parameters.
+/// Checks names of cameras: each becomes part of the names of topics and parameters.
 fn check_cameras(names: &[String]) -> Result<(), String> {
     let is_taken = |name: &str| {
         NODE.iter().any(|row| row.name.split('.').next() == Some(name))
@@ -337,8 +337,8 @@ fn check_cameras(names: &[String]) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "a list of different names of letters, digits and _, at most {MAX_CAMERA_NAME_BYTES} long, not beginning with a digit \
-         and not like a parameter of the node; empty for one camera without a name"
+        "a list of unique names of letters, digits and _, at most {MAX_CAMERA_NAME_BYTES} bytes long, not starting with \
+         a digit and not the name of a parameter of the node; empty for one camera without a name"
     ))
 }
 

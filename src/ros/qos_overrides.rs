@@ -1,4 +1,5 @@
-//! `qos_overrides.<topic>.<publisher|subscription>.<policy>`: quality of service from parameters, named as rclcpp names it.
+//! `qos_overrides.<topic>.<publisher|subscription>.<policy>`: quality of service from parameters, with the names of
+//! rclcpp.
 
 use laser_triangulation::parameters::{Kind, Parameter, Value};
 use ros2args::names;
@@ -7,7 +8,7 @@ use crate::msg::qos::{Durability, History, QosProfile, QosTime, Reliability};
 
 use super::parameters::Parameters;
 
-/// What all their names begin with.
+/// Prefix of their names.
 pub(super) const PREFIX: &str = "qos_overrides.";
 
 const NS_PER_S: u64 = 1_000_000_000;
@@ -33,7 +34,7 @@ const fn time(name: &'static str, text: &'static str) -> Parameter {
     policy(name, "ns", Kind::Integer { default: 0, min: 0, max: i64::MAX }, text)
 }
 
-/// The policies. The defaults are never used: what nobody sets stays the topic's own.
+/// The policies. Their defaults are unused: a policy that is not set keeps the topic's own value.
 const POLICIES: &[Parameter] = &[
     words(
         "reliability",
@@ -60,16 +61,16 @@ const POLICIES: &[Parameter] = &[
     time("lifespan", "Time after which a sample expires; 0: never."),
 ];
 
-/// The side of a topic.
+/// Side of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Side {
-    /// Who sends.
+    /// Sending side.
     Publisher,
-    /// Who receives.
+    /// Receiving side.
     Subscription,
 }
 
-/// The policies that were set.
+/// Overrides that are set.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct QosOverrides(Vec<Override>);
 
@@ -82,7 +83,7 @@ struct Override {
 }
 
 impl QosOverrides {
-    /// The overrides among these values.
+    /// Returns the overrides among these values.
     pub(crate) fn of(values: &Parameters) -> Self {
         Self::new(values.iter().map(|declared| (declared.name(), declared.value())))
     }
@@ -96,7 +97,7 @@ impl QosOverrides {
         Self(values.filter_map(one).collect())
     }
 
-    /// The quality of service of one side of a topic, whose name is absolute and after remapping.
+    /// Applies the overrides for one side of a topic, whose name is absolute and after remapping.
     #[must_use]
     pub(crate) fn apply(&self, topic: &str, side: Side, mut qos: QosProfile) -> QosProfile {
         for change in self.0.iter().filter(|change| change.topic == topic && change.side == side) {
@@ -126,16 +127,16 @@ impl Override {
     }
 }
 
-/// 0 is rmw's "not said", which means no limit.
+/// Converts nanoseconds; 0 is rmw's "unspecified", which means no limit.
 fn span(time_ns: i64) -> QosTime {
     let time_ns = if time_ns == 0 { i64::MAX } else { time_ns }.unsigned_abs();
     QosTime { sec: time_ns / NS_PER_S, nsec: time_ns % NS_PER_S }
 }
 
-/// The policy that a parameter's name speaks of.
+/// Returns the policy that a parameter's name selects.
 ///
 /// # Errors
-/// What would be right.
+/// Description of valid names.
 pub(super) fn row(name: &str) -> Result<&'static Parameter, String> {
     parse(name).map(|(_, _, policy)| policy)
 }
@@ -144,7 +145,7 @@ fn parse(name: &str) -> Result<(&str, Side, &'static Parameter), String> {
     let wrong = || {
         let policies: Vec<_> = POLICIES.iter().map(|policy| policy.name).collect();
         format!(
-            "it would be {PREFIX}/TOPIC.publisher.POLICY or {PREFIX}/TOPIC.subscription.POLICY, with the topic's absolute \
+            "write {PREFIX}/TOPIC.publisher.POLICY or {PREFIX}/TOPIC.subscription.POLICY, with the topic's absolute \
              name after remapping and a policy of {}",
             policies.join(", ")
         )
@@ -170,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_set_changes_and_the_rest_stays() {
+    fn overrides_change_only_what_they_set() {
         let values = [
             ("qos_overrides./a/image.subscription.reliability", Value::Text("reliable".into())),
             (
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn no_time_is_no_limit() {
+    fn zero_is_no_limit() {
         let value = Value::Integer(0);
         let values = [("qos_overrides./a.publisher.lifespan", &value)];
         let own = QosProfile { lifespan: QosTime { sec: 1, nsec: 0 }, ..QosProfile::reliable(1) };
@@ -204,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_means_nothing_is_told_what_would_be_right() {
+    fn the_error_of_an_invalid_name_describes_valid_ones() {
         for name in [
             "qos_overrides.a.publisher.depth",
             "qos_overrides./a.writer.depth",

@@ -1,7 +1,7 @@
-//! The seam to the middleware: raw CDR bytes, and what the middleware knows about them.
+//! The interface to the middleware: raw CDR bytes and their metadata.
 //!
-//! Whatever ROS users see of a node stands above this seam and is written once; a middleware implements the traits
-//! here and nothing else. Bytes are CDR with their four bytes of header, in both directions.
+//! Everything visible to ROS users is implemented once, above this interface; a middleware implements only the traits
+//! here. Bytes are CDR with the four-byte header, in both directions.
 
 use std::sync::Arc;
 
@@ -12,10 +12,10 @@ use crate::msg::{
     schema::{MessageType, ServiceType},
 };
 
-/// One side of a topic: what a publisher offers, or a subscriber asks for.
+/// One side of a topic: offered by a publisher or requested by a subscriber.
 #[derive(Clone, Debug)]
 pub struct TopicEndpoint {
-    /// Absolute name, as in `/camera/image_raw`.
+    /// Absolute name, such as `/camera/image_raw`.
     pub name: String,
     /// Type of the messages.
     pub kind: &'static MessageType,
@@ -26,138 +26,139 @@ pub struct TopicEndpoint {
 /// A service that the node offers.
 #[derive(Clone, Debug)]
 pub struct ServiceEndpoint {
-    /// Absolute name, as in `/laser_profiler/start_scan`.
+    /// Absolute name, such as `/laser_profiler/start_scan`.
     pub name: String,
-    /// Its type.
+    /// Type of the service.
     pub kind: &'static ServiceType,
 }
 
-/// Who a node is in the graph.
+/// Identity of a node in the graph.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeIdentity {
-    /// Its name without its namespace.
+    /// Name without the namespace.
     pub name: String,
-    /// Its namespace, `/` for none.
+    /// Namespace, `/` for none.
     pub namespace: String,
 }
 
-/// A message that arrived.
+/// A received message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arrival {
     /// CDR bytes with their header.
     pub data: Vec<u8>,
-    /// Identity of the publisher; another one counts anew.
+    /// Identity of the publisher; each has its own sequence.
     pub publisher: [u8; 16],
-    /// The publisher's counter; `None` where the middleware has none.
+    /// Sequence number of the publisher; `None` if the middleware has none.
     pub sequence: Option<i64>,
-    /// When it was sent, nanoseconds since the epoch by the sender's clock; 0 where unknown.
+    /// Time of sending by the sender's clock, nanoseconds since the epoch; 0: unknown.
     pub source_time_ns: i64,
-    /// When it arrived, nanoseconds since the epoch by this machine's clock.
+    /// Time of reception by this machine's clock, nanoseconds since the epoch.
     pub receive_time_ns: i64,
 }
 
-/// A message that arrived and cannot be handed on. It is counted and told, and nothing else happens.
+/// A received message that cannot be delivered. It is counted and reported, without further effects.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Fault {
     /// Larger than the subscription allows.
     #[error(
-        "a message of {bytes} bytes is larger than the {limit_bytes} bytes allowed (max_frame_bytes)"
+        "a message of {bytes} bytes exceeds the limit of {limit_bytes} bytes (max_frame_bytes)"
     )]
     TooLarge {
-        /// Its length.
+        /// Length of the message, bytes.
         bytes: usize,
-        /// What the subscription allows.
+        /// Limit of the subscription, bytes.
         limit_bytes: usize,
     },
-    /// What stands beside the message on the wire is not what this middleware's ROS nodes send.
+    /// Its metadata on the wire are not those of this middleware's ROS nodes.
     #[error("{0}")]
     Foreign(String),
 }
 
-/// Takes what arrives, on a thread of the transport: hands it on and returns at once.
+/// Callback for received messages, called on a thread of the transport. Must return without blocking.
 pub(crate) type OnArrival = Box<dyn FnMut(Result<Arrival, Fault>) + Send>;
 
-/// Answers a request with the CDR bytes of the response. `None`: the request is malformed and gets no answer. Called on
-/// a thread that serves requests and nothing else: it may take a moment.
+/// Callback that returns the CDR bytes of the response to a request; `None` if the request is malformed, which sends no
+/// response. Called on a thread that only serves requests, so it may block briefly.
 pub type OnRequest = Box<dyn FnMut(&[u8]) -> Option<Vec<u8>> + Send>;
 
-/// Why the middleware cannot do what it is asked for.
+/// Errors of the middleware.
 #[derive(Debug, Error)]
 pub enum TransportError {
-    /// A setting, from the environment, a file or a parameter, that cannot be followed; says what would be right.
+    /// An invalid setting from the environment, a file or a parameter; the reason states valid values.
     #[error("{setting}: {reason}")]
     Setting {
-        /// Its name, as in `ROS_DOMAIN_ID`.
+        /// Name of the setting, such as `ROS_DOMAIN_ID`.
         setting: String,
-        /// What is wrong, and what would be right.
+        /// Problem and valid values.
         reason: String,
     },
-    /// The middleware cannot be joined: no router, no port. Says what to do.
+    /// The network cannot be joined, for example because a router or port is missing. States a remedy.
     #[error("{0}")]
     Unreachable(String),
-    /// One topic or service.
+    /// Error of one topic or service.
     #[error("{name}: {reason}")]
     Endpoint {
-        /// Topic or service.
+        /// Name of the topic or service.
         name: String,
-        /// What the middleware says.
+        /// Reason given by the middleware.
         reason: String,
     },
 }
 
-/// A topic of the graph, of this node or of others.
+/// A topic of the graph, of this node or others.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct GraphTopic {
     /// Absolute name.
     pub name: String,
-    /// Full type name, as in `sensor_msgs/msg/Image`.
+    /// Full type name, such as `sensor_msgs/msg/Image`.
     pub type_name: String,
-    /// Publishers, in all nodes.
+    /// Number of publishers in all nodes.
     pub num_publishers: usize,
-    /// Subscribers, in all nodes.
+    /// Number of subscribers in all nodes.
     pub num_subscribers: usize,
 }
 
-/// A publisher. Dropping it takes it out of the graph.
+/// A publisher. Dropping it removes it from the graph.
 pub trait Publication: Send {
-    /// Sends CDR bytes. `source_time_ns`: nanoseconds since the epoch, told to subscribers where the middleware can.
+    /// Sends CDR bytes. `source_time_ns`: time of sending, nanoseconds since the epoch, transmitted if the middleware
+    /// supports it.
     ///
     /// # Errors
-    /// The middleware refuses them; the next message may go through.
+    /// The middleware rejects the message; later ones may succeed.
     fn publish(&mut self, data: &Arc<[u8]>, source_time_ns: i64) -> Result<(), TransportError>;
 
-    /// Subscribers that it reaches now.
+    /// Returns the number of matched subscribers.
     fn num_matched(&self) -> usize;
 }
 
-/// A subscriber. Dropping it takes it out of the graph; nothing arrives after that.
+/// A subscriber. Dropping it removes it from the graph; nothing is delivered afterwards.
 pub trait Subscription: Send {
-    /// Publishers that reach it now.
+    /// Returns the number of matched publishers.
     fn num_matched(&self) -> usize;
 }
 
-/// A service that answers. Dropping it takes it out of the graph.
+/// A running service. Dropping it removes it from the graph.
 pub trait Server: Send {}
 
 /// A node in the graph of one middleware.
 pub trait Transport: Send + Sync {
-    /// Its name, as in `--transport`.
+    /// Returns the name of the middleware, as in `--transport`.
     fn name(&self) -> &'static str;
 
-    /// Largest message that reaches every peer with stock settings, bytes; `None`: any.
+    /// Returns the largest message that reaches every peer with default settings, bytes; `None`: unlimited.
     fn max_reliable_bytes(&self) -> Option<usize>;
 
-    /// Makes a publisher.
+    /// Creates a publisher.
     ///
     /// # Errors
-    /// The middleware refuses it.
+    /// The middleware rejects it.
     fn advertise(&self, topic: &TopicEndpoint) -> Result<Box<dyn Publication>, TransportError>;
 
-    /// Makes a subscriber. Messages above `limit_bytes` are faults, and no memory is taken for them where the
-    /// middleware allows that to be seen.
+    /// Creates a subscriber. Messages above `limit_bytes` are reported as faults, without allocating memory for them if
+    /// the middleware reveals their size in time.
     ///
     /// # Errors
-    /// The middleware refuses it.
+    /// The middleware rejects it.
     fn subscribe(
         &self,
         topic: &TopicEndpoint,
@@ -168,13 +169,13 @@ pub trait Transport: Send + Sync {
     /// Offers a service.
     ///
     /// # Errors
-    /// The middleware refuses it.
+    /// The middleware rejects it.
     fn serve(
         &self,
         service: &ServiceEndpoint,
         on_request: OnRequest,
     ) -> Result<Box<dyn Server>, TransportError>;
 
-    /// The topics of the graph, by name and type, as far as they are known now.
+    /// Returns the discovered topics of the graph, by name and type.
     fn topics(&self) -> Vec<GraphTopic>;
 }

@@ -1,11 +1,11 @@
-//! YAML documents and the values of parameters in them.
+//! YAML documents and parameter values.
 
 use std::fmt;
 
 pub(crate) use laser_triangulation::parameters::Value;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-/// A node of a YAML document: mappings in their order.
+/// A node of a YAML document; mappings keep their order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Yaml {
     Null,
@@ -74,7 +74,7 @@ impl<'de> Visitor<'de> for YamlVisitor {
         let mut mapping: Vec<(String, Yaml)> = Vec::new();
         while let Some((key, value)) = entries.next_entry::<String, Yaml>()? {
             if mapping.iter().any(|(earlier, _)| *earlier == key) {
-                return Err(A::Error::custom(format!("key {key:?} stands twice in one mapping")));
+                return Err(A::Error::custom(format!("duplicate key {key:?} in one mapping")));
             }
             mapping.push((key, value));
         }

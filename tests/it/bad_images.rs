@@ -87,7 +87,7 @@ fn a_stamp_that_repeats_or_goes_back_is_rejected() {
 /// Consistent images that exceed the limit of 64 MiB: one is rejected after reading, one by its record length.
 #[test]
 fn a_frame_above_the_limit_costs_only_itself() {
-    for (side, reason) in [(9000, "at most 67108864 are allowed"), (11_000, "damaged at byte")] {
+    for (side, reason) in [(9000, "more than the limit of 67108864"), (11_000, "damaged at byte")] {
         let directory = tempfile::tempdir().unwrap();
         let [input, output] = ["in", "out"].map(|name| directory.path().join(name));
         let pixels = vec![7; (side * side) as usize];

@@ -1,4 +1,4 @@
-//! Cut, flipped and lying files: what is intact is read, what is not is named, nothing panics.
+//! Truncated and corrupted files: intact parts are read, damage is reported, nothing panics.
 
 use std::fs;
 
@@ -20,20 +20,20 @@ fn outer_records(bytes: &[u8], opcode: u8) -> Vec<usize> {
     found
 }
 
-/// Every message that is read is one that was recorded, in the right order; returns how many.
+/// Asserts that the messages are a subset of the recorded ones, in the same order. Returns their number.
 fn assert_subset(messages: &[RawMessage]) -> usize {
     let mut recorded = expected(&small_entries()).into_iter();
     for message in essence(messages) {
         assert!(
             recorded.any(|candidate| candidate == message),
-            "{message:?} was not recorded, or not there"
+            "{message:?} was not recorded or is out of order"
         );
     }
     messages.len()
 }
 
 #[test]
-fn a_cut_anywhere_leaves_what_was_whole_before_it() {
+fn a_file_truncated_anywhere_keeps_its_complete_messages() {
     for compression in COMPRESSIONS {
         let bytes = small_file(compression);
         let chunks = outer_records(&bytes, op::CHUNK);
@@ -46,7 +46,7 @@ fn a_cut_anywhere_leaves_what_was_whole_before_it() {
                 continue;
             };
             let end = |at: &usize| at + 9 + u64_at(&bytes, at + 1) as usize;
-            // The first chunk holds the topics and a message, the second a message, every other one two.
+            // The first chunk holds the topics and a message, the second one message, every other chunk two.
             let whole = match chunks.iter().filter(|at| end(at) <= length).count() {
                 few @ 0..=2 => few,
                 many => 2 * (many - 1),
@@ -54,7 +54,7 @@ fn a_cut_anywhere_leaves_what_was_whole_before_it() {
             let read = assert_subset(&messages);
             assert!(
                 read == whole || read == whole + 1,
-                "{read} messages in {length} bytes, {whole} are whole"
+                "{read} messages in {length} bytes, {whole} are complete"
             );
             assert_eq!(errors.is_empty(), length >= data_end + 13, "{length}: {errors:?}");
             assert!(errors.len() <= 1 && errors.iter().all(BagError::is_loss), "{errors:?}");
@@ -83,7 +83,7 @@ fn a_flipped_bit_never_gives_a_message_that_was_not_recorded() {
                     assert!(at < 8, "a flip at {at} makes the file unreadable");
                     continue;
                 };
-                // A flip in the index of a message record's own length or times is caught by the checksums.
+                // The checksums detect a flip in the index or in a message record's length or times.
                 let read = assert_subset(&messages);
                 assert!(read >= 10, "a flip at {at} loses {} messages: {errors:?}", 12 - read);
                 assert!(
@@ -96,7 +96,7 @@ fn a_flipped_bit_never_gives_a_message_that_was_not_recorded() {
 }
 
 #[test]
-fn a_chunk_with_a_wrong_checksum_is_named_and_the_rest_is_read() {
+fn a_chunk_with_a_wrong_checksum_is_reported_and_the_rest_is_read() {
     let mut bytes = small_file(Compression::None);
     let chunk = outer_records(&bytes, op::CHUNK)[3];
     let last = chunk + 9 + u64_at(&bytes, chunk + 1) as usize - 1;
@@ -117,7 +117,7 @@ fn a_chunk_with_a_wrong_checksum_is_named_and_the_rest_is_read() {
 }
 
 #[test]
-fn lengths_that_lie_take_no_memory_and_are_passed_over() {
+fn wrong_lengths_allocate_no_memory_and_are_skipped() {
     let bytes = small_file(Compression::Zstd);
     let chunks = outer_records(&bytes, op::CHUNK);
     let directory = tempfile::tempdir().unwrap();
@@ -147,11 +147,11 @@ fn a_record_longer_than_the_limit_is_damage() {
     let options = ReadOptions { record_limit_bytes: 4096, ..ReadOptions::default() };
     let (messages, errors) = read_all(&output, &options).unwrap();
     assert_eq!(essence(&messages), [expected(&entries)[0].clone(), expected(&entries)[2].clone()]);
-    assert!(errors[0].to_string().contains("the limit is 4096"), "{errors:?}");
+    assert!(errors[0].to_string().contains("the limit of 4096"), "{errors:?}");
 }
 
 #[test]
-fn what_is_no_recording_is_refused_by_name() {
+fn a_file_that_is_not_a_recording_is_refused_with_its_name() {
     let directory = tempfile::tempdir().unwrap();
     for (content, why) in
         [(&b""[..], "empty"), (b"abc", "shorter"), (b"a text, not a recording", "first eight")]
@@ -168,7 +168,7 @@ fn what_is_no_recording_is_refused_by_name() {
 fn recovering_skips_the_damage_and_keeps_the_rest() {
     let mut bytes = small_file(Compression::Zstd);
     let chunks = outer_records(&bytes, op::CHUNK);
-    // The third chunk's header becomes nonsense, and the end is cut off.
+    // The third chunk's header is overwritten, and the file is truncated.
     bytes[chunks[2]..chunks[2] + 20].fill(0xee);
     bytes.truncate(chunks[6] + 60);
     let directory = tempfile::tempdir().unwrap();

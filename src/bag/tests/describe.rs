@@ -1,4 +1,4 @@
-//! `info`: the index tells the same as the messages.
+//! `info`: the index gives the same report as reading the messages.
 
 use super::*;
 use crate::bag::info::{BagInfo, Depth, describe};
@@ -16,7 +16,7 @@ fn print(args: &InfoArgs) -> (String, Outcome) {
 }
 
 #[test]
-fn the_index_tells_what_reading_tells() {
+fn the_index_and_the_messages_give_the_same_report() {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("bag");
     record(&output, Compression::Lz4, &small_entries(), 3);
@@ -37,18 +37,18 @@ fn the_index_tells_what_reading_tells() {
         );
     }
     assert_eq!((by_index.topics[0].bytes, by_index.topics[0].skipped), (None, None));
-    // The sequence is the time: 199 numbers are left out five times.
+    // The sequence number is the time: 199 numbers are skipped five times.
     assert_eq!((by_reading.topics[0].bytes, by_reading.topics[0].skipped), (Some(240), Some(995)));
 }
 
 #[test]
-fn a_cut_file_is_described_and_counts_as_loss() {
+fn a_truncated_file_is_described_and_counts_as_loss() {
     let directory = tempfile::tempdir().unwrap();
     let bytes = small_file(Compression::Zstd);
     let path = bare(directory.path(), &bytes[..bytes.len() / 2]);
     let (text, outcome) = print(&InfoArgs { bag: path.clone(), json: false, verify: false });
     assert_eq!(outcome, Outcome::DataLost);
-    assert!(text.contains("Damaged") && text.contains("read from end to end"), "{text}");
+    assert!(text.contains("Damaged") && text.contains("the whole file was read"), "{text}");
     let (json, _) = print(&InfoArgs { bag: path, json: true, verify: false });
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["verified"], true);
@@ -56,7 +56,7 @@ fn a_cut_file_is_described_and_counts_as_loss() {
 }
 
 #[test]
-fn columns_are_aligned_and_everything_is_named() {
+fn columns_are_aligned_and_the_report_is_complete() {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("bag");
     record(&output, Compression::None, &small_entries(), 3);
@@ -81,7 +81,7 @@ fn columns_are_aligned_and_everything_is_named() {
 }
 
 #[test]
-fn a_reader_that_goes_away_is_no_error() {
+fn a_closed_pipe_is_no_error() {
     struct Closed;
     impl std::io::Write for Closed {
         fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {

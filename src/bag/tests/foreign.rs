@@ -1,4 +1,4 @@
-//! Files of other writers: unchunked, without index, out of order, of ROS 1; and recordings of real cameras.
+//! Files of other writers: without chunks, without index, out of order, from ROS 1; and recordings of real cameras.
 
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write as _};
@@ -10,7 +10,7 @@ use super::*;
 
 type Memory = Writer<Cursor<Vec<u8>>>;
 
-/// A file with one channel and what `write` adds.
+/// A file with one channel and the messages that `write` adds.
 fn file(options: WriteOptions, encoding: &str, write: impl FnOnce(&mut Memory, u16)) -> Vec<u8> {
     let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
     let schema = writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data").unwrap();
@@ -63,7 +63,7 @@ fn a_file_without_index_or_summary_is_read() {
 }
 
 #[test]
-fn chunks_that_overlap_come_in_order_of_time() {
+fn overlapping_chunks_are_read_in_time_order() {
     let bytes = file(WriteOptions::new(), "cdr", |writer, channel| {
         for time in [5, 1, 9, 3, 3, 20, 7, 8, 2, 30] {
             put(writer, channel, time);
@@ -78,7 +78,7 @@ fn chunks_that_overlap_come_in_order_of_time() {
 }
 
 #[test]
-fn sorting_has_a_bound_and_says_when_it_is_reached() {
+fn sorting_takes_bounded_memory_and_reports_the_limit() {
     let bytes = file(WriteOptions::new().compression(None), "cdr", |writer, channel| {
         // Every chunk begins at time 0, so that all of them would have to wait for the last.
         for time in 1..100 {
@@ -95,7 +95,7 @@ fn sorting_has_a_bound_and_says_when_it_is_reached() {
 }
 
 #[test]
-fn an_index_that_names_too_little_is_found_out() {
+fn an_incomplete_index_is_detected() {
     // Statistics and chunks of a whole file, but the index of its first chunk only.
     let whole =
         file(WriteOptions::new().calculate_summary_section_crc(false), "cdr", |writer, channel| {
@@ -112,7 +112,7 @@ fn an_index_that_names_too_little_is_found_out() {
         if whole[at] == chunk_index {
             seen += 1;
             if seen > 1 {
-                // An opcode of nobody: readers pass over it.
+                // An unassigned opcode: readers ignore it.
                 bytes[at] = 0x99;
             }
         }
@@ -125,7 +125,7 @@ fn an_index_that_names_too_little_is_found_out() {
 }
 
 #[test]
-fn messages_of_ros_1_are_told_by_their_topic() {
+fn ros_1_messages_are_refused_with_their_topic() {
     let bytes = file(WriteOptions::new().profile("ros1"), "ros1", |writer, channel| {
         put(writer, channel, 1);
     });
@@ -138,7 +138,7 @@ fn messages_of_ros_1_are_told_by_their_topic() {
 }
 
 #[test]
-fn a_time_that_does_not_fit_is_named() {
+fn a_time_out_of_range_is_reported() {
     let bytes = file(WriteOptions::new(), "cdr", |writer, channel| {
         put(writer, channel, 1);
         put(writer, channel, u64::MAX);

@@ -1,12 +1,12 @@
-//! Reading from a time on, as a viewer does who jumps.
+//! Reading from a start time, as after a seek in a viewer.
 
 use std::fs;
 
 use super::*;
 
-/// What is read from a time on, by the index and without it.
+/// Messages from a start time on, read with and without the index.
 fn read_from(path: &Path, from_ns: i64) -> Vec<(String, Times, Vec<u8>)> {
-    let [by_index, by_walking] = [true, false].map(|use_index| {
+    let [by_index, by_scan] = [true, false].map(|use_index| {
         let options = ReadOptions { use_index, ..ReadOptions::default() };
         let bag = BagReader::open(path, &options).unwrap();
         assert_eq!(bag.time_range_ns(), Some((1_000, 2_100)));
@@ -14,12 +14,12 @@ fn read_from(path: &Path, from_ns: i64) -> Vec<(String, Times, Vec<u8>)> {
         let messages: Vec<_> = bag.messages(&filter).map(|message| message.unwrap()).collect();
         essence(&messages)
     });
-    assert_eq!(by_index, by_walking);
+    assert_eq!(by_index, by_scan);
     by_index
 }
 
 #[test]
-fn what_came_before_is_passed_over() {
+fn earlier_messages_are_skipped() {
     let directory = tempfile::tempdir().unwrap();
     for compression in COMPRESSIONS {
         let output = directory.path().join(format!("{compression:?}"));
@@ -43,6 +43,6 @@ fn chunks_that_end_before_are_not_opened() {
     bytes[payload] = 2;
     fs::write(&file, bytes).unwrap();
     let bag = BagReader::open(&output, &ReadOptions::default()).unwrap();
-    let is_sound = |from_ns| bag.messages(&Filter::all().from(from_ns)).all(|item| item.is_ok());
-    assert!(is_sound(11) && !is_sound(10));
+    let is_intact = |from_ns| bag.messages(&Filter::all().from(from_ns)).all(|item| item.is_ok());
+    assert!(is_intact(11) && !is_intact(10));
 }

@@ -1,4 +1,4 @@
-//! A disk that is full: the error names the file, nothing panics, what was flushed is there.
+//! A full disk: the error names the file, nothing panics, flushed messages are kept.
 
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
@@ -30,7 +30,7 @@ impl Write for Disk {
 }
 
 #[test]
-fn a_full_disk_at_any_byte_leaves_what_was_flushed() {
+fn a_disk_full_at_any_byte_keeps_all_flushed_messages() {
     let directory = tempfile::tempdir().unwrap();
     let large = Disk { content: Arc::default(), size: usize::MAX };
     assert_eq!(fill(large.clone(), directory.path()), (12, true));
@@ -54,7 +54,7 @@ fn a_full_disk_at_any_byte_leaves_what_was_flushed() {
     }
 }
 
-/// Records until the disk is full; how many messages had been flushed before, and whether all fitted.
+/// Records until the disk is full. Returns the number of flushed messages, and true if everything fitted.
 fn fill(disk: Disk, directory: &Path) -> (usize, bool) {
     let name = "bag_0.mcap".to_owned();
     let Ok(mut recorder) = Recorder::on(Box::new(disk), directory, name, Compression::None) else {

@@ -1,4 +1,4 @@
-//! Tests across the module: what is written is read, what is damaged is named, and nothing else is lost.
+//! Tests across the module: written messages are read back, damage is reported, nothing else is lost.
 
 mod round_trip;
 mod from_a_time;
@@ -102,14 +102,14 @@ pub(super) fn small_file(compression: Compression) -> Vec<u8> {
 pub(super) fn bare(directory: &Path, bytes: &[u8]) -> PathBuf {
     let path = directory.join("bare.mcap");
     if path.exists() {
-        // To write over a file makes some file systems wait for the disk.
+        // Overwriting a file makes some file systems wait for the disk.
         fs::remove_file(&path).unwrap();
     }
     fs::write(&path, bytes).unwrap();
     path
 }
 
-/// All messages, and what was damaged.
+/// Reads all messages and all errors.
 pub(super) fn read_all(
     path: &Path,
     options: &ReadOptions,
@@ -125,7 +125,7 @@ pub(super) fn read_all(
     Ok((messages, errors))
 }
 
-/// What was recorded, in the form in which it is compared.
+/// The recorded content in comparable form.
 pub(super) fn essence(messages: &[RawMessage]) -> Vec<(String, Times, Vec<u8>)> {
     let times = |message: &RawMessage| Times {
         log_ns: message.log_time_ns,

@@ -1,14 +1,14 @@
-//! Chunks that are not compressed take another way than the others, and give the same.
+//! The fast path for uncompressed chunks gives the same messages as the general decoder.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// Sizes about those at which the way changes: a block, a piece, several pieces.
+/// Sizes around the thresholds of the fast path: a block, a piece, several pieces.
 const SIZES: [usize; 12] =
     [0, 1, 40, 16_353, 16_384, 16_385, 32_700, 32_768, 32_769, 131_072, 147_457, 300_000];
 
-/// Bytes that no other message holds.
+/// Bytes that differ between seeds.
 fn content(size: usize, seed: usize) -> Vec<u8> {
     let mut state = seed as u32 + 1;
     let mut next = || {
@@ -23,7 +23,7 @@ fn entries(sizes: &[usize]) -> Vec<Entry> {
     sizes.iter().enumerate().map(entry).collect()
 }
 
-/// Also while buffers of other sizes come back.
+/// Reads all messages and recycles buffers of other sizes.
 fn read_recycling(path: &Path, filter: &Filter) -> Vec<RawMessage> {
     let bag = BagReader::open(path, &ReadOptions::default()).unwrap();
     let (mut messages, mut stream) = (Vec::new(), bag.messages(filter));
@@ -36,7 +36,7 @@ fn read_recycling(path: &Path, filter: &Filter) -> Vec<RawMessage> {
 }
 
 #[test]
-fn messages_of_every_size_come_back() {
+fn messages_of_every_size_are_read_back() {
     let entries = entries(&[SIZES, SIZES].concat());
     for per_chunk in [1, 3, 24] {
         let directory = tempfile::tempdir().unwrap();
@@ -52,7 +52,7 @@ fn messages_of_every_size_come_back() {
 }
 
 #[test]
-fn a_flipped_bit_anywhere_in_a_chunk_costs_that_chunk_and_no_more() {
+fn a_flipped_bit_in_a_chunk_loses_only_that_chunk() {
     let entries = entries(&[300_000, 40, 20_000, 40, 40, 150_000]);
     let directory = tempfile::tempdir().unwrap();
     let file = record(&directory.path().join("bag"), Compression::None, &entries, 2).file;
@@ -69,7 +69,7 @@ fn a_flipped_bit_anywhere_in_a_chunk_costs_that_chunk_and_no_more() {
             let (messages, errors) = read_all(&path, &ReadOptions::default()).unwrap();
             assert_eq!(errors.len(), 1, "{errors:?}");
             let mut left = expected(&entries);
-            // The first message shares its chunk with the topics, the second is alone, the others are in pairs.
+            // The first message shares its chunk with the topics, the second has its own, the others come in pairs.
             let first = if number < 2 { number } else { number / 2 * 2 };
             left.drain(first..first + if number < 2 { 1 } else { 2 });
             assert!(essence(&messages) == left, "message {number}, byte {at}");
@@ -81,7 +81,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn as_the_decoder_of_all_chunks_gives_them(
+    fn the_fast_path_equals_the_general_decoder(
         sizes in prop::collection::vec(0_usize..70_000, 1..20),
         per_chunk in 1_usize..8,
     ) {

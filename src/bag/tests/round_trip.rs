@@ -1,4 +1,4 @@
-//! What goes in comes out, and the same goes in as the same bytes.
+//! Round trip: recorded content is read back, and equal input gives equal bytes.
 
 use std::fs;
 
@@ -9,7 +9,7 @@ use crate::bag::metadata::MetadataFile;
 use crate::bag::{Messages, RecordError};
 
 #[test]
-fn every_compression_brings_back_topics_messages_attachments_and_metadata() {
+fn every_compression_preserves_topics_messages_attachments_and_metadata() {
     for compression in COMPRESSIONS {
         let directory = tempfile::tempdir().unwrap();
         let output = directory.path().join("bag");
@@ -35,9 +35,9 @@ fn every_compression_brings_back_topics_messages_attachments_and_metadata() {
     }
 }
 
-/// Readers take such a chunk for one of the year 1970, or refuse the file.
+/// Some readers date a chunk without messages to 1970; others reject the file.
 #[test]
-fn no_chunk_is_without_messages() {
+fn every_chunk_has_messages() {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("bag");
     let mut recorder = Recorder::create(&output, RecordOptions::default()).unwrap();
@@ -99,7 +99,7 @@ fn the_same_input_gives_the_same_bytes() {
 }
 
 #[test]
-fn metadata_says_what_rosbag2_says() {
+fn metadata_has_the_fields_of_rosbag2() {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("bag");
     record(&output, Compression::Zstd, &small_entries(), 5);
@@ -194,7 +194,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn any_messages_come_back_in_order_of_time(
+    fn any_messages_are_read_back_in_time_order(
         entries in prop::collection::vec(
             (0..2_usize, 0..5_000_i64, prop::collection::vec(any::<u8>(), 0..300)), 0..60),
         flush_every in 1..20_usize,

@@ -1,4 +1,4 @@
-//! Bags in several files: each opens alone, together they are the whole.
+//! Bags in several files: each file opens alone, and together they hold all messages.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ fn create(directory: &Path, limits: SplitLimits) -> SplitRecorder {
     };
     let topics = vec![topic("/profile"), latched];
     let mut bag = SplitRecorder::create(directory, Compression::None, limits, topics).unwrap();
-    bag.explain(parameters(), Some(calibration())).unwrap();
+    bag.describe(parameters(), Some(calibration())).unwrap();
     bag
 }
 
@@ -40,7 +40,7 @@ fn times(path: &Path) -> Vec<(String, i64, i64)> {
 }
 
 #[test]
-fn every_file_opens_alone_and_explains_itself() {
+fn every_file_opens_alone_and_is_self_contained() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
     let mut bag = create(&directory, SplitLimits { duration_ns: 10, bytes: 0 });
@@ -55,7 +55,7 @@ fn every_file_opens_alone_and_explains_itself() {
     assert_eq!(summary.bytes, lengths.iter().sum::<u64>());
     let (profile, status) = ("/profile".to_owned(), "/stream_status".to_owned());
     let first = vec![(status.clone(), 1_000, 995), (profile.clone(), 1_005, 1_000)];
-    // The status was sent before the second file began; it stands there with the time of its sending.
+    // The status was sent before the second file began; that file repeats it with its publish time.
     let second = vec![
         (status.clone(), 1_010, 995),
         (profile.clone(), 1_010, 1_005),
@@ -94,7 +94,7 @@ fn every_file_opens_alone_and_explains_itself() {
 }
 
 #[test]
-fn no_file_is_longer_than_its_limit_by_more_than_its_head_and_index() {
+fn a_file_exceeds_its_limit_by_no_more_than_its_description_and_index() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
     let mut bag = create(&directory, SplitLimits { bytes: 100_000, duration_ns: 0 });
@@ -114,7 +114,7 @@ fn no_file_is_longer_than_its_limit_by_more_than_its_head_and_index() {
 }
 
 #[test]
-fn a_message_longer_than_a_file_has_one_and_is_repeated_once_a_file() {
+fn a_message_longer_than_the_limit_gets_its_own_file_and_is_repeated_once_per_file() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
     let mut bag = create(&directory, SplitLimits { bytes: 1_000, duration_ns: 0 });
@@ -123,12 +123,12 @@ fn a_message_longer_than_a_file_has_one_and_is_repeated_once_a_file() {
         write(&mut bag, 0, number, &[7; 280]);
     }
     let summary = bag.finish().unwrap();
-    // The long one alone, then three in each: the long one, repeated there, does not count.
+    // The long message alone, then three messages per file; the repeated long message does not count toward the limit.
     assert_eq!((summary.files, summary.messages), (4, 1 + 9 + 3));
 }
 
 #[test]
-fn a_clock_that_is_set_back_begins_a_file_and_loses_nothing() {
+fn a_clock_set_back_starts_a_new_file_and_loses_nothing() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
     let limits = SplitLimits { duration_ns: 60 * SECOND_NS as u64, bytes: 0 };
@@ -142,7 +142,7 @@ fn a_clock_that_is_set_back_begins_a_file_and_loses_nothing() {
 }
 
 #[test]
-fn a_bag_that_is_never_finished_has_what_was_flushed() {
+fn an_unfinished_bag_holds_all_flushed_messages() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
     let mut bag = create(&directory, SplitLimits { duration_ns: 10, bytes: 0 });
@@ -150,14 +150,14 @@ fn a_bag_that_is_never_finished_has_what_was_flushed() {
         write(&mut bag, 0, log_ns, b"x");
     }
     bag.flush().unwrap();
-    // As after kill -9: nothing of it runs.
+    // As after kill -9: no destructor runs.
     std::mem::forget(bag);
     assert!(!directory.join("metadata.yaml").exists());
     assert_eq!(read_all(&directory, &ReadOptions::default()).unwrap().0.len(), 5);
 }
 
 #[test]
-fn when_the_next_file_cannot_be_made_those_before_are_a_whole_bag() {
+fn if_the_next_file_cannot_be_created_the_earlier_ones_form_a_complete_bag() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
     let mut bag = create(&directory, SplitLimits { duration_ns: 10, bytes: 0 });
@@ -189,21 +189,21 @@ fn wrong_calls_are_refused_and_harm_nothing() {
 }
 
 #[test]
-fn what_explains_the_bag_can_change_and_the_last_counts() {
+fn the_description_can_change_and_the_last_one_is_valid() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
     let mut bag = create(&directory, SplitLimits { duration_ns: 10, bytes: 0 });
     write(&mut bag, 0, 0, b"x");
     let changed = MetadataRecord { entries: [("a".into(), "2".into())].into(), ..parameters() };
-    bag.explain(changed.clone(), None).unwrap();
+    bag.describe(changed.clone(), None).unwrap();
     write(&mut bag, 0, 10, b"x");
     bag.finish().unwrap();
-    let explains = |number: usize| {
+    let descriptions = |number: usize| {
         let path = directory.join(format!("bag_{number}.mcap"));
         let bag = BagReader::open(&path, &ReadOptions::default()).unwrap();
         let own = bag.metadata().map(Result::unwrap).filter(|record| record.name != "rosbag2");
         (own.collect::<Vec<_>>(), bag.attachments().count())
     };
-    assert_eq!(explains(0), (vec![parameters(), changed.clone()], 1));
-    assert_eq!(explains(1), (vec![changed], 0));
+    assert_eq!(descriptions(0), (vec![parameters(), changed.clone()], 1));
+    assert_eq!(descriptions(1), (vec![changed], 0));
 }

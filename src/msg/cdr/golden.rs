@@ -1,4 +1,4 @@
-//! Bytes written by `rosbags`, see `tests/data/cdr/README.md`: one layout and one meaning of every kind of field.
+//! Golden bytes written by `rosbags` (see `tests/data/cdr/README.md`), which cover every kind of field.
 
 use std::fmt::Debug;
 

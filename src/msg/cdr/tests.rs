@@ -22,7 +22,7 @@ where
 {
     let message: T = noise::message(noise);
     encode(&message, bytes).unwrap();
-    // NaN, the default exposure time, never comes out of noise: equality is fair.
+    // Noise never yields NaN, the default exposure time, so messages compare equal.
     assert_eq!(decode::<T>(bytes).unwrap(), message);
 }
 
@@ -35,7 +35,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn every_message_comes_back(noise in vec(any::<u8>(), 0..2000)) {
+    fn every_message_round_trips(noise in vec(any::<u8>(), 0..2000)) {
         for_each_message!(check_round_trip, &noise, &mut Vec::new());
     }
 
@@ -45,7 +45,7 @@ proptest! {
         for_each_message!(check_decode, &bytes);
     }
 
-    /// Most arbitrary bytes fail early; messages with one wrong byte get further.
+    /// Most arbitrary bytes fail early; messages with one wrong byte are decoded further.
     #[test]
     fn damaged_messages_never_panic(noise in vec(any::<u8>(), 400), at: prop::sample::Index, byte: u8) {
         let mut bytes = Vec::new();
@@ -92,7 +92,7 @@ fn both_byte_orders_are_read_and_bytes_are_borrowed() {
 }
 
 #[test]
-fn other_encodings_are_refused_by_name() {
+fn other_encodings_are_rejected_by_id() {
     type Header<'a> = std_msgs::Header<'a>;
     for id in [[0, 2], [0, 3], [0, 6], [0, 7], [1, 1], [0xff, 0xff]] {
         let mut bytes = HEADER;
@@ -108,21 +108,21 @@ fn other_encodings_are_refused_by_name() {
 }
 
 #[test]
-fn short_and_lying_bytes_are_refused_with_numbers() {
+fn truncated_and_inconsistent_bytes_are_rejected_with_numbers() {
     type Header<'a> = std_msgs::Header<'a>;
     for length in 4..HEADER.len() {
         let error = decode::<Header<'_>>(&HEADER[..length]).unwrap_err();
         assert!(matches!(error, CdrError::Content { length: l, .. } if l == length), "{error}");
     }
-    let mut lying = HEADER;
-    lying[12..16].fill(0xff);
+    let mut too_long = HEADER;
+    too_long[12..16].fill(0xff);
     assert_eq!(
-        decode::<Header<'_>>(&lying).unwrap_err().to_string(),
+        decode::<Header<'_>>(&too_long).unwrap_err().to_string(),
         "std_msgs/msg/Header: at byte 16 of 19: unexpected end of input"
     );
-    let mut endless = HEADER;
-    endless[18] = b'c';
-    let error = decode::<Header<'_>>(&endless).unwrap_err().to_string();
+    let mut unterminated = HEADER;
+    unterminated[18] = b'c';
+    let error = decode::<Header<'_>>(&unterminated).unwrap_err().to_string();
     assert!(error.contains("string of 3 bytes does not end in NUL"), "{error}");
     let mut latin = HEADER;
     latin[16] = 0xe9;
@@ -131,7 +131,7 @@ fn short_and_lying_bytes_are_refused_with_numbers() {
 }
 
 #[test]
-fn padding_is_allowed_and_another_type_is_not() {
+fn padding_is_allowed_and_surplus_bytes_are_rejected() {
     let mut bytes = HEADER.to_vec();
     bytes.resize(HEADER.len() + 7, 0);
     assert!(decode::<std_msgs::Header<'_>>(&bytes).is_ok());
@@ -142,7 +142,7 @@ fn padding_is_allowed_and_another_type_is_not() {
 
 #[test]
 fn a_stated_length_reserves_nothing() {
-    /// Reads a sequence and tells what its length promised to collections.
+    /// Reads a sequence and returns its size hint.
     struct Promise(Option<usize>);
     impl<'de> Deserialize<'de> for Promise {
         fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -173,7 +173,7 @@ fn a_stated_length_reserves_nothing() {
 }
 
 #[test]
-fn lying_sequence_lengths_end_where_the_bytes_do() {
+fn false_sequence_lengths_are_rejected() {
     let line = laser_profiler_msgs::Centerline {
         u: vec![1.0, 2.0, 3.0].into(),
         v: vec![1.0, 2.0, 3.0].into(),

@@ -1,4 +1,4 @@
-//! The centreline drawn over its image.
+//! The centreline as annotations of its image.
 
 use crate::{
     msg::{
@@ -8,15 +8,15 @@ use crate::{
     scanner::stripe::Centerline,
 };
 
-/// Green: far from the stripe's red and white and from grey.
+/// Green: contrasts with red and white stripes and with grey.
 const LINE_COLOR: Color = Color { r: 0.1, g: 1.0, b: 0.2, a: 1.0 };
 const LINE_THICKNESS_PX: f64 = 1.0;
-/// From pixel centres at integers to an origin at the corner of the top-left pixel.
+/// Offset from pixel centres at integers to an origin at the corner of the top-left pixel.
 const CENTER_FROM_CORNER_PX: f64 = 0.5;
 
-/// Replaces the lines of `annotations` by a centreline: one line for each connected stripe, nothing across gaps.
+/// Replaces the lines of `annotations` by a centreline: one line per connected stripe, none across gaps.
 ///
-/// Keeps the memory of the lines that stay.
+/// Reuses the memory of the lines.
 pub(crate) fn draw(stamp: Time, line: &Centerline, annotations: &mut ImageAnnotations<'_>) {
     annotations.points.resize_with(line.stripe_start.len(), PointsAnnotation::default);
     let ends = line.stripe_start.iter().skip(1).map(|&start| start as usize).chain([line.len()]);
@@ -44,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn every_stripe_is_a_line_of_its_own() {
+    fn every_stripe_is_a_separate_line() {
         let line = Centerline {
             u_px: vec![0.0, 1.0, 5.0, 6.0, 7.0],
             v_px: vec![10.0, 10.25, 20.0, 20.5, 21.0],

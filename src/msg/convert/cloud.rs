@@ -1,4 +1,4 @@
-//! Slices as point clouds, the whole scan as a height image.
+//! Slices as point clouds, scans as height images.
 
 use std::borrow::Cow;
 
@@ -18,7 +18,7 @@ use crate::{
 const POINT_BYTES: u32 = size_of::<Point>() as u32;
 const BIG_ENDIAN_HOST: bool = cfg!(target_endian = "big");
 
-/// The layout of [`Point`].
+/// Layout of [`Point`].
 static FIELDS: [PointField<'static>; 4] =
     [float("x", 0), float("y", 4), float("z", 8), float("intensity", 12)];
 
@@ -26,7 +26,7 @@ const fn float(name: &'static str, offset: u32) -> PointField<'static> {
     PointField { name: Cow::Borrowed(name), offset, datatype: PointField::FLOAT32, count: 1 }
 }
 
-/// A slice as it lies in memory: one row a profile, NaN for missing points, in the scan frame `frame_id`.
+/// Returns a slice as it lies in memory: one row per profile, NaN for missing points, in the scan frame `frame_id`.
 pub fn organised<'a>(frame_id: &'a str, slice: &'a Slice) -> PointCloud2<'a> {
     PointCloud2 {
         height: slice.height,
@@ -36,7 +36,7 @@ pub fn organised<'a>(frame_id: &'a str, slice: &'a Slice) -> PointCloud2<'a> {
     }
 }
 
-/// A slice without its missing points, in one row, for viewers. `points` holds them: its old content is lost.
+/// Returns a slice without its missing points, in one row, for viewers. Replaces `points` by the remaining points.
 pub(crate) fn dense<'a>(
     frame_id: &'a str,
     slice: &Slice,
@@ -65,17 +65,17 @@ fn cloud<'a>(frame_id: &'a str, stamp_ns: i64, width: u32, points: &'a [Point]) 
     }
 }
 
-/// How many points a cloud may have, so that its message in the frame `frame_id` has no more than `max_bytes`.
+/// Returns the largest number of points of a cloud whose message in the frame `frame_id` has at most `max_bytes`.
 pub(crate) fn points_within(max_bytes: usize, frame_id: &str) -> usize {
     let mut empty = Vec::new();
-    // An empty cloud with a name has bytes, or nothing fits.
+    // An empty cloud that cannot be encoded has no room for points.
     match cdr::encode(&cloud(frame_id, 0, 0, &[]), &mut empty) {
         Ok(()) => max_bytes.saturating_sub(empty.len()) / size_of::<Point>(),
         Err(_) => 0,
     }
 }
 
-/// A scan's heights as an image of floats (REP 118): metres, NaN where nothing was measured.
+/// Returns the heights of a scan as an image of floats (REP 118): metres, NaN if not measured.
 pub(crate) fn height_map<'a>(frame_id: &'a str, map: &'a HeightMap) -> Image<'a> {
     Image {
         header: Header { stamp: Time::from_ns(map.stamp_ns), frame_id: Cow::Borrowed(frame_id) },
@@ -101,7 +101,7 @@ mod tests {
         Slice { stamp_ns: 1_000_000_002, width: 3, height: 2, points, ..Slice::default() }
     }
 
-    /// A field of a point, read as a stranger reads it: by the message's own description.
+    /// Returns a field of a point, read according to the message's own description.
     fn value(cloud: &PointCloud2<'_>, row: u32, column: u32, name: &str) -> f32 {
         let field = cloud.fields.iter().find(|field| field.name == name).unwrap();
         assert_eq!((field.datatype, field.count), (PointField::FLOAT32, 1));
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn an_organised_cloud_keeps_every_place() {
+    fn an_organised_cloud_keeps_missing_points() {
         let slice = slice();
         let cloud = organised("scan", &slice);
         assert_eq!(cloud.header.stamp, Time { sec: 1, nanosec: 2 });
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn the_points_that_fit_are_known_before() {
+    fn points_within_is_the_largest_number_that_fits() {
         let mut bytes = Vec::new();
         let mut size = |frame_id, num_points| {
             let points = vec![NAN; num_points];

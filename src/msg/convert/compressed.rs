@@ -1,4 +1,4 @@
-//! `sensor_msgs/CompressedImage` as the scanner's image, decoded into a buffer that is kept between frames.
+//! Decodes `sensor_msgs/CompressedImage` to the scanner's image, into a buffer reused between frames.
 
 use std::{fmt, io::Cursor};
 
@@ -13,7 +13,7 @@ use crate::{
     scanner::image::{ByteOrder, Image, PixelFormat},
 };
 
-/// How a picture is compressed.
+/// Compression of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Codec {
     /// JPEG, 8 bit.
@@ -31,14 +31,14 @@ impl fmt::Display for Codec {
     }
 }
 
-/// Byte order of the 16-bit samples that a decoder yields.
+/// Byte order of the 16-bit samples from a decoder.
 const NATIVE: ByteOrder =
     if cfg!(target_endian = "big") { ByteOrder::Big } else { ByteOrder::Little };
 
-/// What the PNG decoder may take for its own buffers, however small the limit: 64 KiB.
+/// Memory that the PNG decoder may always use for its own buffers: 64 KiB.
 const MIN_DECODER_BYTES: u64 = 1 << 16;
 
-/// Size and kind of the pixels of a decoded image.
+/// Size and pixel format of a decoded image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
     width: u32,
@@ -47,10 +47,10 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// The image that lies in `pixels`.
+    /// Views `pixels` as an image of this shape.
     ///
     /// # Errors
-    /// Pixels of another image.
+    /// The length of `pixels` does not match.
     pub(crate) fn image<'a>(&self, pixels: &'a [u8]) -> Result<Image<'a>, FrameRejected> {
         let &Self { width, height, format } = self;
         let step = width.saturating_mul(format.bytes_per_pixel() as u32);
@@ -58,7 +58,7 @@ impl Shape {
     }
 }
 
-/// Decodes a compressed image into `pixels`, as `unpack` does, and shows it.
+/// Decodes a compressed image into `pixels`, like `unpack`, and returns a view of it.
 ///
 /// # Errors
 /// Those of `unpack`.
@@ -70,14 +70,15 @@ pub fn image<'a>(
     unpack(message, max_frame_bytes, pixels)?.image(pixels)
 }
 
-/// Decodes a compressed image into `pixels`: grey as 8 or 16 bit grey (or the Bayer pattern that the format names),
+/// Decodes a compressed image into `pixels`: grey as 8- or 16-bit grey (or the Bayer pattern named in the format),
 /// colour as `rgb8` or `rgba8`.
 ///
-/// Nothing is allocated for pixels before the size in the file's header has passed `max_frame_bytes`; the decoders
-/// work in a small multiple of that.
+/// Allocates no pixels before the size in the file's header is checked against `max_frame_bytes`; the decoders use a
+/// small multiple of that.
 ///
 /// # Errors
-/// A format other than JPEG and PNG, a size beyond the limit, a file that is damaged or of another kind than stated.
+/// A format other than JPEG and PNG, a size above the limit, or a file that is damaged or of another format than
+/// stated.
 pub(crate) fn unpack(
     message: &CompressedImage<'_>,
     max_frame_bytes: u64,
@@ -111,7 +112,7 @@ pub(crate) fn unpack(
     Ok(Shape { width, height, format })
 }
 
-/// The codec of a format: its whole text, or the first word behind the `;` that `image_transport` writes.
+/// Returns the codec of a format: its only word, or the first word after the `;` written by `image_transport`.
 fn codec(format: &str) -> Option<Codec> {
     let compression = format.rsplit(';').next()?;
     match compression.split_ascii_whitespace().next()?.to_ascii_lowercase().as_str() {
@@ -121,13 +122,14 @@ fn codec(format: &str) -> Option<Codec> {
     }
 }
 
-/// Whether the end-of-image marker is there, perhaps padded: the decoder fills up truncated images unseen.
+/// Returns true if the data ends with the end-of-image marker, possibly padded. The decoder completes truncated images
+/// silently.
 fn ends_as_jpeg(data: &[u8]) -> bool {
     let padding = data.iter().rev().take_while(|&&byte| byte == 0).count();
     data[..data.len() - padding].ends_with(&[0xff, 0xd9])
 }
 
-/// A compressed picture and the most that its pixels may take.
+/// A compressed image and the size limit of its pixels.
 struct File<'a> {
     codec: Codec,
     data: &'a [u8],
@@ -135,7 +137,7 @@ struct File<'a> {
 }
 
 impl File<'_> {
-    /// Width, height and kind of the pixels that now fill `pixels`.
+    /// Decodes into `pixels` and returns width, height and kind of the pixels.
     fn decode<D: ImageDecoder>(
         &self,
         decoder: ImageResult<D>,
@@ -150,7 +152,7 @@ impl File<'_> {
         if bytes > max_frame_bytes {
             return Err(FrameRejected::TooLarge { width, height, bytes, max_frame_bytes });
         }
-        // Zeroed, so that no pixel of an earlier frame can show through a partial one.
+        // Zeroed, so that a partial frame contains no pixels of an earlier one.
         pixels.clear();
         pixels.resize(bytes as usize, 0);
         decoder.read_image(pixels).map_err(broken)?;
@@ -186,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn png_gives_back_its_pixels() {
+    fn png_decodes_exactly() {
         let grey: Vec<u8> = (0..6).collect();
         let deep: Vec<u8> =
             [1, 500, 65535, 256, 0, 7].iter().flat_map(|v: &u16| v.to_ne_bytes()).collect();
@@ -227,8 +229,8 @@ mod tests {
     }
 
     #[test]
-    fn jpeg_gives_back_its_pixels_nearly() {
-        // 16 x 8: whole blocks, each of one colour.
+    fn jpeg_decodes_approximately() {
+        // 16 x 8 pixels: whole blocks, each of a single colour.
         let grey: Vec<u8> = (0..128).map(|i| if i % 16 < 8 { 40 } else { 200 }).collect();
         let color: Vec<u8> = grey.iter().flat_map(|&v| [v, 100, 255 - v]).collect();
         for (format, file, expected, samples) in [
@@ -259,15 +261,15 @@ mod tests {
     }
 
     #[test]
-    fn lying_headers_are_refused_before_memory_is_taken() {
-        let mut lying_jpeg = jpeg(16, 8, &[0; 128], ExtendedColorType::L8);
-        let frame = lying_jpeg.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();
-        lying_jpeg[frame + 5..frame + 9].fill(0xff);
+    fn false_sizes_are_rejected_before_allocation() {
+        let mut false_jpeg = jpeg(16, 8, &[0; 128], ExtendedColorType::L8);
+        let frame = false_jpeg.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();
+        false_jpeg[frame + 5..frame + 9].fill(0xff);
         // Width and height of the header chunk, and its checksum (computed with zlib).
-        let mut lying_png = png(3, 2, &[0; 6], ExtendedColorType::L8);
-        lying_png[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
-        lying_png[29..33].copy_from_slice(&[0x93, 0x6e, 0x86, 0x8c]);
-        for (format, file) in [("jpeg", lying_jpeg), ("png", lying_png)] {
+        let mut false_png = png(3, 2, &[0; 6], ExtendedColorType::L8);
+        false_png[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
+        false_png[29..33].copy_from_slice(&[0x93, 0x6e, 0x86, 0x8c]);
+        for (format, file) in [("jpeg", false_jpeg), ("png", false_png)] {
             let mut pixels = Vec::new();
             let error = image(&message(format, &file), LIMIT, &mut pixels).unwrap_err();
             assert!(
@@ -279,33 +281,33 @@ mod tests {
     }
 
     #[test]
-    fn damaged_and_unknown_files_are_refused_by_name() {
+    fn damaged_and_unknown_files_are_rejected() {
         let grey: Vec<u8> = (0..128).collect();
         let jpeg = jpeg(16, 8, &grey, ExtendedColorType::L8);
         let png = png(16, 8, &grey, ExtendedColorType::L8);
-        let refused = |format: &str, data: &[u8]| {
+        let rejected = |format: &str, data: &[u8]| {
             image(&message(format, data), LIMIT, &mut Vec::new()).unwrap_err()
         };
         for length in 0..jpeg.len() {
-            let error = refused("jpeg", &jpeg[..length]);
+            let error = rejected("jpeg", &jpeg[..length]);
             assert!(matches!(error, FrameRejected::Truncated { .. }), "{length}: {error}");
         }
         for length in 0..png.len() - 16 {
-            let error = refused("png", &png[..length]);
+            let error = rejected("png", &png[..length]);
             assert!(
                 matches!(error, FrameRejected::Codec { codec: Codec::Png, .. }),
                 "{length}: {error}"
             );
         }
-        assert!(matches!(refused("jpeg", &[0xff, 0xd9]), FrameRejected::Codec { .. }));
-        assert!(matches!(refused("png", &jpeg), FrameRejected::Codec { .. }));
+        assert!(matches!(rejected("jpeg", &[0xff, 0xd9]), FrameRejected::Codec { .. }));
+        assert!(matches!(rejected("png", &jpeg), FrameRejected::Codec { .. }));
         for format in ["", ";", "tiff", "16UC1; compressedDepth png", "rgb8; rvl"] {
-            assert!(matches!(refused(format, &png), FrameRejected::Format { .. }), "{format}");
+            assert!(matches!(rejected(format, &png), FrameRejected::Format { .. }), "{format}");
         }
     }
 
     #[test]
-    fn padded_jpeg_is_whole_and_colour_is_named() {
+    fn padded_jpeg_is_accepted_and_unsupported_colour_is_named() {
         let mut padded = jpeg(16, 8, &[7; 128], ExtendedColorType::L8);
         padded.extend([0; 5]);
         assert!(image(&message("jpeg", &padded), LIMIT, &mut Vec::new()).is_ok());

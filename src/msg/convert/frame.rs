@@ -1,4 +1,4 @@
-//! `sensor_msgs/Image` as the scanner's image: checked once, never copied.
+//! Views `sensor_msgs/Image` as the scanner's image: checked once, never copied.
 
 use thiserror::Error;
 
@@ -8,64 +8,66 @@ use crate::{
     scanner::image::{BayerPattern, ByteOrder, Image, ImageError, PixelFormat},
 };
 
-/// Encodings that the scanner reads.
+/// Encodings supported by the scanner.
 pub(crate) const ENCODINGS: &str = "mono8, mono16, 8UC1, 16UC1, rgb8, bgr8, rgba8, bgra8, \
                              bayer_{rggb,bggr,gbrg,grbg}{8,16}";
 
-/// Why a camera's message is not a frame. The frame is skipped and counted; the stream goes on.
+/// Reasons to reject a camera's message. The frame is skipped and counted; the stream continues.
 #[derive(Debug, Error)]
 pub enum FrameRejected {
-    /// Size, step and data disagree.
+    /// Size, step and data are inconsistent.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// Pixels of an unknown kind.
+    /// Unknown encoding.
     #[error("encoding {encoding:?} is not one of {ENCODINGS}")]
     Encoding {
-        /// As stated, cut after 32 characters.
+        /// Stated text, truncated to 32 characters.
         encoding: String,
     },
-    /// A compressed image of an unknown kind.
-    #[error("format {format:?} is none of jpeg, png")]
+    /// Unknown format of a compressed image.
+    #[error("format {format:?} is neither jpeg nor png")]
     Format {
-        /// As stated, cut after 32 characters.
+        /// Stated text, truncated to 32 characters.
         format: String,
     },
-    /// More memory than a frame may take.
+    /// The frame exceeds the memory limit.
     #[error(
-        "image of {width} x {height} pixels takes {bytes} bytes, at most {max_frame_bytes} are allowed"
+        "image of {width} x {height} pixels takes {bytes} bytes, more than the limit of {max_frame_bytes}"
     )]
     TooLarge {
         /// Columns.
         width: u32,
         /// Rows.
         height: u32,
-        /// Bytes of the pixels or of the buffer; `u64::MAX` where it is even more.
+        /// Larger of the bytes of the pixels and of the buffer, saturating at `u64::MAX`.
         bytes: u64,
-        /// The limit.
+        /// Limit, bytes.
         max_frame_bytes: u64,
     },
-    /// A compressed image with pixels of an unknown kind.
-    #[error("{codec} image has {color:?} pixels: 8 bit grey or colour, or 16 bit grey, is needed")]
+    /// Unsupported pixels in a compressed image.
+    #[error(
+        "{codec} image has {color:?} pixels, but must have 8-bit grey or colour, or 16-bit grey"
+    )]
     Color {
-        /// The format stated.
+        /// Stated format.
         codec: Codec,
-        /// What its header states.
+        /// Pixels according to the file's header.
         color: image::ColorType,
     },
-    /// A compressed image whose end is missing.
+    /// Truncated compressed image.
     #[error("JPEG image of {length} bytes has no end-of-image marker at its end")]
     Truncated {
-        /// Bytes there are.
+        /// Number of bytes.
         length: usize,
     },
     /// A compressed image that cannot be decoded.
     #[error("cannot decode {codec} image of {length} bytes: {reason}")]
     Codec {
-        /// The format stated.
+        /// Stated format.
         codec: Codec,
-        /// Bytes there are.
+        /// Number of bytes.
         length: usize,
-        /// What the decoder says.
+        /// Error of the decoder.
         reason: image::ImageError,
     },
 }
@@ -73,7 +75,7 @@ pub enum FrameRejected {
 /// Views an image message as an image.
 ///
 /// # Errors
-/// An unknown encoding; more than `max_frame_bytes` bytes, stated or needed; size, step and data that disagree.
+/// Unknown encoding; more than `max_frame_bytes` bytes, stated or required; inconsistent size, step and data.
 pub(crate) fn image<'a>(
     message: &sensor_msgs::Image<'a>,
     max_frame_bytes: u64,
@@ -92,7 +94,7 @@ pub(crate) fn image<'a>(
     Ok(Image::new(width, height, step, format, data)?)
 }
 
-/// The pixels of an encoding's name; `None` where the scanner cannot read them.
+/// Returns the pixel format of an encoding; `None` if unsupported.
 pub(super) fn pixel_format(encoding: &str, order: ByteOrder) -> Option<PixelFormat> {
     Some(match encoding {
         "mono8" | "8UC1" => PixelFormat::Mono8,
@@ -119,7 +121,7 @@ pub(super) fn pixel_format(encoding: &str, order: ByteOrder) -> Option<PixelForm
     })
 }
 
-/// Enough of a stranger's text to recognise it by.
+/// Returns the first 32 characters of a received text.
 pub(super) fn excerpt(text: &str) -> String {
     text.chars().take(32).collect()
 }
@@ -142,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn every_encoding_is_the_format_of_its_name() {
+    fn every_encoding_has_its_format() {
         let (little, big) = (ByteOrder::Little, ByteOrder::Big);
         let cases = [
             ("mono8", 0, PixelFormat::Mono8),
@@ -170,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_encodings_are_refused_with_what_is_known() {
+    fn unknown_encodings_are_rejected_with_a_list() {
         let long = "x".repeat(10_000);
         for encoding in [
             "",
@@ -192,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_counts_stated_bytes_without_overflow() {
+    fn the_limit_applies_to_stated_bytes_without_overflow() {
         let data = [0; 6];
         let fits = message("mono8", 3, &data);
         assert!(image(&fits, 6).is_ok());
@@ -220,35 +222,35 @@ mod tests {
 
     #[test]
     fn size_step_and_data_must_agree() {
-        let refused = |message: &sensor_msgs::Image<'_>| match image(message, LIMIT) {
+        let rejected = |message: &sensor_msgs::Image<'_>| match image(message, LIMIT) {
             Err(FrameRejected::Image(error)) => error,
             other => panic!("{other:?}"),
         };
         let good = message("mono8", 4, &[0; 8]);
         assert!(matches!(
-            refused(&sensor_msgs::Image { width: 0, ..good.clone() }),
+            rejected(&sensor_msgs::Image { width: 0, ..good.clone() }),
             ImageError::Empty { width: 0, height: 2 }
         ));
         assert!(matches!(
-            refused(&sensor_msgs::Image { step: 2, ..good.clone() }),
+            rejected(&sensor_msgs::Image { step: 2, ..good.clone() }),
             ImageError::Step { step: 2, needed: 3, .. }
         ));
         assert!(matches!(
-            refused(&sensor_msgs::Image { data: &[0; 7], ..good.clone() }),
+            rejected(&sensor_msgs::Image { data: &[0; 7], ..good.clone() }),
             ImageError::Length { actual: 7, needed: 8, .. }
         ));
         let long = vec![0; 1 << 16];
         assert!(matches!(
-            refused(&sensor_msgs::Image {
+            rejected(&sensor_msgs::Image {
                 width: 1 << 16,
                 height: 1,
                 ..message("mono8", 1 << 16, &long)
             }),
             ImageError::TooLong { width: 65_536, height: 1 }
         ));
-        // A 16-bit image whose step is counted in pixels.
+        // A 16-bit image whose step is stated in pixels.
         assert!(matches!(
-            refused(&sensor_msgs::Image { encoding: "mono16".into(), ..good }),
+            rejected(&sensor_msgs::Image { encoding: "mono16".into(), ..good }),
             ImageError::Step { step: 4, needed: 6, .. }
         ));
     }

@@ -1,24 +1,24 @@
-//! A small picture of a camera's image, and the drawings that belong over it.
+//! A reduced image for previews, and its annotations.
 //!
-//! An image of 5 megapixels is too much for a viewer that shows it a hand wide. A pixel of the small picture is the
-//! brightest of a square: the mean would make a stripe of a few pixels vanish.
+//! An image of 5 megapixels is too large for a small view. Each pixel of the preview is the brightest of a square,
+//! because the mean would make a stripe of a few pixels vanish.
 
 use crate::{
     msg::foxglove_msgs::ImageAnnotations,
     scanner::image::{ByteOrder, Image, PixelFormat},
 };
 
-/// Widest picture, pixels.
+/// Largest width of a preview, pixels.
 pub(crate) const MAX_WIDTH_PX: u32 = 640;
 
-/// Side of the squares that become one pixel each, for an image of that width: 1 where it is small enough.
+/// Returns the side of the squares reduced to one pixel each, for an image of that width; 1 if it is small enough.
 pub(crate) const fn factor(width_px: u32) -> u32 {
     let factor = width_px.div_ceil(MAX_WIDTH_PX);
     if factor == 0 { 1 } else { factor }
 }
 
-/// Replaces `pixels` by the small picture, 8 bit grey, row after row; returns its width and height. Of a colour its
-/// strongest part counts; samples of 16 bit lose as many low bits as the brightest needs above eight.
+/// Replaces `pixels` by the preview, 8-bit grey, row by row; returns its width and height. A colour contributes its
+/// largest component. Samples of 16 bits are shifted right until the brightest fits into eight bits.
 pub(crate) fn reduce(image: &Image<'_>, factor: u32, pixels: &mut Vec<u8>) -> (u32, u32) {
     let factor = factor.max(1);
     let (width, height) = (image.width().div_ceil(factor), image.height().div_ceil(factor));
@@ -60,13 +60,13 @@ fn sample(pair: &[u8], order: ByteOrder) -> u16 {
     }
 }
 
-/// Cameras of 10 or 12 bit use the low bits.
+/// Returns the number of bits in use above eight. Cameras of 10 or 12 bits use the low bits.
 fn bits_above_eight(data: &[u8], order: ByteOrder) -> u32 {
     let all = data.chunks_exact(2).fold(0, |all, pair| all | sample(pair, order));
     (u16::BITS - all.leading_zeros()).saturating_sub(u8::BITS)
 }
 
-/// Moves drawings from an image to its small picture. Their coordinates count from the image's corner.
+/// Scales annotations from an image to its preview. Their coordinates start at the corner of the image.
 pub(crate) fn scale(annotations: &mut ImageAnnotations<'_>, factor: u32) {
     let factor = f64::from(factor.max(1));
     for point in annotations.points.iter_mut().flat_map(|line| &mut line.points) {
@@ -96,8 +96,8 @@ mod tests {
     }
 
     #[test]
-    fn the_brightest_of_a_square_stays() {
-        // Five columns and three rows in steps of six: the last squares are cut, the padding is no pixel.
+    fn each_pixel_is_the_brightest_of_its_square() {
+        // Five columns and three rows with a step of six: the last squares are cut, and padding is ignored.
         let data = [1, 2, 3, 4, 5, 255, 9, 0, 0, 0, 0, 255, 7, 0, 8, 0, 6, 255];
         let image = Image::new(5, 3, 6, PixelFormat::Mono8, &data).unwrap();
         assert_eq!(reduced(&image, 2), (vec![9, 4, 5, 7, 8, 6], (3, 2)));
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn no_picture_is_wider_than_the_widest() {
+    fn no_preview_exceeds_the_largest_width() {
         for width in [1_u32, 640, 641, 2592, 65_535] {
             assert!(width.div_ceil(factor(width)) <= MAX_WIDTH_PX, "{width}");
         }
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn drawings_follow_the_picture() {
+    fn annotations_are_scaled_with_the_image() {
         let line = PointsAnnotation {
             points: vec![Point2 { x: 10.5, y: 4.0 }],
             ..PointsAnnotation::default()

@@ -1,4 +1,4 @@
-//! What one frame gave, as messages that borrow from the scanner's buffers.
+//! Results of one frame as messages that borrow from the scanner's buffers.
 
 use std::borrow::Cow;
 
@@ -18,24 +18,24 @@ use crate::{
     },
 };
 
-/// What results repeat of the frame that they came from.
+/// Properties of the source frame that its results repeat.
 #[derive(Clone, Debug)]
 pub(crate) struct FrameSource<'a> {
     /// Header of the image.
     pub(crate) header: Header<'a>,
-    /// Where the frame sits in the stream.
+    /// Position of the frame in the stream.
     pub(crate) trace: FrameTrace,
     /// Columns of the image.
     pub(crate) image_width: u32,
     /// Rows of the image.
     pub(crate) image_height: u32,
-    /// Searched part of the image.
+    /// Region of interest.
     pub(crate) roi: params::RegionOfInterest,
     /// Direction of the stripe.
     pub(crate) stripe_direction: StripeDirection,
 }
 
-/// The centreline of a frame; `method` is the extraction's name, `/` and a hash of its parameters.
+/// Returns the centreline message of a frame; `method` is the method's name, `/` and a hash of its parameters.
 pub(crate) fn centerline<'a>(
     source: &'a FrameSource<'_>,
     method: &'a str,
@@ -84,7 +84,7 @@ pub(crate) const fn stripe_direction(
     }
 }
 
-/// The searched part with its sides in pixels, also where the parameters leave them open.
+/// Returns the region of interest with explicit sides, pixels, also if the parameters leave them open.
 fn region(source: &FrameSource<'_>) -> sensor_msgs::RegionOfInterest {
     let params::RegionOfInterest { x_offset, y_offset, width, height } = source.roi;
     let side = |side: Option<u32>, offset, whole: u32| side.unwrap_or(whole.saturating_sub(offset));
@@ -97,7 +97,7 @@ fn region(source: &FrameSource<'_>) -> sensor_msgs::RegionOfInterest {
     }
 }
 
-/// The profile of a frame in the laser plane's frame `frame_id`, with the calibration's hash.
+/// Returns the profile message of a frame in the laser plane's frame `frame_id`, with the calibration's hash.
 pub(crate) fn profile<'a>(
     source: &FrameSource<'_>,
     frame_id: &'a str,
@@ -118,7 +118,7 @@ pub(crate) fn profile<'a>(
     }
 }
 
-/// What a slice of the part `part_id` covers, in the scan frame `frame_id`; same header as its cloud.
+/// Returns the account of a slice of the part `part_id` in the scan frame `frame_id`; same header as its cloud.
 pub(crate) fn slice_info<'a>(
     frame_id: &'a str,
     part_id: &'a str,

@@ -8,7 +8,8 @@ use crate::msg::{
     std_msgs::Header,
 };
 
-/// The entry of `/tf_static` that places frame `child` in frame `parent`; `stamp_ns`: nanoseconds since the epoch.
+/// Returns the entry of `/tf_static` for the pose of frame `child` in frame `parent`; `stamp_ns`: nanoseconds since the
+/// epoch.
 pub(crate) fn transform<'a>(
     stamp_ns: i64,
     parent: &'a str,

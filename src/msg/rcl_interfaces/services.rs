@@ -1,4 +1,4 @@
-//! The six services by which parameters are seen and set.
+//! The six services that read and set parameters.
 
 use std::borrow::Cow;
 
@@ -9,49 +9,49 @@ use super::{
 };
 use crate::msg::schema::{ServiceType, message, request_text, response_text};
 
-/// Says what parameters are.
+/// Service that describes parameters.
 pub(crate) const DESCRIBE_PARAMETERS: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/DescribeParameters",
     text: include_str!("../definitions/rcl_interfaces/DescribeParameters.srv"),
     hash: "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
 };
 
-/// Tells values.
+/// Service that returns values.
 pub(crate) const GET_PARAMETERS: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/GetParameters",
     text: include_str!("../definitions/rcl_interfaces/GetParameters.srv"),
     hash: "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
 };
 
-/// Tells types.
+/// Service that returns types.
 pub(crate) const GET_PARAMETER_TYPES: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/GetParameterTypes",
     text: include_str!("../definitions/rcl_interfaces/GetParameterTypes.srv"),
     hash: "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
 };
 
-/// Finds names.
+/// Service that lists names.
 pub(crate) const LIST_PARAMETERS: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/ListParameters",
     text: include_str!("../definitions/rcl_interfaces/ListParameters.srv"),
     hash: "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
 };
 
-/// Sets parameters one after another.
+/// Service that sets parameters one after another.
 pub(crate) const SET_PARAMETERS: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/SetParameters",
     text: include_str!("../definitions/rcl_interfaces/SetParameters.srv"),
     hash: "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
 };
 
-/// Sets all parameters or none.
+/// Service that sets all parameters or none.
 pub(crate) const SET_PARAMETERS_ATOMICALLY: ServiceType = ServiceType {
     name: "rcl_interfaces/srv/SetParametersAtomically",
     text: include_str!("../definitions/rcl_interfaces/SetParametersAtomically.srv"),
     hash: "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
 };
 
-/// Asks for [`DESCRIBE_PARAMETERS`].
+/// Request of [`DESCRIBE_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct DescribeParametersRequest<'a> {
     /// Full names.
@@ -59,15 +59,15 @@ pub(crate) struct DescribeParametersRequest<'a> {
     pub(crate) names: Vec<Text<'a>>,
 }
 
-/// Answers [`DESCRIBE_PARAMETERS`].
+/// Response of [`DESCRIBE_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct DescribeParametersResponse<'a> {
-    /// One for each name, in their order; of type `NOT_SET` where there is none.
+    /// One for each name, in order; of type `NOT_SET` if there is no such parameter.
     #[serde(borrow)]
     pub(crate) descriptors: Vec<ParameterDescriptor<'a>>,
 }
 
-/// Asks for [`GET_PARAMETERS`].
+/// Request of [`GET_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct GetParametersRequest<'a> {
     /// Full names.
@@ -75,15 +75,15 @@ pub(crate) struct GetParametersRequest<'a> {
     pub(crate) names: Vec<Text<'a>>,
 }
 
-/// Answers [`GET_PARAMETERS`].
+/// Response of [`GET_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct GetParametersResponse<'a> {
-    /// One for each name, in their order; of type `NOT_SET` where there is none.
+    /// One for each name, in order; of type `NOT_SET` if there is no such parameter.
     #[serde(borrow)]
     pub(crate) values: Vec<ParameterValue<'a>>,
 }
 
-/// Asks for [`GET_PARAMETER_TYPES`].
+/// Request of [`GET_PARAMETER_TYPES`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct GetParameterTypesRequest<'a> {
     /// Full names.
@@ -91,60 +91,60 @@ pub(crate) struct GetParameterTypesRequest<'a> {
     pub(crate) names: Vec<Text<'a>>,
 }
 
-/// Answers [`GET_PARAMETER_TYPES`].
+/// Response of [`GET_PARAMETER_TYPES`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct GetParameterTypesResponse<'a> {
-    /// One for each name, in their order: a constant of [`parameter_type`](super::parameter_type).
+    /// One for each name, in order: a constant of [`parameter_type`](super::parameter_type).
     #[serde(borrow, with = "serde_bytes")]
     pub(crate) types: Cow<'a, [u8]>,
 }
 
-/// Asks for [`LIST_PARAMETERS`].
+/// Request of [`LIST_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ListParametersRequest<'a> {
-    /// What names shall begin with, up to a dot; empty: all.
+    /// Prefixes of the names, up to a dot; empty: all names.
     #[serde(borrow)]
     pub(crate) prefixes: Vec<Text<'a>>,
-    /// Levels below that; 0: all.
+    /// Number of levels below the prefix; 0: all.
     pub(crate) depth: u64,
 }
 
-/// Answers [`LIST_PARAMETERS`].
+/// Response of [`LIST_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct ListParametersResponse<'a> {
-    /// The names.
+    /// Names.
     #[serde(borrow)]
     pub(crate) result: ListParametersResult<'a>,
 }
 
-/// Asks for [`SET_PARAMETERS`].
+/// Request of [`SET_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SetParametersRequest<'a> {
-    /// Set one after another.
+    /// Parameters, set one after another.
     #[serde(borrow)]
     pub(crate) parameters: Vec<Parameter<'a>>,
 }
 
-/// Answers [`SET_PARAMETERS`].
+/// Response of [`SET_PARAMETERS`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct SetParametersResponse<'a> {
-    /// One for each, in their order.
+    /// One for each parameter, in order.
     #[serde(borrow)]
     pub(crate) results: Vec<SetParametersResult<'a>>,
 }
 
-/// Asks for [`SET_PARAMETERS_ATOMICALLY`].
+/// Request of [`SET_PARAMETERS_ATOMICALLY`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SetParametersAtomicallyRequest<'a> {
-    /// Set all or none.
+    /// Parameters, all set or none.
     #[serde(borrow)]
     pub(crate) parameters: Vec<Parameter<'a>>,
 }
 
-/// Answers [`SET_PARAMETERS_ATOMICALLY`].
+/// Response of [`SET_PARAMETERS_ATOMICALLY`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct SetParametersAtomicallyResponse<'a> {
-    /// What came of it.
+    /// Result of the request.
     #[serde(borrow)]
     pub(crate) result: SetParametersResult<'a>,
 }

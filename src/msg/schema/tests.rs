@@ -17,7 +17,7 @@ use crate::msg::{
 
 mod services;
 
-/// Fields of a type, from its text by somebody else's parser.
+/// Returns the fields of a type, parsed from its text by an independent parser.
 fn fields(message: &MessageType) -> Vec<ros2msg::Field> {
     let mut parts = message.name.split('/');
     let (package, name) = (parts.next().unwrap(), parts.next_back().unwrap());
@@ -25,12 +25,12 @@ fn fields(message: &MessageType) -> Vec<ros2msg::Field> {
     if !parsed.is_empty() {
         return parsed;
     }
-    // rosidl leaves no message empty.
+    // rosidl adds a field to empty messages.
     let text = "uint8 structure_needs_at_least_one_member";
     parse_message_string(package, name, text).unwrap().fields
 }
 
-/// Full name of the message that a field is made of, `None` for numbers and text.
+/// Returns the full name of the message type of a field; `None` for numbers and text.
 fn nested(field: &Type) -> Option<String> {
     let package = field.base_type.pkg_name.as_ref()?;
     Some(format!("{package}/msg/{}", field.base_type.type_name))
@@ -79,7 +79,7 @@ fn description(message: &MessageType) -> TypeDescription {
     }
 }
 
-/// All types inside a type, sorted by name.
+/// Collects all types within a type, sorted by name.
 fn referenced(message: &MessageType, found: &mut BTreeMap<&'static str, TypeDescription>) {
     for dependency in message.dependencies {
         found.insert(dependency.name, description(dependency));
@@ -171,7 +171,7 @@ fn hashes_are_the_published_ones() {
     }
 }
 
-/// What must lie on the wire according to a type's text, in the words of [`noise::layout`].
+/// Appends the wire layout according to a type's text, in the format of [`noise::layout`].
 fn wire(message: &MessageType, path: &str, layout: &mut Vec<String>) {
     for field in fields(message) {
         let kind = &field.field_type;
@@ -207,7 +207,7 @@ fn check_layout<'de, T: Message + Deserialize<'de>>() {
 }
 
 #[test]
-fn every_struct_lies_on_the_wire_as_its_text_says() {
+fn every_struct_has_the_layout_of_its_text() {
     for_each_message!(check_layout,);
 }
 
@@ -230,7 +230,7 @@ fn every_schema_has_each_dependency_once() {
 }
 
 #[test]
-fn dependencies_stand_in_the_order_of_rosbag2() {
+fn dependencies_are_in_the_order_of_rosbag2() {
     let schema = <laser_profiler_msgs::Centerline<'_>>::TYPE.schema();
     let names: Vec<_> = schema.lines().filter_map(|line| line.strip_prefix("MSG: ")).collect();
     // Depth first; by name: laser_profiler_msgs before sensor_msgs before std_msgs.
@@ -245,7 +245,7 @@ fn dependencies_stand_in_the_order_of_rosbag2() {
     );
 }
 
-/// Packages that the fields of an interface file name.
+/// Returns the packages named in the fields of an interface file.
 fn packages(text: &str) -> Vec<&str> {
     let kinds = text.lines().filter_map(|line| line.split_whitespace().next());
     kinds

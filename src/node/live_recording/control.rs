@@ -31,12 +31,12 @@ use super::{
 
 /// Time that a command waits for a bag to close before it reports that closing continues.
 const STOP_WAIT: Duration = Duration::from_secs(2);
-/// At the end of the node: after so long, what waits for a slow disk is left out.
-const END_HURRY: Duration = Duration::from_secs(1);
-/// At the end of the node: so much longer the index may take.
-const END_WAIT: Duration = Duration::from_millis(700);
+/// Time at shutdown after which messages that still wait for a slow disk are dropped.
+const DRAIN_WAIT: Duration = Duration::from_secs(1);
+/// Additional time at shutdown for writing the indexes.
+const INDEX_WAIT: Duration = Duration::from_millis(700);
 
-/// What is recorded: topics by the number that their messages carry ([`Outgoing::topic`]).
+/// Recorded topics, each with the number that its messages carry ([`Outgoing::topic`]).
 #[derive(Clone, Debug, Default)]
 pub struct RecordedTopics {
     /// Results that the node publishes.
@@ -45,7 +45,8 @@ pub struct RecordedTopics {
     pub images: Vec<(usize, Topic)>,
 }
 
-/// A sink that records on command. It never blocks and never fails: what the disk does concerns the recording alone.
+/// A sink that records on command. Writing to it never blocks and never fails: a slow or failing disk affects only the
+/// recording.
 pub struct LiveRecorder {
     pub(super) shared: Arc<RecorderState>,
     places: BTreeMap<usize, (Stream, usize)>,
@@ -60,25 +61,26 @@ pub(super) struct RecorderState {
     topics: [Vec<Topic>; 2],
     pub(super) settings: Arc<Settings>,
     pub(super) tap: Mutex<Tap>,
-    /// Held while an order is carried out, so that there is one at a time.
+    /// Serializes the commands.
     orders: Mutex<()>,
     pub(super) recordings: Mutex<[Recording; 2]>,
-    /// The same for snapshots, which wait for no other order.
+    /// Serializes the snapshots, which do not wait for other commands.
     pub(super) snapshot_orders: Mutex<()>,
     pub(super) snapshots: Mutex<Snapshots>,
 }
 
-/// The recordings of a stream.
+/// Recording state of a stream.
 #[derive(Default)]
 pub(super) struct Recording {
-    /// The one that is on, or the last one.
+    /// The current recording, or the last one.
     pub(super) session: Option<Arc<Session>>,
     start_error: Option<String>,
     dropped: Arc<AtomicU64>,
 }
 
 impl LiveRecorder {
-    /// A recorder that is idle, and its handle. The camera's name becomes part of the bags'; empty: the only one.
+    /// Returns an idle recorder and its handle. The camera's name becomes part of the bag names; it is empty for the
+    /// only camera.
     pub fn new(
         camera: &str,
         topics: RecordedTopics,
@@ -123,7 +125,7 @@ impl Sink for LiveRecorder {
         Ok(())
     }
 
-    /// Closes every bag, within two seconds: what a slow disk has not taken by then is dropped and counted.
+    /// Closes every bag within two seconds. Messages that a slow disk has not taken by then are dropped and counted.
     fn finish(&mut self) -> Result<(), SinkError> {
         let sink_error =
             |error: RecordingError| SinkError { sink: "recording".into(), source: error.into() };
@@ -132,11 +134,11 @@ impl Sink for LiveRecorder {
 }
 
 impl RecordingControl {
-    /// Begins to record: a bag of the results and, if [`RecordingParams::images`], one of the images. What is being
-    /// recorded already goes on, so that this can be called again when one of them failed. Returns all directories.
+    /// Starts recording: a bag for the results and, with [`RecordingParams::images`], one for the images. A running
+    /// recording continues, so this can be called again if one of the two failed. Returns all directories.
     ///
     /// # Errors
-    /// Too little free space, a failing disk: the first reason. What could begin has begun.
+    /// There is too little free space, or writing fails. Returns the first error; the other stream may have started.
     pub fn start(&self) -> Result<Vec<PathBuf>, RecordingError> {
         let _one_at_a_time = lock(&self.0.orders);
         let params = lock(&self.0.settings.params).clone();
@@ -150,11 +152,11 @@ impl RecordingControl {
         started.into_iter().collect()
     }
 
-    /// Ends the recordings that are on; what was sent before is in them. Returns what became of them; empty when none was
-    /// on.
+    /// Stops the running recordings; they hold the messages sent before. Returns their final status; empty if none was
+    /// running.
     ///
     /// # Errors
-    /// A bag that is not closed after two seconds: its disk is slow, and goes on.
+    /// A bag is not closed after two seconds because its disk is slow; closing continues.
     pub fn stop(&self) -> Result<Vec<BagStatus>, RecordingError> {
         let _one_at_a_time = lock(&self.0.orders);
         let sessions = self.0.close_all();
@@ -162,11 +164,12 @@ impl RecordingControl {
         Ok(sessions.iter().map(|session| session.status()).collect())
     }
 
-    /// Writes the last seconds into bags of their own, a recording or not. Returns at once; the status tells when they
-    /// are whole.
+    /// Writes the last seconds into bags of their own, with or without a running recording. Returns at once; the status
+    /// reports when the bags are complete.
     ///
     /// # Errors
-    /// Nothing is kept, or came; the snapshot before is still being written; too little space; a failing disk.
+    /// The snapshot buffer is off or empty, the previous snapshot is still being written, there is too little free
+    /// space, or writing fails.
     pub(crate) fn snapshot(&self) -> Result<Vec<PathBuf>, RecordingError> {
         snapshot::take(&self.0)
     }
@@ -177,22 +180,23 @@ impl RecordingControl {
         RecordingStatus { results, images, snapshot: lock(&self.0.snapshots).status() }
     }
 
-    /// Changes how is recorded; see [`RecordingParams`] for what holds from when.
+    /// Changes the parameters; [`RecordingParams`] states when each takes effect.
     pub(crate) fn set_params(&self, params: RecordingParams) {
         lock(&self.0.tap).set_params(&params);
         *lock(&self.0.settings.params) = params;
     }
 
-    /// Changes what explains the bags: after parameters were set, say. Recordings that are on get a further metadata
-    /// record within half a second; the hash in [`Centerline::method`](crate::msg::laser_profiler_msgs::Centerline)
-    /// tells which one belongs to a result, and readers who ask for one take the last.
+    /// Changes the description of the bags, for example after parameters were set. Running recordings receive another
+    /// metadata record within half a second. The hash in
+    /// [`Centerline::method`](crate::msg::laser_profiler_msgs::Centerline) identifies the record that belongs to a
+    /// result; readers that need a single record use the last one.
     pub(crate) fn describe(&self, description: Description) {
         *lock(&self.0.settings.description) = Arc::new(description);
     }
 }
 
 impl RecorderState {
-    /// A new bag of a stream.
+    /// Creates a bag for a stream.
     pub(super) fn create(
         &self,
         stream: Stream,
@@ -208,7 +212,7 @@ impl RecorderState {
         place::create(params, name, compression, topics)
     }
 
-    /// Begins to record a stream, unless it is being recorded. Returns the directory.
+    /// Starts recording a stream unless it is being recorded. Returns the directory.
     fn begin(
         &self,
         stream: Stream,
@@ -247,7 +251,7 @@ impl RecorderState {
         Ok(directory)
     }
 
-    /// Lets no recording have more; returns those that were on.
+    /// Stops passing messages to the recordings. Returns those that were running.
     fn close_all(&self) -> Vec<Arc<Session>> {
         let ended = Stream::ALL.map(|stream| lock(&self.tap).end(stream));
         ended.into_iter().flatten().inspect(|session| session.close()).collect()
@@ -255,15 +259,15 @@ impl RecorderState {
 
     fn end(&self) -> Result<(), RecordingError> {
         self.close_all();
-        let deadline = Instant::now() + END_HURRY;
+        let deadline = Instant::now() + DRAIN_WAIT;
         let mut sessions = lock(&self.snapshots).sessions().to_vec();
         sessions.extend(lock(&self.recordings).iter().filter_map(|known| known.session.clone()));
         if wait(&sessions, deadline).is_err() {
             for session in &sessions {
-                session.hurry();
+                session.abandon_queue();
             }
         }
-        wait(&sessions, deadline + END_WAIT)
+        wait(&sessions, deadline + INDEX_WAIT)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Why a recording does not begin, or ended before it was asked to.
+//! Errors that prevent or end a recording.
 
 use std::{io, path::PathBuf};
 
@@ -6,46 +6,46 @@ use thiserror::Error;
 
 use crate::bag::RecordError;
 
-/// The reason that recording failed. The text names the file, the reason and the remedy.
+/// Error of a recording. The text names the file, the reason and the remedy.
 #[derive(Debug, Error)]
 pub enum RecordingError {
-    /// The disk refuses.
+    /// Writing failed.
     #[error(
-        "recording failed: {0}; what was written before can be read: free the disk or set another recording.directory, \
+        "recording failed: {0}; earlier messages stay readable; free the disk or set another recording.directory, \
          then record again"
     )]
     Write(#[from] RecordError),
     /// The disk is nearly full.
     #[error(
-        "no recording onto a nearly full disk: {} has {free_bytes} bytes free, less than recording.min_free_bytes \
-         {min_free_bytes}; what was recorded is whole: free some space or set another recording.directory, then record \
-         again", directory.display()
+        "the disk is nearly full: {} has {free_bytes} bytes free, less than recording.min_free_bytes \
+         {min_free_bytes}; existing recordings are complete; free some space or set another recording.directory, then \
+         record again", directory.display()
     )]
     LowSpace {
-        /// Where it records.
+        /// Directory of the recording.
         directory: PathBuf,
         /// Free space, bytes.
         free_bytes: u64,
         /// Space that must stay free, bytes.
         min_free_bytes: u64,
     },
-    /// The operating system refuses something else.
+    /// Another operation of the system failed.
     #[error("recording into {}: {source}; set another recording.directory or record again", directory.display())]
     System {
-        /// Where it records.
+        /// Directory of the recording.
         directory: PathBuf,
-        /// Its reason.
+        /// Cause.
         source: io::Error,
     },
     /// The command is still in progress.
-    #[error("{}: is still being written; ask for the status and wait", .0.display())]
+    #[error("{}: is still being written; wait and query the status", .0.display())]
     StillWriting(PathBuf),
-    /// Nothing is kept for a snapshot.
+    /// The snapshot buffer is off.
     #[error(
-        "no snapshot: nothing is kept for one; set recording.snapshot_seconds and recording.snapshot_bytes above 0"
+        "no snapshot: the snapshot buffer is off; set recording.snapshot_seconds and recording.snapshot_bytes above 0"
     )]
     SnapshotOff,
-    /// Nothing came yet.
+    /// The snapshot buffer is empty.
     #[error("no snapshot: nothing was sent in the last {0} seconds (recording.snapshot_seconds)")]
     SnapshotEmpty(u32),
 }

@@ -1,9 +1,9 @@
-//! Recording while live: the results, and the raw images when asked, each in a bag of its own.
+//! Live recording of the results and, on request, the raw images, each in a bag of its own.
 //!
-//! What the node sends passes the tap, which never waits: it remembers the last seconds and the latched messages, and
-//! hands each message to the queue of the recording that is on. Behind that queue a thread of each recording waits for
-//! the disk. When it cannot keep up, the oldest waiting messages are dropped and counted; when the disk fails, that
-//! recording ends and says why, and the node goes on.
+//! Every message of the node passes through the tap, which never blocks: it keeps the last seconds and the latched
+//! messages, and pushes each message to the queue of the running recording. Each recording has a thread that writes its
+//! queue to the disk. If the disk cannot keep up, the oldest queued messages are dropped and counted. If the disk
+//! fails, the recording ends and reports the reason; the node continues.
 
 pub(crate) mod params;
 pub(crate) mod error;
@@ -25,7 +25,7 @@ pub(crate) use status::{BagStatus, RecordingStatus};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Every change under these locks is complete in itself, so the state of a panicked holder is sound.
+/// Locks a mutex even if a holder panicked: every change under these locks is complete, so the state stays valid.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

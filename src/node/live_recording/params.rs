@@ -6,11 +6,11 @@ use crate::bag::{Compression, SplitLimits};
 
 const MIB: u64 = 1 << 20;
 
-/// How the live node records. A change holds from the next bag on, but for the limits of a file, the free space and
-/// the snapshot, which hold at once.
+/// Recording parameters of the live node. Changes of the file limits, the minimum free space and the snapshot take
+/// effect at once, all others with the next bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordingParams {
-    /// Where bags are put; made when it is missing.
+    /// Parent directory of the bags; created if missing.
     pub directory: PathBuf,
     /// True if the raw images are also recorded, in a separate bag.
     pub images: bool,
@@ -18,17 +18,17 @@ pub struct RecordingParams {
     pub compression: Compression,
     /// Compression of the raw images.
     pub image_compression: Compression,
-    /// Length of a file after which the next one of the bag begins, bytes; 0: no limit.
+    /// Size at which the next file of a bag is started, bytes; 0 for no limit.
     pub split_bytes: u64,
-    /// Time that a file spans before the next one begins, seconds; 0: no limit.
+    /// Duration after which the next file of a bag is started, seconds; 0 for no limit.
     pub split_seconds: u32,
-    /// Free space at which a recording ends in good order, and below which none begins, bytes.
+    /// Minimum free space, bytes. Below it, running recordings are closed and no recording starts.
     pub min_free_bytes: u64,
     /// Maximum queue for the disk, bytes per recording. Beyond it, the oldest messages are dropped and counted.
     pub queue_bytes: usize,
-    /// Duration of a snapshot, seconds; 0: no snapshot buffer.
+    /// Duration of a snapshot, seconds; 0 for no snapshot buffer.
     pub snapshot_seconds: u32,
-    /// Maximum size of the snapshot buffer, bytes; 0: no snapshot buffer.
+    /// Maximum size of the snapshot buffer, bytes; 0 for no snapshot buffer.
     pub snapshot_bytes: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Where bags are put: names that were never used, and the space that is left.
+//! Location of new bags: unused names and the free space.
 
 use std::{fs, io, path::Path};
 
@@ -8,26 +8,26 @@ use crate::bag::{Compression, RecordError, SplitLimits, SplitRecorder, Topic};
 
 use super::{error::RecordingError, params::RecordingParams};
 
-/// Bags of one name that are counted up before giving up.
+/// Maximum number of bags with the same base name.
 const MAX_SAME_NAME: u32 = 10_000;
 
-/// A bag's name without its number: the camera, where there are several, and the time in UTC.
+/// Returns a bag's base name: the program, the camera if there are several, and the time in UTC.
 pub(super) fn name(camera: &str, now: Timestamp) -> String {
     let camera = if camera.is_empty() { String::new() } else { format!("_{camera}") };
     format!("{}{camera}_{}", env!("CARGO_PKG_NAME"), now.strftime("%Y_%m_%d-%H_%M_%S"))
 }
 
-/// Name of a bag; a number may come between its parts.
+/// Name of a bag; a number may be inserted between its parts.
 #[derive(Clone, Copy)]
 pub(super) struct BagName<'a> {
     pub(super) base: &'a str,
     pub(super) suffix: &'a str,
 }
 
-/// Creates the bag `<base><suffix>`, or `<base>_1<suffix>` and so on where it is there already.
+/// Creates the bag `<base><suffix>`, or `<base>_1<suffix>` and so on if it exists already.
 ///
 /// # Errors
-/// Too little free space; a failing disk.
+/// There is too little free space, or writing fails.
 pub(super) fn create(
     params: &RecordingParams,
     name: BagName<'_>,
@@ -51,7 +51,7 @@ pub(super) fn create(
     Err(RecordError::Exists(directory.join(format!("{base}{suffix}"))).into())
 }
 
-/// The space that a user without privileges can still write, bytes.
+/// Returns the space available to unprivileged users, bytes.
 ///
 /// # Errors
 /// The directory is missing, or the file system does not report its free space.
@@ -60,10 +60,10 @@ pub(crate) fn free_bytes(directory: &Path) -> io::Result<u64> {
     Ok(found.f_bavail.saturating_mul(found.f_frsize))
 }
 
-/// Asks for that much space.
+/// Checks the free space.
 ///
 /// # Errors
-/// Less than `min_free_bytes`; a directory that is gone.
+/// Less than `min_free_bytes` are free, or the directory does not exist.
 pub(super) fn require_space(directory: &Path, min_free_bytes: u64) -> Result<(), RecordingError> {
     let free_bytes = free_bytes(directory)
         .map_err(|source| RecordingError::System { directory: directory.into(), source })?;
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_are_taken_are_counted_on() {
+    fn existing_names_get_a_number() {
         let place = tempfile::tempdir().unwrap();
         let params = RecordingParams {
             directory: place.path().join("made/here"),
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn too_little_space_is_told_with_its_figures() {
+    fn too_little_space_is_reported_with_its_figures() {
         let place = tempfile::tempdir().unwrap();
         require_space(place.path(), 0).unwrap();
         let text = require_space(place.path(), u64::MAX).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! The last seconds of everything that was sent, for a snapshot.
+//! Ring buffer of the last seconds of all messages, for snapshots.
 
 use std::{
     collections::VecDeque,
@@ -7,7 +7,7 @@ use std::{
 
 use super::tap::Tapped;
 
-/// Messages of the last seconds, bounded in bytes, too.
+/// Messages of the last seconds, also bounded in bytes.
 #[derive(Debug, Default)]
 pub(super) struct Ring {
     duration: Duration,
@@ -17,12 +17,12 @@ pub(super) struct Ring {
 }
 
 impl Ring {
-    /// Changes the bounds; what no longer fits is forgotten.
+    /// Changes the bounds and discards messages beyond them.
     pub(super) fn set_bounds(&mut self, seconds: u32, max_bytes: usize) {
         self.duration = Duration::from_secs(seconds.into());
-        // Of no seconds nothing is kept, of no bytes not even what is empty.
+        // A zero duration or size turns the buffer off, so that not even empty messages are kept.
         self.max_bytes = if self.duration.is_zero() { 0 } else { max_bytes };
-        self.forget(0);
+        self.make_room(0);
     }
 
     /// True if the buffer never stores a message.
@@ -30,42 +30,42 @@ impl Ring {
         self.max_bytes == 0
     }
 
-    /// Keeps a message that is sent now.
+    /// Keeps a message sent at `now`.
     pub(super) fn push(&mut self, now: Instant, message: Tapped) {
-        self.forget_before(now);
+        self.discard_old(now);
         let bytes = message.message.data.len();
         if self.is_off() || bytes > self.max_bytes {
             return;
         }
-        self.forget(bytes);
+        self.make_room(bytes);
         self.bytes += bytes;
         self.messages.push_back((now, message));
     }
 
     /// Returns the messages of the last seconds in order. The bytes are shared.
     pub(super) fn messages(&mut self, now: Instant) -> Vec<Tapped> {
-        self.forget_before(now);
+        self.discard_old(now);
         self.messages.iter().map(|(_, message)| message.clone()).collect()
     }
 
-    fn forget_before(&mut self, now: Instant) {
+    fn discard_old(&mut self, now: Instant) {
         let duration = self.duration;
         let is_old = |&(sent, _): &(Instant, _)| now.duration_since(sent) > duration;
         while self.messages.front().is_some_and(is_old) {
-            self.forget_oldest();
+            self.discard_oldest();
         }
     }
 
-    /// Makes room for so many bytes.
-    fn forget(&mut self, bytes: usize) {
+    /// Discards the oldest messages until `bytes` more fit.
+    fn make_room(&mut self, bytes: usize) {
         let is_full =
             |ring: &Self| ring.is_off() || ring.bytes.saturating_add(bytes) > ring.max_bytes;
         while !self.messages.is_empty() && is_full(self) {
-            self.forget_oldest();
+            self.discard_oldest();
         }
     }
 
-    fn forget_oldest(&mut self) {
+    fn discard_oldest(&mut self) {
         if let Some((_, oldest)) = self.messages.pop_front() {
             self.bytes -= oldest.message.data.len();
         }
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn keeps_no_more_bytes_than_it_may() {
+    fn keeps_no_more_bytes_than_allowed() {
         let mut ring = Ring::default();
         ring.set_bounds(60, 100);
         let now = Instant::now();
@@ -103,7 +103,11 @@ mod tests {
             ring.push(now, tapped(0, sequence, 40));
         }
         ring.push(now, tapped(0, 5, 101));
-        assert_eq!(sequences(&mut ring, now), [3, 4], "what never fits displaces nothing");
+        assert_eq!(
+            sequences(&mut ring, now),
+            [3, 4],
+            "a message that never fits displaces nothing"
+        );
         ring.set_bounds(60, 79);
         assert_eq!(sequences(&mut ring, now), [4]);
         ring.set_bounds(0, 100);

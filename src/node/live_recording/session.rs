@@ -1,4 +1,4 @@
-//! One recording, as those see it who send to it and ask for its state.
+//! One recording, shared by its senders, its writer and status queries.
 
 use std::{
     path::{Path, PathBuf},
@@ -16,10 +16,10 @@ use crate::node::{
 
 use super::{error::RecordingError, lock, status::BagStatus, tap::Tapped};
 
-/// Messages that wait for the disk; the bytes are the bound that is set.
+/// Maximum number of queued messages. The limit that users set is in bytes.
 const MAX_WAITING: usize = 16_384;
 
-/// A recording from its beginning until its bag is closed. Its thread is the writer's.
+/// A recording from its start until its bag is closed. The writer runs its thread.
 pub(super) struct Session {
     queue: Queue<Tapped>,
     directory: PathBuf,
@@ -27,21 +27,21 @@ pub(super) struct Session {
     bytes: AtomicU64,
     messages: AtomicU64,
     dropped: AtomicU64,
-    /// Of all recordings of the stream.
+    /// Number of messages dropped by all recordings of the stream.
     all_dropped: Arc<AtomicU64>,
     error: Mutex<Option<String>>,
-    hurry: Stop,
+    is_abandoned: Stop,
     ended: Stop,
 }
 
 impl Session {
-    /// A recording that takes messages.
+    /// Returns a recording that accepts messages.
     pub(super) fn new(directory: &Path, queue_bytes: usize, all_dropped: &Arc<AtomicU64>) -> Self {
         let bound = Bound { items: MAX_WAITING, bytes: queue_bytes };
         Self::with_queue(directory, Queue::new(bound, WhenFull::DropOldest), all_dropped)
     }
 
-    /// A recording of these messages, which takes no more.
+    /// Returns a recording of these messages that accepts no more.
     pub(super) fn of(
         directory: &Path,
         messages: Vec<Tapped>,
@@ -50,7 +50,7 @@ impl Session {
         let bound = Bound { items: messages.len(), bytes: usize::MAX };
         let session = Self::with_queue(directory, Queue::new(bound, WhenFull::Wait), all_dropped);
         for message in messages {
-            // There is room for all of them.
+            // The queue has room for all of them.
             let _pushed = session.push(message);
         }
         session.close();
@@ -67,17 +67,17 @@ impl Session {
             dropped: AtomicU64::new(0),
             all_dropped: Arc::clone(all_dropped),
             error: Mutex::new(None),
-            hurry: Stop::default(),
+            is_abandoned: Stop::default(),
             ended: Stop::default(),
         }
     }
 
-    /// Its bag.
+    /// Directory of the bag.
     pub(super) fn directory(&self) -> &Path {
         &self.directory
     }
 
-    /// Hands over a message; counts the older ones that are dropped for it.
+    /// Queues a message and counts the older ones that are dropped for it.
     pub(super) fn push(&self, tapped: Tapped) -> Result<(), Closed<Tapped>> {
         let bytes = tapped.message.data.len();
         let num_dropped = self.queue.push(tapped, bytes)?;
@@ -90,13 +90,13 @@ impl Session {
         self.queue.pop_counted(Some(deadline))
     }
 
-    /// Takes no more messages; what waits is still written.
+    /// Accepts no more messages; queued ones are still written.
     pub(super) fn close(&self) {
         self.is_open.store(false, Ordering::Relaxed);
         self.queue.close();
     }
 
-    /// Takes no more messages, and counts what waits as dropped.
+    /// Accepts no more messages, and drops and counts the queued ones.
     pub(super) fn close_and_drop(&self) {
         self.close();
         let left = std::iter::from_fn(|| self.queue.pop()).count();
@@ -116,28 +116,28 @@ impl Session {
         self.bytes.store(bytes, Ordering::Relaxed);
     }
 
-    /// Says, once, why it ends.
+    /// Logs an error, and keeps the first one for the status.
     pub(super) fn fail(&self, error: &RecordingError) {
         tracing::error!("{error}");
         lock(&self.error).get_or_insert(error.to_string());
     }
 
-    /// Leaves what waits unwritten, so that the bag is closed at once.
-    pub(super) fn hurry(&self) {
-        self.hurry.raise();
+    /// Makes the writer drop the queued messages and close the bag.
+    pub(super) fn abandon_queue(&self) {
+        self.is_abandoned.raise();
     }
 
-    pub(super) fn is_in_a_hurry(&self) -> bool {
-        self.hurry.is_raised()
+    pub(super) fn is_queue_abandoned(&self) -> bool {
+        self.is_abandoned.is_raised()
     }
 
-    /// Tells that the bag is closed.
+    /// Marks the bag as closed.
     pub(super) fn end(&self) {
         self.close();
         self.ended.raise();
     }
 
-    /// Waits until the bag is closed. Returns whether it is.
+    /// Waits until the bag is closed. Returns false after a timeout.
     pub(super) fn wait(&self, duration: Duration) -> bool {
         self.ended.wait(duration)
     }
@@ -146,12 +146,12 @@ impl Session {
         self.is_open.load(Ordering::Relaxed)
     }
 
-    /// Messages of this bag that were lost.
+    /// Number of dropped messages of this recording.
     pub(super) fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)
     }
 
-    /// Messages in the bag.
+    /// Number of messages in the bag.
     pub(super) fn messages(&self) -> u64 {
         self.messages.load(Ordering::Relaxed)
     }

@@ -1,4 +1,4 @@
-//! The last seconds as bags of their own, written beside a recording without disturbing it.
+//! Snapshots: the last seconds in bags of their own, written without affecting a running recording.
 
 use std::{
     path::PathBuf,
@@ -22,7 +22,7 @@ use super::{
 #[derive(Default)]
 pub(super) struct Snapshots {
     num_taken: u32,
-    /// Those of the last one, a bag for each stream.
+    /// Sessions of the last snapshot, one per stream with messages.
     sessions: Vec<Arc<Session>>,
     dropped: Arc<AtomicU64>,
     start_error: Option<String>,
@@ -47,7 +47,7 @@ impl Snapshots {
     }
 }
 
-/// Writes what the ring holds; returns its bags, which are still being written then.
+/// Starts writing the content of the ring buffer. Returns the bags, which are written in the background.
 pub(super) fn take(shared: &RecorderState) -> Result<Vec<PathBuf>, RecordingError> {
     let _one_at_a_time = lock(&shared.snapshot_orders);
     let taken = write(shared);
@@ -84,10 +84,10 @@ fn write(shared: &RecorderState) -> Result<Vec<PathBuf>, RecordingError> {
     Ok(directories)
 }
 
-/// The number of the next snapshot, and the counter of what snapshots lost.
+/// Returns the number of the next snapshot, and the counter of messages dropped by snapshots.
 fn next(snapshots: &Snapshots) -> Result<(u32, Arc<AtomicU64>), RecordingError> {
     match snapshots.sessions.iter().find(|session| session.status().is_ending) {
-        // Two at a time would hold twice the memory.
+        // Two snapshots at a time would take twice the memory.
         Some(session) => Err(RecordingError::StillWriting(session.directory().into())),
         None => Ok((snapshots.num_taken + 1, Arc::clone(&snapshots.dropped))),
     }

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-/// All recordings of the node.
+/// Status of all recordings of a camera.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct RecordingStatus {
-    /// The results' bag.
+    /// Bag of the results.
     pub(crate) results: BagStatus,
-    /// The raw images' bag.
+    /// Bag of the raw images.
     pub(crate) images: BagStatus,
-    /// The snapshot: the one that is being written, or the last.
+    /// Bags of the last snapshot, which may still be being written.
     pub(crate) snapshot: BagStatus,
 }
 
@@ -20,22 +20,22 @@ impl RecordingStatus {
     }
 }
 
-/// A bag that is being recorded, or was the last one.
+/// Status of the current or last bag.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BagStatus {
     /// True if it accepts messages.
     pub(crate) is_recording: bool,
     /// True if it has ended but its last messages or its index are not yet written.
     pub(crate) is_ending: bool,
-    /// Its directory; `None` before the first one.
+    /// Directory; `None` before the first bag.
     pub(crate) directory: Option<PathBuf>,
-    /// Length of its files, bytes; the last half second may be missing.
+    /// Size of the files, bytes; the last half second may be missing.
     pub(crate) bytes: u64,
-    /// Messages in it.
+    /// Number of messages in the bag.
     pub(crate) messages: u64,
-    /// Messages that were lost on their way into a bag of this kind since the node started: the disk was too slow, it
-    /// failed, or their time cannot be stored.
+    /// Number of messages dropped on their way into bags of this kind since the node started, because the disk was too
+    /// slow or failed, or because their time cannot be stored.
     pub dropped: u64,
-    /// Why the last recording ended unasked, or did not begin; `None` again when one begins.
+    /// Error that prevented or ended the last recording; `None` again when one starts.
     pub last_error: Option<String>,
 }

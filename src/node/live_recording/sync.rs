@@ -1,4 +1,4 @@
-//! Waits for the disk to have what was written, so that the recording itself need not.
+//! Syncs files to the disk on a thread of its own, so that the recording does not wait.
 
 use std::{
     fs::File,
@@ -11,11 +11,11 @@ use crate::node::queue::{Bound, Queue, WhenFull};
 
 use super::lock;
 
-/// Files that wait; of more, the oldest are left to the operating system.
+/// Bound of queued files. Beyond it the oldest are dropped, and the operating system writes them in its own time.
 const BOUND: Bound = Bound { items: 8, bytes: 0 };
 
-/// A thread that has files written to the disk, one after another. It ends behind the last one when this is dropped;
-/// nobody waits for it, since a disk may hang.
+/// Handle of a thread that syncs files to the disk, one after another. After the handle is dropped, the thread syncs
+/// the queued files and ends; dropping does not wait for it, because a disk may hang.
 pub(super) struct Syncer {
     files: Arc<Queue<File>>,
     fault: Arc<Mutex<Option<io::Error>>>,
@@ -37,13 +37,13 @@ impl Syncer {
         Ok(syncer)
     }
 
-    /// Hands over a file.
+    /// Queues a file.
     pub(super) fn sync(&self, file: File) {
-        // The queue drops what it has no room for, and is closed by `drop` alone.
+        // A dropped file is not an error, and only `drop` closes the queue.
         let _num_dropped = self.files.push(file, 0);
     }
 
-    /// Returns the disk error since the last call, if any.
+    /// Returns the first disk error since the last call, if any.
     pub(super) fn take_fault(&self) -> Option<io::Error> {
         lock(&self.fault).take()
     }
@@ -62,10 +62,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fault_of_the_disk_is_handed_on() {
+    fn a_disk_error_is_reported() {
         let syncer = Syncer::start().unwrap();
         let (reader, _writer) = pipe().unwrap();
-        // Nothing can be synchronised with a pipe.
+        // Syncing a pipe fails.
         syncer.sync(File::from(std::os::fd::OwnedFd::from(reader)));
         let fault = std::iter::repeat_with(|| {
             thread::sleep(Duration::from_millis(1));

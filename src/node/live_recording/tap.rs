@@ -1,4 +1,4 @@
-//! The entry point of every message to the recorder. It never blocks, neither on a disk nor on a command.
+//! The entry point of every message to the recorder. It waits neither for a disk nor for a command.
 
 use std::{sync::Arc, time::Instant};
 
@@ -6,20 +6,20 @@ use crate::{bag::Topic, node::sink::Outgoing};
 
 use super::{params::RecordingParams, ring::Ring, session::Session};
 
-/// The content of one bag.
+/// Kind of bag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub(super) enum Stream {
     /// Results that the node publishes.
     Results,
-    /// The raw images: other sizes, another compression, another disk's worth of bytes.
+    /// The raw images, which differ in size and compression.
     Images,
 }
 
 impl Stream {
     pub(super) const ALL: [Self; 2] = [Self::Results, Self::Images];
 
-    /// The end of its bags' names.
+    /// Suffix of the bag names.
     pub(super) const fn suffix(self) -> &'static str {
         match self {
             Self::Results => "",
@@ -28,24 +28,24 @@ impl Stream {
     }
 }
 
-/// A message and its place in a bag.
+/// A message and its topic within a bag.
 #[derive(Clone, Debug)]
 pub(super) struct Tapped {
     pub(super) stream: Stream,
-    /// Place of its topic in the bag's list.
+    /// Index of its topic in the bag's list.
     pub(super) place: usize,
     pub(super) message: Outgoing,
 }
 
 /// Messages for a snapshot, of all streams.
 pub(super) struct SnapshotMessages {
-    /// Sent in the last seconds, in order.
+    /// Messages of the last seconds, in order.
     pub(super) recent: Vec<Tapped>,
-    /// Last messages of latched topics that were sent before those.
+    /// Last messages of the latched topics without a recent message.
     pub(super) earlier_latched: Vec<Tapped>,
 }
 
-/// Latched messages, the last seconds, and the recordings that are on.
+/// Latched messages, the last seconds, and the running recordings.
 pub(super) struct Tap {
     lines: [Line; 2],
     ring: Ring,
@@ -54,13 +54,13 @@ pub(super) struct Tap {
 
 struct Line {
     is_latched: Vec<bool>,
-    /// By topic; of latched ones the last.
+    /// Last message of each latched topic, by topic.
     latched: Vec<Option<Tapped>>,
     session: Option<Arc<Session>>,
 }
 
 impl Tap {
-    /// A tap for the topics of each stream.
+    /// Returns a tap for the topics of each stream.
     pub(super) fn new(topics: [&[Topic]; 2]) -> Self {
         let line = |topics: &[Topic]| Line {
             is_latched: topics.iter().map(Topic::is_latched).collect(),
@@ -75,7 +75,7 @@ impl Tap {
         self.ring.set_bounds(params.snapshot_seconds, params.snapshot_bytes);
     }
 
-    /// Passes a message on that is sent now.
+    /// Passes on a message sent at `now`.
     pub(super) fn take(&mut self, now: Instant, tapped: Tapped) {
         let line = &mut self.lines[tapped.stream as usize];
         if line.is_latched[tapped.place] {
@@ -89,14 +89,14 @@ impl Tap {
         }
     }
 
-    /// Lets a recording have what comes from now on. Returns the latched messages that were sent before.
+    /// Passes all further messages to a recording. Returns the latched messages sent before.
     pub(super) fn begin(&mut self, stream: Stream, session: Arc<Session>) -> Vec<Tapped> {
         let line = &mut self.lines[stream as usize];
         line.session = Some(session);
         line.latched.iter().flatten().cloned().collect()
     }
 
-    /// Lets a recording have nothing more.
+    /// Stops passing messages to the recording of a stream and returns it.
     pub(super) fn end(&mut self, stream: Stream) -> Option<Arc<Session>> {
         self.lines[stream as usize].session.take()
     }

@@ -94,7 +94,7 @@ fn sequences(path: &Path, topic: &str) -> Vec<u32> {
     of_topic.map(|message| message.sequence).collect()
 }
 
-/// The messages that can be read of a bag that was not closed.
+/// Sequence numbers of the readable messages of a bag that was not closed.
 fn readable(path: &Path) -> Vec<u32> {
     open(path).messages(&Filter::all()).flatten().map(|message| message.sequence).collect()
 }
@@ -103,7 +103,7 @@ fn records(path: &Path, name: &str) -> Vec<MetadataRecord> {
     open(path).metadata().map(Result::unwrap).filter(|record| record.name == name).collect()
 }
 
-/// Waits for what a thread brings about.
+/// Waits for a state that another thread brings about.
 fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
     let deadline = Instant::now() + Duration::from_secs(30);
     while !is_so() {
@@ -113,7 +113,7 @@ fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
 }
 
 #[test]
-fn a_bag_holds_what_was_sent_between_start_and_stop_and_explains_itself() {
+fn a_bag_holds_the_messages_between_start_and_stop_and_a_description() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     assert_eq!(control.stop().unwrap(), [], "nothing to stop");
@@ -122,7 +122,7 @@ fn a_bag_holds_what_was_sent_between_start_and_stop_and_explains_itself() {
     send(&mut recorder, STATUS, 1..=2);
 
     let directories = control.start().unwrap();
-    assert_eq!(control.start().unwrap(), directories, "goes on");
+    assert_eq!(control.start().unwrap(), directories, "the recording continues");
     assert!(control.status().is_recording());
     send(&mut recorder, CENTERLINE, 6..=1000);
     let stopped = control.stop().unwrap();
@@ -153,7 +153,7 @@ fn a_bag_holds_what_was_sent_between_start_and_stop_and_explains_itself() {
 }
 
 #[test]
-fn images_have_a_bag_of_their_own_when_asked() {
+fn images_are_recorded_into_their_own_bag_on_request() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     let results_only = control.start().unwrap();
@@ -194,7 +194,7 @@ fn files_are_split_and_changed_parameters_written_while_recording() {
 }
 
 #[test]
-fn everything_is_flushed_in_time_though_nothing_more_is_sent() {
+fn messages_are_flushed_in_time_even_if_no_more_are_sent() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     let directory = control.start().unwrap().remove(0);
@@ -206,10 +206,10 @@ fn everything_is_flushed_in_time_though_nothing_more_is_sent() {
 }
 
 #[test]
-fn what_is_kept_is_shared_and_not_copied() {
+fn kept_messages_are_shared_and_not_copied() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, _control) = recorder(params(place.path()));
     let sent = message(CENTERLINE, 1, 100);
     recorder.write(&sent).unwrap();
-    assert_eq!(Arc::strong_count(&sent.data), 2, "ours and the ring's");
+    assert_eq!(Arc::strong_count(&sent.data), 2, "the sender's and the ring's");
 }

@@ -1,4 +1,5 @@
-//! The thread of one recording: writes what waits, and twice a second sees to flush, space and what explains the bag.
+//! The thread of one recording. It writes the queued messages, and twice a second flushes, checks the free space and
+//! updates the description.
 
 use std::{
     collections::BTreeMap,
@@ -19,11 +20,12 @@ use super::{
     tap::Tapped,
 };
 
-/// So often all is handed to the operating system, messages or not: half of the second after which nothing may be lost.
+/// Period of flushing to the operating system, with or without messages. It is half the maximum age of messages that a
+/// crash may lose, 1 s.
 const TICK: Duration = Duration::from_millis(500);
-/// So often the disk is asked to have it: every 5 s.
+/// Ticks between syncs to the disk, which take place every 5 s.
 const TICKS_PER_SYNC: u32 = 10;
-/// A fast stream has the free space looked at more often.
+/// Bytes between checks of the free space, in addition to those at every tick.
 const SPACE_CHECK_BYTES: u64 = 8 << 20;
 
 /// Settings that may change during a recording.
@@ -37,17 +39,17 @@ struct BagWriter {
     bag: SplitRecorder,
     session: Arc<Session>,
     settings: Arc<Settings>,
-    explained: Arc<Description>,
+    description: Arc<Description>,
     syncer: Syncer,
     num_ticks: u32,
     next_check_bytes: u64,
     has_refused: bool,
 }
 
-/// Explains a new bag, and starts the thread that writes it.
+/// Writes the description of a new bag and starts the thread that writes its messages.
 ///
 /// # Errors
-/// A failing disk; no thread to be had.
+/// Writing fails, or a thread cannot be started.
 pub(super) fn start(
     mut bag: SplitRecorder,
     session: &Arc<Session>,
@@ -55,20 +57,20 @@ pub(super) fn start(
     latched: &[Tapped],
 ) -> Result<(), RecordingError> {
     for Tapped { place, message, .. } in latched {
-        bag.remember(*place, Times::from(message), &message.data);
+        bag.set_latched(*place, Times::from(message), &message.data);
     }
     let system = |source| RecordingError::System { directory: session.directory().into(), source };
     let syncer = Syncer::start().map_err(system)?;
-    let explained = Arc::clone(&lock(&settings.description));
-    explain(&mut bag, &explained)?;
-    // What a run was is known even when it ends in its first second.
+    let description = Arc::clone(&lock(&settings.description));
+    describe(&mut bag, &description)?;
+    // The description is readable even if the process dies in the first second.
     bag.flush()?;
     session.set_bytes(bag.written_bytes());
     let writer = BagWriter {
         bag,
         session: Arc::clone(session),
         settings: Arc::clone(settings),
-        explained,
+        description,
         syncer,
         num_ticks: 0,
         next_check_bytes: SPACE_CHECK_BYTES,
@@ -78,12 +80,12 @@ pub(super) fn start(
     thread.spawn(move || writer.run()).map(drop).map_err(system)
 }
 
-fn explain(bag: &mut SplitRecorder, description: &Description) -> Result<(), RecordError> {
+fn describe(bag: &mut SplitRecorder, description: &Description) -> Result<(), RecordError> {
     let now_ns = i64::try_from(Timestamp::now().as_nanosecond()).unwrap_or(0);
-    bag.explain(description.record(), description.calibration_file(now_ns.max(0)))
+    bag.describe(description.record(), description.calibration_file(now_ns.max(0)))
 }
 
-/// Closes the queue, even after a panic, so that no thread waits for a terminated writer.
+/// Ends the session, even after a panic, so that no thread waits for a terminated writer.
 struct EndOnDrop(Arc<Session>);
 
 impl Drop for EndOnDrop {
@@ -102,7 +104,7 @@ impl BagWriter {
             session.fail(error);
         }
         let finished = self.finish(&recorded);
-        // The disk error was reported before and occurs again.
+        // An error of `finish` after an error of `record` is the same disk error again.
         if let (Ok(()), Err(error)) = (recorded, finished) {
             session.fail(&error.into());
         }
@@ -117,7 +119,7 @@ impl BagWriter {
                 Popped::TimedOut => {}
                 Popped::Closed => return Ok(()),
             }
-            if self.session.is_in_a_hurry() {
+            if self.session.is_queue_abandoned() {
                 return Ok(());
             }
             if Instant::now() >= next_tick {
@@ -133,7 +135,9 @@ impl BagWriter {
             Err(error @ RecordError::NegativeTime { .. }) => {
                 self.session.count_dropped(1);
                 if !self.has_refused {
-                    tracing::warn!("{error}; it is not recorded, later ones are only counted");
+                    tracing::warn!(
+                        "{error}; the message was dropped; further ones are only counted"
+                    );
                 }
                 self.has_refused = true;
             }
@@ -150,7 +154,7 @@ impl BagWriter {
 
     fn tick(&mut self) -> Result<(), RecordingError> {
         self.bag.set_limits(lock(&self.settings.params).split_limits());
-        self.explain_changes()?;
+        self.update_description()?;
         self.bag.flush()?;
         self.check_space()?;
         self.num_ticks += 1;
@@ -165,13 +169,13 @@ impl BagWriter {
         }
     }
 
-    fn explain_changes(&mut self) -> Result<(), RecordError> {
+    fn update_description(&mut self) -> Result<(), RecordError> {
         let description = Arc::clone(&lock(&self.settings.description));
-        if Arc::ptr_eq(&description, &self.explained) {
+        if Arc::ptr_eq(&description, &self.description) {
             return Ok(());
         }
-        self.explained = description;
-        explain(&mut self.bag, &self.explained)
+        self.description = description;
+        describe(&mut self.bag, &self.description)
     }
 
     fn check_space(&mut self) -> Result<(), RecordingError> {
@@ -186,9 +190,9 @@ impl BagWriter {
         RecordingError::System { directory: self.bag.directory().into(), source }
     }
 
-    /// Says how the recording ended, in the bag too, and closes it.
+    /// Records in the bag how the recording ended, closes the bag and logs the counts.
     fn finish(mut self, recorded: &Result<(), RecordingError>) -> Result<(), RecordError> {
-        self.explain_changes()?;
+        self.update_description()?;
         let ended = recorded.as_ref().map_or_else(ToString::to_string, |()| "as asked".to_owned());
         let entries = [
             ("messages", self.session.messages().to_string()),

@@ -192,7 +192,7 @@ fn refusals_give_their_reason() {
         ("cameras", Value::TextList(vec!["left".into()]), "read-only"),
         ("slice.profile", integer.clone(), "slice.profiles"),
         ("left.slice.profiles", integer.clone(), "write slice.profiles"),
-        ("qos_overrides./a.publisher.depth", integer.clone(), "where the node is started"),
+        ("qos_overrides./a.publisher.depth", integer.clone(), "when starting the node"),
         (&long, integer.clone(), "10000 bytes"),
         ("slice.profiles", Value::Integer(6000), "scan.max_profiles"),
     ];

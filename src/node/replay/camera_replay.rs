@@ -1,4 +1,4 @@
-//! One camera's part of a replay: its parameters, its images, its worker, its bag of results.
+//! One camera's part of a replay: its parameters, images, worker and results bag.
 
 use std::{
     fs,
@@ -38,7 +38,7 @@ pub(super) struct CameraReplay {
     pub(super) position_topics: Vec<String>,
     /// Topic of the camera's description, if needed and recorded.
     info_topic: Option<String>,
-    /// Its bag of results.
+    /// Directory of the results bag.
     output: PathBuf,
 }
 
@@ -54,7 +54,7 @@ impl CameraReplay {
             camera.calibration_file.as_deref().map(calibration_file::load).transpose()?;
         let ambient = ambient_file::load(&camera)?;
         let axis = calibration.as_ref().map(|(calibration, _)| calibration);
-        // Before anything is written.
+        // Checked here, before anything is written.
         positions::of_camera(&camera, axis)?;
         let mut image_topic: Option<ImageTopic> = None;
         let mut position_topics = Vec::new();
@@ -72,12 +72,12 @@ impl CameraReplay {
             }
             place::refuse_same(path, &output).map_err(ReplayError::OutputIsInput)?;
         }
-        // Without any recording there is nothing to choose from.
+        // Without recordings there are no images.
         let image_topic = image_topic.ok_or_else(|| ReplayError::Input {
             bag: PathBuf::new(),
             source: InputError::NoImages(Vec::new()),
         })?;
-        // What is recorded as effective is what was done, not the default that gave way.
+        // The recorded effective parameters state the transport that was found, not the default.
         let transport = Value::Text(image_topic.transport.name().to_owned());
         values.set(&camera.full_name("image_transport"), transport, "the recording")?;
         let info_topic = match axis.and_then(Calibration::image_size_px) {
@@ -96,7 +96,7 @@ impl CameraReplay {
         })
     }
 
-    /// Two cameras with the same images would both want every message.
+    /// Rejects a camera that uses the same images as another one.
     pub(super) fn refuse_same_images(&self, others: &[Self]) -> Result<(), ReplayError> {
         match others.iter().find(|other| other.image_topic.name == self.image_topic.name) {
             None => Ok(()),
@@ -108,7 +108,7 @@ impl CameraReplay {
         }
     }
 
-    /// Refuses an output that is there already, unless it may be replaced.
+    /// Rejects an existing output unless it may be replaced.
     pub(super) fn refuse_existing(&self, replay: &Replay) -> Result<(), RecordError> {
         if !replay.options.force && fs::symlink_metadata(&self.output).is_ok() {
             return Err(RecordError::Exists(self.output.clone()));
@@ -116,7 +116,7 @@ impl CameraReplay {
         Ok(())
     }
 
-    /// Creates the bag of results, and all that leads there.
+    /// Creates the results bag and the processing chain that writes it.
     pub(super) fn chain(&self, replay: &Replay) -> Result<Chain, ReplayError> {
         let calibration = self.calibration();
         let published = topics::published(&replay.names, &self.camera.name, calibration)?;
@@ -137,7 +137,7 @@ impl CameraReplay {
         })
     }
 
-    /// Its name among several; empty: the only one.
+    /// Name of the camera; empty if it is the only one.
     pub(super) fn name(&self) -> &str {
         &self.camera.name
     }
@@ -175,7 +175,7 @@ impl CameraReplay {
             .with_camera_info(calibration.cloned(), self.info_topic.clone()))
     }
 
-    /// All topics besides the images.
+    /// Returns all topics that are read in addition to the images.
     pub(super) fn side_topics(&self) -> Vec<String> {
         self.position_topics.iter().chain(&self.info_topic).cloned().collect()
     }
@@ -194,22 +194,22 @@ impl CameraReplay {
     }
 }
 
-/// A topic as it stands in the recordings.
+/// Returns a topic of the recordings by name.
 fn recorded(name: &str, bags: &[BagReader]) -> Option<Topic> {
     let mut topics = bags.iter().flat_map(BagReader::topics);
     topics.find(|topic| topic.name == name).map(|topic| (**topic).clone())
 }
 
-/// Name and type of every topic of a recording.
+/// Returns the name and type of every topic of a recording.
 fn named(bag: &BagReader) -> Vec<(String, String)> {
     let mut topics: Vec<_> =
         bag.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
-    // One name and type may stand there twice, with different QoS.
+    // A name and type may occur twice with different QoS.
     topics.dedup();
     topics
 }
 
-/// The topic that describes the camera: the one that a remap of `camera_info` names, else the one beside the images.
+/// Returns the `CameraInfo` topic: the remapped `camera_info`, else the one next to the images. `None` if not recorded.
 fn info_topic(
     bags: &[BagReader],
     names: &NodeNames,

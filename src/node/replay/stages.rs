@@ -8,23 +8,23 @@ use crate::{
 
 use super::{Replay, ReplayError};
 
-/// The unused worker and metadata of one camera.
+/// A new worker and the topics of one camera.
 pub(crate) struct Stage {
-    /// Its name among several; empty: the only one.
+    /// Name of the camera; empty if it is the only one.
     pub(crate) camera: String,
-    /// The topic of its images.
+    /// Topic of the images.
     pub(crate) images: ImageTopic,
-    /// The topics of its results, in the order of [`Output`](topics::Output).
+    /// Topics of the results, in the order of [`Output`](topics::Output).
     pub(crate) topics: Vec<TopicEndpoint>,
     /// The worker that measures.
     pub(crate) worker: Worker,
 }
 
 impl Replay {
-    /// New workers, one a camera, by the parameters in force.
+    /// Returns new workers, one per camera, with the current parameters.
     ///
     /// # Errors
-    /// A remap rule that gives a topic a name that ROS does not allow, or a calibration without the axis that is moved.
+    /// A remap rule gives a topic an invalid name, or the calibration lacks the axis of the motion.
     pub(crate) fn stages(&self) -> Result<Vec<Stage>, ReplayError> {
         let stage = |camera: &super::CameraReplay| {
             let name = camera.name().to_owned();
@@ -35,7 +35,7 @@ impl Replay {
         self.cameras.iter().map(stage).collect()
     }
 
-    /// The topics that are taken besides the images, of all cameras.
+    /// Returns the topics of all cameras that are read in addition to the images.
     pub(crate) fn side_topics(&self) -> Vec<String> {
         self.cameras.iter().flat_map(super::CameraReplay::side_topics).collect()
     }

@@ -8,7 +8,7 @@ use crate::{
     ros::{arguments::Assignment, value::Value},
 };
 
-/// From an image's sending to its recording.
+/// Time from the publication of an image to its recording.
 const DELAY_NS: i64 = 3_000_000;
 
 /// Writes a bag with five frames on each of these topics.
@@ -59,7 +59,7 @@ fn messages(bag: &Path) -> BTreeMap<String, Vec<RawMessage>> {
 }
 
 #[test]
-fn the_results_bag_explains_itself() {
+fn the_results_bag_is_self_contained() {
     let place = tempfile::tempdir().unwrap();
     let input = recording(&place.path().join("input"), &["/cam/image_raw"]);
     let calibration = "type: vertical_incidence\nframe_id: laser\nimage_distance_m: 0.05\nobject_distance_m: 0.5\n\
@@ -114,7 +114,7 @@ fn the_results_bag_explains_itself() {
 }
 
 #[test]
-fn the_transport_that_was_found_is_the_effective_one() {
+fn the_recorded_parameters_state_the_transport_that_was_found() {
     let place = tempfile::tempdir().unwrap();
     for (name, transport) in [("/image_raw", "raw"), ("/image_raw/compressed", "compressed")] {
         let input = recording(&place.path().join(transport), &[name]);
@@ -138,7 +138,7 @@ fn a_second_replay_gives_the_same_bytes() {
 }
 
 #[test]
-fn what_cannot_be_replayed_is_refused_before_anything_is_written() {
+fn an_invalid_request_is_refused_before_anything_is_written() {
     let place = tempfile::tempdir().unwrap();
     let one = recording(&place.path().join("one"), &["/left/image_raw"]);
     let other = recording(&place.path().join("other"), &["/right/image_raw"]);
@@ -160,7 +160,7 @@ fn what_cannot_be_replayed_is_refused_before_anything_is_written() {
 }
 
 #[test]
-fn recordings_follow_one_another_whatever_their_times() {
+fn recordings_are_replayed_in_the_given_order() {
     let place = tempfile::tempdir().unwrap();
     let bag = recording(&place.path().join("input"), &["/cam/image_raw"]);
     let summary = replay(request(vec![bag.clone(), bag], &place.path().join("out"))).unwrap();
@@ -169,12 +169,12 @@ fn recordings_follow_one_another_whatever_their_times() {
 }
 
 #[test]
-fn a_damaged_recording_is_replayed_as_far_as_it_goes_and_not_complete() {
+fn a_damaged_recording_is_replayed_and_reported_as_incomplete() {
     let place = tempfile::tempdir().unwrap();
     let bag = recording(&place.path().join("input"), &["/cam/image_raw"]);
     let file = bag.join("input_0.mcap");
     let mut bytes = fs::read(&file).unwrap();
-    // Inside the only chunk: its checksum no longer fits.
+    // Inside the only chunk, whose checksum is then wrong.
     let chunk = bytes.windows(4).position(|name| name == b"zstd").unwrap();
     bytes[chunk + 200] ^= 1;
     fs::write(&file, bytes).unwrap();
@@ -183,7 +183,7 @@ fn a_damaged_recording_is_replayed_as_far_as_it_goes_and_not_complete() {
 }
 
 #[test]
-fn a_rate_keeps_the_distances_of_the_recording() {
+fn a_rate_scales_the_time_between_messages() {
     let place = tempfile::tempdir().unwrap();
     let bag = recording(&place.path().join("input"), &["/cam/image_raw"]);
     let request = request(vec![bag], &place.path().join("out"));
@@ -208,7 +208,7 @@ fn an_existing_output_stays_without_force() {
     assert!(fs::read(&file).unwrap() == before, "the same again");
 }
 
-/// Two cameras by these names; every one takes small stripes.
+/// Adds two cameras, `left` and `right`, with the minimum segment area of the request.
 fn two_cameras(mut request: ReplayRequest) -> ReplayRequest {
     for camera in ["left", "right"] {
         let mut area = request.ros.assignments[0].clone();
@@ -221,7 +221,7 @@ fn two_cameras(mut request: ReplayRequest) -> ReplayRequest {
 }
 
 #[test]
-fn cameras_side_by_side_give_what_each_gives_alone() {
+fn two_cameras_together_give_the_same_results_as_each_alone() {
     let place = tempfile::tempdir().unwrap();
     let bag = recording(&place.path().join("both"), &["/left/image_raw", "/right/image_raw"]);
     let together = place.path().join("together");
@@ -265,7 +265,7 @@ fn cameras_with_the_same_images_are_refused() {
 }
 
 #[test]
-fn of_several_cameras_one_is_replayed_under_its_name() {
+fn one_of_several_cameras_can_be_replayed_alone() {
     let place = tempfile::tempdir().unwrap();
     let both = recording(&place.path().join("both"), &["/left/image_raw", "/right/image_raw"]);
     let right = recording(&place.path().join("right"), &["/right/image_raw", "/other"]);

@@ -1,4 +1,4 @@
-//! One log line: what is taken from an event where it happens, and the message that it becomes.
+//! One log line: created from an event, converted to a message.
 
 use std::{
     fmt::{self, Write},
@@ -12,13 +12,13 @@ use tracing::{
 
 use crate::msg::{builtin_interfaces::Time, rosout::Log};
 
-/// A longer text is cut: the queue shall not hold images of a log.
+/// Maximum size of a text, bytes. Longer texts are truncated, so that the queue takes bounded memory.
 const MAX_TEXT_BYTES: usize = 4096;
 const CUT: &str = " [...]";
 
 /// A log line that waits to be published.
 pub(super) struct Line {
-    /// Nanoseconds since the epoch. The system's time even where the node has another, as in rcl.
+    /// System time, nanoseconds since the epoch. It is used even if the node has simulated time, as in rcl.
     pub(super) stamp_ns: i64,
     level: u8,
     text: Text,
@@ -43,9 +43,11 @@ impl Line {
         }
     }
 
-    /// The line that follows this one when `num_lines` did not fit into the queue.
+    /// Returns the warning that follows this line if `num_lines` lines did not fit into the queue.
     pub(super) fn about_loss(&self, num_lines: u64) -> Self {
-        let text = Text(format!("{num_lines} log lines came too fast for /rosout and are missing"));
+        let text = Text(format!(
+            "{num_lines} log lines were dropped because the queue of /rosout was full"
+        ));
         Self {
             stamp_ns: self.stamp_ns,
             level: Log::WARN,
@@ -63,7 +65,7 @@ impl Line {
             name: name.into(),
             msg: self.text.0.as_str().into(),
             file: self.file.into(),
-            // The closest that is known.
+            // The module is the closest that is known.
             function: self.module.into(),
             line: self.row,
         }
@@ -79,13 +81,13 @@ fn level(level: Level) -> u8 {
     }
 }
 
-/// An event's message, and behind it its other fields as `key=value`.
+/// An event's message, followed by its other fields as `key=value`.
 #[derive(Default)]
 struct Text(String);
 
 impl Visit for Text {
     fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
-        // Never fails: a text takes all that it is given.
+        // Writing to a text never fails.
         if field.name() == "message" {
             let rest = std::mem::take(&mut self.0);
             write!(self, "{value:?}{rest}").unwrap_or_default();
@@ -100,7 +102,7 @@ impl Write for Text {
         if self.0.ends_with(CUT) {
             return Ok(());
         }
-        // CDR ends a text at NUL.
+        // In CDR, NUL ends a text.
         self.0.extend(text.chars().filter(|letter| *letter != '\0'));
         if self.0.len() > MAX_TEXT_BYTES {
             self.0.truncate(self.0.floor_char_boundary(MAX_TEXT_BYTES - CUT.len()));

@@ -19,7 +19,7 @@ const DEADLINE: Duration = Duration::from_secs(30);
 
 /// A line as a subscriber receives it.
 #[derive(Debug, PartialEq, Eq)]
-struct Heard {
+struct ReceivedLine {
     level: u8,
     name: String,
     text: String,
@@ -29,7 +29,7 @@ struct Heard {
 struct Rig {
     network: Loopback,
     names: NodeNames,
-    heard: Receiver<Heard>,
+    received: Receiver<ReceivedLine>,
     _subscription: Box<dyn Subscription>,
 }
 
@@ -39,13 +39,13 @@ impl Rig {
         let network = Loopback::default();
         let rule = ros2args::RemapRule::new_global("__ns".into(), "/cell".into());
         let names = NodeNames::new("laser_profiler", &[rule]).unwrap();
-        let (sender, heard) = sync_channel(10_000);
-        let hear = Box::new(move |arrival: Result<Arrival, Fault>| {
+        let (sender, received) = sync_channel(10_000);
+        let receive = Box::new(move |arrival: Result<Arrival, Fault>| {
             let bytes = arrival.unwrap().data;
             let log: Log<'_> = cdr::decode(&bytes).unwrap();
             assert!(log.stamp.to_ns() > 0 && log.line > 0 && log.file.ends_with(".rs"));
             on_line();
-            let line = Heard {
+            let line = ReceivedLine {
                 level: log.level,
                 name: log.name.into(),
                 text: log.msg.into(),
@@ -56,20 +56,20 @@ impl Rig {
         let topic = (&names, "/rosout");
         let qos = QosProfile::latched(1000);
         let subscription =
-            endpoints::subscribe::<Log<'_>>(&network, topic, qos, 100_000, hear).unwrap();
-        Self { network, names, heard, _subscription: subscription }
+            endpoints::subscribe::<Log<'_>>(&network, topic, qos, 100_000, receive).unwrap();
+        Self { network, names, received, _subscription: subscription }
     }
 
     fn start(&self, slot: &RosoutSlot) -> Rosout {
         Rosout::start(&self.network, &self.names, slot.clone()).unwrap()
     }
 
-    fn next(&self) -> Heard {
-        self.heard.recv_timeout(DEADLINE).unwrap()
+    fn next(&self) -> ReceivedLine {
+        self.received.recv_timeout(DEADLINE).unwrap()
     }
 
     fn is_quiet(&self) -> bool {
-        matches!(self.heard.recv_timeout(Duration::ZERO), Err(RecvTimeoutError::Timeout))
+        matches!(self.received.recv_timeout(Duration::ZERO), Err(RecvTimeoutError::Timeout))
     }
 }
 
@@ -86,8 +86,8 @@ fn the_programs_events_become_log_lines_of_the_node() {
         tracing::info!("i");
         tracing::debug!("d");
         tracing::trace!("too fine for ROS");
-        tracing::error!(target: "rustdds", "somebody else's");
-        tracing::error!(target: "laser_profiler_of_others", "somebody else's");
+        tracing::error!(target: "rustdds", "of another crate");
+        tracing::error!(target: "laser_profiler_of_others", "of another crate");
         tracing::info!(target: "laser_profiler", "the end");
         drop(rosout);
         tracing::error!("after the node");
@@ -104,9 +104,9 @@ fn the_programs_events_become_log_lines_of_the_node() {
     assert_eq!(slot.num_dropped(), 0);
 }
 
-/// The subscriber stands for a transport that logs about what it is given to publish.
+/// The subscriber plays a transport that logs while it publishes.
 #[test]
-fn what_is_logged_while_publishing_is_not_published() {
+fn events_logged_while_publishing_are_not_published() {
     let (layer, slot) = layer();
     let dispatch = tracing::Dispatch::new(registry().with(layer));
     let inside = dispatch.clone();
@@ -121,32 +121,32 @@ fn what_is_logged_while_publishing_is_not_published() {
 }
 
 #[test]
-fn whoever_logs_never_waits_and_what_is_missing_is_told() {
+fn logging_never_waits_and_dropped_lines_are_reported() {
     let (release, wait) = sync_channel::<()>(0);
     let rig = Rig::new(move || assert!(wait.recv().is_err()));
     let (layer, slot) = layer();
     let num_lines = 3 * DEPTH as u64;
     let rosout = rig.start(&slot);
     with_default(registry().with(layer), || {
-        // The subscriber is stuck in the first line; no thread waits for it.
+        // The subscriber blocks in the first line; logging does not wait for it.
         for number in 0..num_lines {
             tracing::info!("{number}");
         }
     });
     let num_dropped = slot.num_dropped();
-    // The queue, and the line that the thread holds.
+    // The queue and the thread hold the other lines.
     assert!((num_lines - DEPTH as u64 - 1..=num_lines - DEPTH as u64).contains(&num_dropped));
     drop(release);
     drop(rosout);
-    let lines: Vec<_> = rig.heard.try_iter().collect();
+    let lines: Vec<_> = rig.received.try_iter().collect();
     assert_eq!(lines.len() as u64, num_lines - num_dropped + 1);
-    let told: Vec<_> = lines.iter().filter(|line| line.level == Log::WARN).collect();
-    assert_eq!(told.len(), 1, "{told:?}");
-    assert!(told[0].text.starts_with(&format!("{num_dropped} log lines")), "{told:?}");
+    let warnings: Vec<_> = lines.iter().filter(|line| line.level == Log::WARN).collect();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].text.starts_with(&format!("{num_dropped} log lines")), "{warnings:?}");
 }
 
 #[test]
-fn long_lines_are_cut_and_nothing_in_them_ends_a_text_early() {
+fn long_lines_are_truncated_and_nul_is_removed() {
     let rig = Rig::new(|| ());
     let (layer, slot) = layer();
     with_default(registry().with(layer), || {

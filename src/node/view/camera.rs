@@ -1,4 +1,4 @@
-//! One camera's images as viewers see them: full, or small and not too often, with the centreline that belongs to each.
+//! Display of one camera's images: at full size, or as small previews at a limited rate with their centrelines.
 
 use std::{
     collections::VecDeque,
@@ -25,39 +25,39 @@ use crate::{
 
 use super::{Images, serve_recorded, serve_type};
 
-/// Shortest time between two small pictures.
+/// Minimum time between two previews.
 pub(super) const PREVIEW_GAP: Duration = Duration::from_nanos(1_000_000_000 / 15);
-/// Pictures whose centreline may still come.
+/// Maximum number of previews that may still receive their centreline.
 const MAX_CHOSEN: usize = 16;
 
-/// An image message as it came.
+/// An image message as received.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CameraImage<'a> {
     /// CDR bytes with their header.
     pub(super) data: &'a [u8],
-    /// Its transport.
+    /// Image transport.
     pub(super) transport: ImageTransport,
-    /// When it was received, nanoseconds since the epoch.
+    /// Time of reception, nanoseconds since the epoch.
     pub(super) time_ns: i64,
 }
 
-/// The channels of a camera for viewers.
+/// The viewer channels of a camera.
 pub(super) struct CameraView {
-    /// Small pictures, and the drawings over them.
+    /// Channels of the previews and of their annotations.
     small: Option<[Arc<Channel>; 2]>,
-    /// The images themselves.
+    /// Channel of the full images.
     full: Option<Mutex<Option<Arc<Channel>>>>,
     max_frame_bytes: u64,
     choice: Mutex<Choice>,
     work: Mutex<Work>,
 }
 
-/// Which images are shown.
+/// Selection of the images to show.
 #[derive(Default)]
 struct Choice {
     last: Option<Instant>,
     stamps: VecDeque<Time>,
-    /// Side of the squares that became a pixel; 0: not known yet.
+    /// Side of the square of image pixels that becomes one preview pixel; 0 if unknown.
     factor: u32,
 }
 
@@ -69,7 +69,7 @@ struct Work {
 }
 
 impl CameraView {
-    /// Serves the camera's pictures. Images of more than `max_frame_bytes` are not shown.
+    /// Serves the camera's images. Images of more than `max_frame_bytes` are not shown.
     pub(super) fn open(
         server: &Server,
         names: &NodeNames,
@@ -78,7 +78,7 @@ impl CameraView {
     ) -> Result<Self, ViewError> {
         let open = |name: &str, kind| {
             let name = of_camera(camera, name);
-            // A rule that gives the preview an invalid name also gives one to the results, which report it.
+            // A remap rule that makes this name invalid also invalidates the names of the results, which report it.
             let name = names.resolve(&name).unwrap_or(name);
             serve_type(server, &name, kind, 0)
         };
@@ -94,7 +94,7 @@ impl CameraView {
         Ok(Self { small, full, max_frame_bytes, choice, work })
     }
 
-    /// Serves the images themselves, where they are wanted at all, on their own topic.
+    /// Serves the full images on their own topic if they were requested.
     pub(super) fn serve_full(&self, server: &Server, topic: &Topic) -> Result<(), ViewError> {
         if let Some(full) = &self.full {
             let channel = serve_recorded(server, topic)?;
@@ -138,7 +138,7 @@ impl CameraView {
         } else if let Some([pictures, _]) = &self.small
             && let Err(error) = self.show_small(image, pictures)
         {
-            tracing::debug!("no preview of an image: {error}");
+            tracing::debug!("an image has no preview: {error}");
         }
     }
 
@@ -163,7 +163,7 @@ impl CameraView {
         Ok(())
     }
 
-    /// Shows the drawings over an image that was chosen.
+    /// Shows the annotations of an image that was chosen.
     pub(super) fn annotate(&self, data: &[u8], time_ns: i64) {
         let Some([_, drawings]) = &self.small else { return };
         if !drawings.is_wanted() {
@@ -172,7 +172,7 @@ impl CameraView {
         let Ok(mut annotations) = cdr::decode::<ImageAnnotations<'_>>(data) else { return };
         let factor = {
             let choice = lock(&self.choice);
-            // Without any line there is no stamp: what was drawn before must go all the same.
+            // An empty message has no stamp, but must clear the previous annotations.
             let first = annotations.points.first().map(|line| line.timestamp);
             if choice.factor == 0 || first.is_some_and(|stamp| !choice.stamps.contains(&stamp)) {
                 return;
@@ -187,7 +187,7 @@ impl CameraView {
     }
 }
 
-/// Why there is no picture.
+/// Reason that an image has no preview.
 #[derive(Debug, thiserror::Error)]
 enum Unshown {
     #[error(transparent)]
@@ -215,7 +215,7 @@ fn encode_small(
     cdr::encode(&message, bytes)
 }
 
-/// Of a compressed image the width is known only when it is unpacked.
+/// Returns the stamp and width of an image. The width of a compressed image is unknown until it is decoded.
 fn stamp_and_width(image: &CameraImage<'_>) -> Result<(Time, Option<u32>), CdrError> {
     Ok(match image.transport {
         ImageTransport::Raw => {

@@ -1,4 +1,4 @@
-//! What viewers ask for, in the node's words: parameters as ROS has them, playback as the player takes it.
+//! Translates viewer requests: parameters into ROS parameters, playback requests into orders to the player.
 
 use std::sync::{Arc, OnceLock};
 
@@ -17,13 +17,13 @@ use super::playback::Playback;
 
 /// The parameters of the viewed node or replay.
 pub(super) trait Settable: Send + Sync {
-    /// Shows the values in force.
+    /// Calls `look` with the current values.
     fn read(&self, look: &mut dyn FnMut(&Parameters));
 
-    /// Sets one.
+    /// Sets a parameter.
     ///
     /// # Errors
-    /// Why not, in words.
+    /// The reason that the value was refused, as text.
     fn set(&self, name: &str, value: Value) -> Result<(), String>;
 }
 
@@ -47,7 +47,7 @@ impl Settable for ParameterHandle {
     }
 }
 
-/// The desk of a node. Nothing is known of it before it has started.
+/// Handler of the viewer requests to a node. It has no parameters or playback until they are set.
 #[derive(Default)]
 pub(super) struct NodeDesk {
     settable: OnceLock<Arc<dyn Settable>>,
@@ -55,18 +55,18 @@ pub(super) struct NodeDesk {
 }
 
 impl NodeDesk {
-    /// Says whose parameters are meant. Only the first call counts.
+    /// Sets the source of the parameters. Only the first call has an effect.
     pub(super) fn set_parameters_of(&self, settable: Arc<dyn Settable>) {
         _ = self.settable.set(settable);
     }
 
-    /// Says who plays. Only the first call counts.
+    /// Sets the player. Only the first call has an effect.
     pub(super) fn set_playback(&self, playback: Playback) {
         _ = self.playback.set(playback);
     }
 
-    fn set_one(settable: &dyn Settable, wish: Parameter) -> Result<(), String> {
-        let Parameter { name, value, .. } = wish;
+    fn set_one(settable: &dyn Settable, parameter: Parameter) -> Result<(), String> {
+        let Parameter { name, value, .. } = parameter;
         let mut current = None;
         settable.read(&mut |values| current = values.get(&name).map(|it| it.value().clone()));
         let value = value.ok_or_else(|| format!("{name}: a parameter always has a value"))?;
@@ -88,11 +88,14 @@ impl Desk for NodeDesk {
         found
     }
 
-    fn set_parameters(&self, wishes: Vec<Parameter>) -> Vec<String> {
+    fn set_parameters(&self, parameters: Vec<Parameter>) -> Vec<String> {
         let Some(settable) = self.settable.get() else {
-            return vec!["the node is starting: set parameters in a moment".to_owned()];
+            return vec!["the node is still starting: try again".to_owned()];
         };
-        wishes.into_iter().filter_map(|wish| Self::set_one(&**settable, wish).err()).collect()
+        parameters
+            .into_iter()
+            .filter_map(|parameter| Self::set_one(&**settable, parameter).err())
+            .collect()
     }
 
     fn control(&self, request: &PlaybackControlRequest) -> Option<PlaybackState> {
@@ -112,7 +115,7 @@ fn parameter(declared: &Declared) -> Parameter {
     let (kind, value) = match declared.value() {
         Value::Bool(value) => (None, ParameterValue::Bool(*value)),
         Value::Integer(value) => (None, ParameterValue::Integer(*value)),
-        // 35.0 looks like an integer in JSON.
+        // In JSON, 35.0 is written like an integer.
         Value::Float(value) => (Some(ParameterType::Float64), ParameterValue::Float64(*value)),
         Value::Text(text) => (None, ParameterValue::String(text.clone())),
         Value::TextList(texts) => {
@@ -123,8 +126,8 @@ fn parameter(declared: &Declared) -> Parameter {
     Parameter { name: declared.name().to_owned(), r#type: kind, value: Some(value) }
 }
 
-/// A value as the node has it. Viewers write 35 for 35.0, and the other way round: the type of the value in force
-/// decides.
+/// Converts a viewer's value to the node's type. Viewers write 35 for 35.0 and vice versa, so the type of the current
+/// value decides.
 fn value_for(value: ParameterValue, current: Option<&Value>) -> Result<Value, String> {
     match value {
         ParameterValue::Bool(value) => Ok(Value::Bool(value)),
@@ -144,7 +147,7 @@ fn value_for(value: ParameterValue, current: Option<&Value>) -> Result<Value, St
         ParameterValue::Array(items) => {
             let text = |item| match item {
                 ParameterValue::String(text) => Ok(text),
-                _ => Err("a list of this node has texts only".to_owned()),
+                _ => Err("list parameters of this node hold texts only".to_owned()),
             };
             Ok(Value::TextList(items.into_iter().map(text).collect::<Result<_, _>>()?))
         }
@@ -163,7 +166,7 @@ mod tests {
         desk
     }
 
-    fn wish(name: &str, value: ParameterValue) -> Parameter {
+    fn parameter_of(name: &str, value: ParameterValue) -> Parameter {
         Parameter { name: name.to_owned(), r#type: None, value: Some(value) }
     }
 
@@ -172,14 +175,14 @@ mod tests {
     }
 
     #[test]
-    fn numbers_become_what_the_parameter_is() {
+    fn numbers_are_converted_to_the_type_of_the_parameter() {
         let desk = desk();
-        let wishes = vec![
-            wish("extraction.segment_threshold", ParameterValue::Integer(45)),
-            wish("slice.profiles", ParameterValue::Float64(7.0)),
-            wish("extraction.method", ParameterValue::String("gray_gravity".to_owned())),
+        let parameters = vec![
+            parameter_of("extraction.segment_threshold", ParameterValue::Integer(45)),
+            parameter_of("slice.profiles", ParameterValue::Float64(7.0)),
+            parameter_of("extraction.method", ParameterValue::String("gray_gravity".to_owned())),
         ];
-        assert_eq!(desk.set_parameters(wishes), Vec::<String>::new());
+        assert_eq!(desk.set_parameters(parameters), Vec::<String>::new());
         let threshold = desk.parameters(&["extraction.segment_threshold".to_owned()]);
         assert_eq!(threshold[0].value, Some(ParameterValue::Float64(45.0)));
         assert_eq!(threshold[0].r#type, Some(ParameterType::Float64));
@@ -188,9 +191,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused_says_why_and_changes_nothing() {
+    fn a_refused_value_is_reported_and_changes_nothing() {
         let desk = desk();
-        let refused = |name: &str, value| desk.set_parameters(vec![wish(name, value)]).join("\n");
+        let refused =
+            |name: &str, value| desk.set_parameters(vec![parameter_of(name, value)]).join("\n");
         for (name, value, words) in [
             ("slice.profiles", ParameterValue::Integer(0), "must be an integer from 1"),
             ("slice.profiles", ParameterValue::Float64(1.5), "not a float"),
@@ -200,17 +204,18 @@ mod tests {
             ("cameras", ParameterValue::Array(vec![ParameterValue::Integer(1)]), "texts only"),
             ("channel", ParameterValue::Dict(std::collections::BTreeMap::new()), "dictionary"),
         ] {
-            let before = value_of_all(&desk);
-            let told = refused(name, value);
-            assert!(told.contains(words) && told.contains(name), "{told}");
-            assert_eq!(value_of_all(&desk), before);
+            let before = all_values(&desk);
+            let reason = refused(name, value);
+            assert!(reason.contains(words) && reason.contains(name), "{reason}");
+            assert_eq!(all_values(&desk), before);
         }
-        let unset = Parameter { value: None, ..wish("channel", ParameterValue::Bool(true)) };
+        let unset =
+            Parameter { value: None, ..parameter_of("channel", ParameterValue::Bool(true)) };
         assert!(desk.set_parameters(vec![unset])[0].contains("always has a value"));
         assert!(!NodeDesk::default().set_parameters(Vec::new()).is_empty());
     }
 
-    fn value_of_all(desk: &NodeDesk) -> Vec<Parameter> {
+    fn all_values(desk: &NodeDesk) -> Vec<Parameter> {
         desk.parameters(&[])
     }
 }

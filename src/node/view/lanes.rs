@@ -1,4 +1,4 @@
-//! Every camera's way from an image to viewers: its worker, driven by hand, and a sink that serves what it publishes.
+//! The path from each camera's images to viewers: a worker that is called directly, and a sink that serves its results.
 
 use std::{sync::Arc, time::Duration};
 
@@ -23,11 +23,11 @@ use super::{
     serve,
 };
 
-/// The path from a camera's images to viewers; all except the channels is recreated after every jump.
+/// The viewer channels of a camera. They are kept after a seek; the workers are recreated.
 pub(super) struct Camera {
-    /// Its pictures.
+    /// Display of the images.
     pub(super) view: Arc<CameraView>,
-    /// Its results, by the number of the topic.
+    /// Names and channels of the result topics, by topic number.
     channels: Vec<(String, Arc<Channel>)>,
 }
 
@@ -36,7 +36,7 @@ impl Camera {
         Self { view, channels: Vec::new() }
     }
 
-    /// Serves the topics of its results that are not served yet: with a calibration there are more.
+    /// Serves the result topics that are not served yet; a calibration adds some.
     pub(super) fn serve(&mut self, server: &Server, stage: &Stage) -> Result<(), ViewError> {
         self.channels.truncate(stage.topics.len());
         for topic in &stage.topics[self.channels.len()..] {
@@ -45,31 +45,31 @@ impl Camera {
         Ok(())
     }
 
-    /// True if it publishes that output.
+    /// True if the camera publishes that output.
     pub(super) const fn has(&self, output: Output) -> bool {
         self.channels.len() > output as usize
     }
 
-    /// True if it publishes on that topic.
+    /// True if the camera publishes on that topic.
     pub(super) fn publishes(&self, topic: &str) -> bool {
         self.channels.iter().any(|(name, _)| name == topic)
     }
 
-    /// Where its results go.
+    /// Returns the outlet of the results.
     pub(super) fn outlet(&self) -> Outlet {
         let channels = self.channels.iter().map(|(_, channel)| Arc::clone(channel)).collect();
         Outlet {
             sink: Box::new(ViewSink { channels, camera: Arc::clone(&self.view) }),
             takes_images: false,
             purpose: Purpose::Publish,
-            // It never waits: what a viewer cannot take is dropped by the server.
+            // It never waits: the server drops messages for slow viewers.
             way: Way::Direct,
             is_essential: false,
         }
     }
 }
 
-/// Viewers as a sink.
+/// Sink that sends results to viewers.
 struct ViewSink {
     channels: Vec<Arc<Channel>>,
     camera: Arc<CameraView>,
@@ -90,7 +90,7 @@ impl Sink for ViewSink {
     }
 }
 
-/// A camera that measures.
+/// One measured camera.
 pub(super) struct Lane<'a> {
     images: String,
     transport: ImageTransport,
@@ -113,10 +113,10 @@ impl<'a> Lane<'a> {
     }
 }
 
-/// The cameras that measure.
+/// The measured cameras.
 pub(super) struct Lanes<'a> {
     lanes: Vec<Lane<'a>>,
-    /// Closed: buffers are simply freed.
+    /// Closed, so that buffers are freed instead of reused.
     spare: Queue<Vec<u8>>,
 }
 
@@ -127,7 +127,7 @@ impl<'a> Lanes<'a> {
         Self { lanes, spare }
     }
 
-    /// True if nothing is measured.
+    /// True if no camera is measured.
     pub(super) fn is_empty(&self) -> bool {
         self.lanes.is_empty()
     }
@@ -142,22 +142,22 @@ impl<'a> Lanes<'a> {
         self.lanes.iter().any(|lane| lane.images == topic)
     }
 
-    /// True if frames may wait for other messages.
+    /// True if frames may wait for messages on other topics.
     pub(super) fn has_side_topics(&self) -> bool {
         self.lanes.iter().any(|lane| !lane.worker.position_topics().is_empty())
     }
 
-    /// Processes messages about positions and cameras.
+    /// Processes a message with positions or camera information.
     pub(super) fn take_side(&mut self, message: &RawMessage) {
         for lane in &mut self.lanes {
             if lane.worker.position_topics().contains(&message.topic.name) {
                 let input = Input::Position(message.clone());
-                tell(lane.worker.step(input, &self.spare, &mut lane.out));
+                report(lane.worker.step(input, &self.spare, &mut lane.out));
             }
         }
     }
 
-    /// Shows an image, unless the last one was less than `min_gap` ago, and measures it.
+    /// Measures an image, and shows it unless the last one was shown less than `min_gap` ago.
     pub(super) fn take_image(&mut self, message: RawMessage, min_gap: Duration) {
         let Some(lane) = self.lanes.iter_mut().find(|lane| lane.images == message.topic.name)
         else {
@@ -173,19 +173,19 @@ impl<'a> Lanes<'a> {
             lane.view.show(&image);
         }
         let input = Input::Message(message, PublisherId::default());
-        tell(lane.worker.step(input, &self.spare, &mut lane.out));
+        report(lane.worker.step(input, &self.spare, &mut lane.out));
     }
 
-    /// Measures what still waits, and ends open scans.
+    /// Measures waiting frames and ends open scans.
     pub(super) fn finish(&mut self) {
         for lane in &mut self.lanes {
-            tell(lane.worker.finish(&self.spare, &mut lane.out));
+            report(lane.worker.finish(&self.spare, &mut lane.out));
         }
     }
 }
 
-/// A result without bytes is missing from the picture; what comes after it is shown.
-fn tell(taken: Result<(), PublishError>) {
+/// Logs a result that could not be encoded; later results are shown.
+fn report(taken: Result<(), PublishError>) {
     if let Err(error) = taken {
         tracing::warn!("a result is not shown: {error}");
     }

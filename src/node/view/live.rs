@@ -37,19 +37,19 @@ use super::{
 
 /// Period of updates of the connection graph.
 const GRAPH_PERIOD: Duration = Duration::from_secs(1);
-/// Images that wait to be shown: one that comes while another is being made is not shown.
+/// Images queued for display. An image that arrives while the queue is full is not shown.
 const IMAGES_WAITING: usize = 1;
 
-/// Why a node cannot be seen.
+/// Error of starting the view of a live node.
 #[derive(Debug, Error)]
 pub(crate) enum LiveViewError {
-    /// A name or remap rule.
+    /// A name or remap rule is invalid.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// A parameter or parameter file.
+    /// A parameter or parameter file is invalid.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// The server.
+    /// The server cannot start.
     #[error(transparent)]
     View(#[from] ViewError),
 }
@@ -64,7 +64,7 @@ impl LiveViewError {
     }
 }
 
-/// A server through which a live node is seen, until it is dropped.
+/// A server that shows a live node until it is dropped.
 pub(crate) struct LiveView {
     server: Arc<Server>,
     desk: Arc<NodeDesk>,
@@ -72,20 +72,20 @@ pub(crate) struct LiveView {
 }
 
 impl LiveView {
-    /// Serves what the node of that request will have.
+    /// Starts a server for the node of that request.
     ///
     /// # Errors
-    /// A parameter, a name, or the port.
+    /// A parameter or name is invalid, or the server cannot start.
     pub(crate) fn start(request: &LiveRequest, view: ViewRequest) -> Result<Self, LiveViewError> {
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let values = Parameters::load(&names, &request.ros)?;
         Self::of(&names, &values, view)
     }
 
-    /// Serves what a node with these values will have.
+    /// Starts a server for a node with these parameter values.
     ///
     /// # Errors
-    /// Values that contradict one another, a bad name, or the port.
+    /// The values contradict one another, a name is invalid, or the server cannot start.
     pub(crate) fn of(
         names: &NodeNames,
         values: &Parameters,
@@ -94,45 +94,45 @@ impl LiveView {
         let params = NodeParams::new(values)?;
         let desk = Arc::new(NodeDesk::default());
         let settings = Settings { name: names.fully_qualified(), time_range_ns: None };
-        let asked = Arc::clone(&desk);
-        let server = Arc::new(Server::start(view.address, settings, asked)?);
+        let handler = Arc::clone(&desk);
+        let server = Arc::new(Server::start(view.address, settings, handler)?);
         let camera = |camera: &CameraParams| LiveCamera::new(&server, names, camera, view);
         let cameras = params.cameras.iter().map(camera).collect::<Result<_, LiveViewError>>()?;
         Ok(Self { server, desk, cameras })
     }
 
-    /// The middleware as the node is to see it.
+    /// Returns a middleware for the node that also serves its traffic to viewers.
     pub(crate) fn through(&self, inner: Arc<dyn Transport>) -> Arc<dyn Transport> {
         let (watched, server) = (Arc::downgrade(&inner), Arc::downgrade(&self.server));
         let thread = thread::Builder::new().name("view graph".to_owned());
         if let Err(error) = thread.spawn(move || publish_graph(&watched, &server)) {
-            tracing::warn!("viewers do not see who speaks to whom: {error}");
+            tracing::warn!("viewers receive no connection graph: {error}");
         }
         let (server, cameras) = (Arc::clone(&self.server), Arc::clone(&self.cameras));
         Arc::new(Viewed { inner, server, cameras })
     }
 
-    /// Lets viewers see and set the node's parameters.
+    /// Lets viewers read and set the node's parameters.
     pub(crate) fn set_parameters_of(&self, parameters: ParameterHandle) {
         self.desk.set_parameters_of(Arc::new(parameters));
     }
 
-    /// Where viewers find it.
+    /// Address of the server.
     pub(crate) fn address(&self) -> SocketAddr {
         self.server.address()
     }
 
-    /// Messages that viewers were given.
+    /// Number of messages sent to viewers.
     pub(crate) fn num_sent(&self) -> u64 {
         self.server.num_sent()
     }
 }
 
-/// The channels of a live camera.
+/// The viewer channels of a live camera.
 pub(super) struct LiveCamera {
-    /// The topics of its images, raw and compressed.
+    /// Topics of the images, raw and compressed.
     images: [String; 2],
-    /// The topic of its centrelines as drawings.
+    /// Topic of the centrelines as annotations.
     pub(super) annotations: String,
     pub(super) view: Arc<CameraView>,
 }
@@ -152,13 +152,13 @@ impl LiveCamera {
         Ok(Self { images: [raw, compressed], annotations, view })
     }
 
-    /// True if its images arrive on that topic.
+    /// True if the camera's images arrive on that topic.
     pub(super) fn takes(&self, topic: &str) -> bool {
         self.images.iter().any(|name| name == topic)
     }
 
-    /// Looks at images before they are handed on. Pictures are made on a thread of their own, so that the camera never
-    /// waits for one.
+    /// Wraps a subscription callback so that viewers see the images. A separate thread prepares them, so that the
+    /// camera never waits.
     pub(super) fn tap(&self, topic: &TopicEndpoint, mut on_arrival: OnArrival) -> OnArrival {
         let is_packed = topic.kind.name == CompressedImage::TYPE.name;
         let transport = if is_packed { ImageTransport::Compressed } else { ImageTransport::Raw };
@@ -175,7 +175,7 @@ impl LiveCamera {
                 let time_ns = arrival.receive_time_ns;
                 let image = CameraImage { data: &arrival.data, transport, time_ns };
                 if view.choose(&image, PREVIEW_GAP) {
-                    // A full queue: this one is not shown.
+                    // If the queue is full, this image is not shown.
                     _ = sender.try_send((arrival.data.clone(), time_ns));
                 }
             }
@@ -190,7 +190,7 @@ fn show_all(waiting: &Receiver<(Vec<u8>, i64)>, transport: ImageTransport, view:
     }
 }
 
-/// Tells viewers the graph, when they want it, until there is none.
+/// Publishes the connection graph while viewers subscribe to it, until the middleware or the server is dropped.
 fn publish_graph(transport: &Weak<dyn Transport>, server: &Weak<Server>) {
     loop {
         thread::sleep(GRAPH_PERIOD);

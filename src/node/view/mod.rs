@@ -1,7 +1,7 @@
-//! The live view: what the node publishes and what it looks at, served to Foxglove.
+//! The live view: serves the node's results and images to Foxglove.
 //!
-//! A recording is played by a [`replay`] view, which measures what it shows by the parameters that viewers set; a live
-//! node is seen through `transport`, which shows viewers all that passes between the node and its middleware.
+//! A [`replay`] view plays a recording and measures it with the parameters that viewers set. For a live node,
+//! `transport` serves the traffic between the node and its middleware.
 
 mod camera;
 mod desk;
@@ -24,26 +24,27 @@ use crate::{
     ros::transport::TopicEndpoint,
 };
 
-/// Messages of a latched topic of a recording that late viewers get: every publisher of `/tf_static` sends its own.
+/// Maximum number of messages of a recorded latched topic that late viewers receive; every publisher of `/tf_static`
+/// sends its own.
 const MAX_LATCHED: usize = 64;
 
 /// Display of the camera's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Images {
-    /// As they came, on their own topic.
+    /// Full images on their own topic.
     Full,
-    /// Small and at most fifteen a second, on `~/preview`; the centreline over them on `~/preview_annotations`.
+    /// Small images at 15 Hz at most on `~/preview`, with their centrelines on `~/preview_annotations`.
     #[default]
     Preview,
-    /// Not at all.
+    /// No images.
     None,
 }
 
 impl Images {
-    /// The names of all.
+    /// Names of all variants.
     pub(crate) const NAMES: [&str; 3] = ["full", "preview", "none"];
 
-    /// The one of that name.
+    /// Returns the variant of that name.
     pub(crate) fn from_name(name: &str) -> Option<Self> {
         [Self::Full, Self::Preview, Self::None]
             .into_iter()
@@ -52,16 +53,16 @@ impl Images {
     }
 }
 
-/// Options of the server.
+/// Options of the view.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ViewRequest {
-    /// Where to listen.
+    /// Address to listen on.
     pub(crate) address: Address,
     /// Display of images.
     pub(crate) images: Images,
 }
 
-/// Serves a topic of the node's.
+/// Serves a topic of the node.
 fn serve(server: &Server, topic: &TopicEndpoint) -> Result<Arc<Channel>, ViewError> {
     let is_latched = topic.qos.durability == Durability::TransientLocal;
     serve_type(server, &topic.name, topic.kind, usize::from(is_latched))
@@ -96,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_is_one() {
+    fn every_name_gives_its_variant() {
         let all = Images::NAMES.map(|name| Images::from_name(name).unwrap());
         assert_eq!(all, [Images::Full, Images::Preview, Images::None]);
         assert_eq!(Images::from_name("small"), None);

@@ -10,18 +10,18 @@ use crate::{
     ros::parameters::Parameters,
 };
 
-/// Orders that may wait; a slider that is dragged over the time line sends some sixty a second.
+/// Maximum number of queued orders. Dragging the playback slider sends about sixty per second.
 const MAX_WAITING: usize = 256;
 
 /// A request to the player.
 pub(super) enum Order {
-    /// Plays or pauses, at a speed, perhaps from another time.
+    /// Plays or pauses at a speed, after a seek to a log time if one is given.
     Control { status: PlaybackStatus, speed: f32, seek_ns: Option<i64> },
-    /// Applies new parameters; the answer holds the reason for refusal.
+    /// Applies new parameters. The reply holds the reason for a refusal.
     Set(Box<Parameters>, SyncSender<Result<(), String>>),
     /// Shows the current frame again, for a new viewer.
     Refresh,
-    /// Somebody looks: begins to play, where it has not begun yet.
+    /// A viewer has connected: starts playback unless it was started before.
     Begin,
 }
 
@@ -32,12 +32,12 @@ pub(super) struct Shown {
     pub(super) status: PlaybackStatus,
     /// Log time of the last frame, nanoseconds since the epoch.
     pub(super) time_ns: i64,
-    /// Times the speed of the recording.
+    /// Playback speed relative to the recording.
     pub(super) speed: f32,
 }
 
 impl Shown {
-    /// The state as reported to viewers.
+    /// Returns the state as reported to viewers.
     pub(super) fn state(self) -> PlaybackState {
         PlaybackState {
             status: self.status,
@@ -57,7 +57,8 @@ pub(super) struct Playback {
 }
 
 impl Playback {
-    /// A desk for a player of a recording from the first to the second time, and the player's side of it.
+    /// Returns the viewers' side and the player's side for a recording with these first and last times, nanoseconds
+    /// since the epoch.
     pub(super) fn new(
         range_ns: (i64, i64),
         speed: f32,
@@ -68,12 +69,12 @@ impl Playback {
         (Self { orders: sender, shown: Arc::clone(&shown), range_ns }, orders, shown)
     }
 
-    /// Where orders go.
+    /// Returns a sender for orders.
     pub(super) fn orders(&self) -> SyncSender<Order> {
         self.orders.clone()
     }
 
-    /// The state that follows from a request; the player follows a moment later.
+    /// Passes a request to the player. Returns the resulting state, which the player reaches a moment later.
     pub(super) fn control(&self, request: &PlaybackControlRequest) -> PlaybackState {
         let before = *lock(&self.shown);
         let is_speed = request.playback_speed.is_finite() && request.playback_speed > 0.0;
@@ -83,30 +84,31 @@ impl Playback {
             PlaybackCommand::Pause => PlaybackStatus::Paused,
         };
         let (start_ns, end_ns) = self.range_ns;
-        let asked = request.seek_time.map(|time| i64::try_from(time).unwrap_or(end_ns));
-        // Who plays on from the end means from the start.
+        let requested = request.seek_time.map(|time| i64::try_from(time).unwrap_or(end_ns));
+        // Play at the end restarts from the beginning.
         let is_over = before.status == PlaybackStatus::Ended && status == PlaybackStatus::Playing;
-        let seek_ns = asked.or(is_over.then_some(start_ns)).map(|ns| ns.clamp(start_ns, end_ns));
+        let seek_ns =
+            requested.or(is_over.then_some(start_ns)).map(|ns| ns.clamp(start_ns, end_ns));
         if self.orders.try_send(Order::Control { status, speed, seek_ns }).is_err() {
-            tracing::debug!("the player is behind: a request of a viewer is not followed");
+            tracing::debug!("the player's queue is full: a playback request was dropped");
             return before.state();
         }
         let after = Shown { status, speed, time_ns: seek_ns.unwrap_or(before.time_ns) };
         PlaybackState { did_seek: seek_ns.is_some(), ..after.state() }
     }
 
-    /// Somebody has come.
+    /// Starts playback when a viewer connects.
     pub(super) fn on_viewer(&self) {
-        self.tell(Order::Begin);
+        self.send(Order::Begin);
     }
 
-    /// Somebody wants to see more.
+    /// Shows the current frame again when a viewer subscribes.
     pub(super) fn on_subscribe(&self) {
-        self.tell(Order::Refresh);
+        self.send(Order::Refresh);
     }
 
-    /// If the queue is full, the player redraws everything anyway.
-    fn tell(&self, order: Order) {
+    /// Sends an order. If the queue is full, the order is dropped: the queued ones refresh the display anyway.
+    fn send(&self, order: Order) {
         match self.orders.try_send(order) {
             Ok(()) | Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {}
         }
@@ -131,10 +133,10 @@ mod tests {
     }
 
     #[test]
-    fn a_time_outside_the_recording_is_its_end() {
+    fn a_seek_outside_the_recording_is_clamped() {
         let (playback, orders, _) = Playback::new((100, 200), 1.0);
-        for (asked, expected) in [(0, 100), (150, 150), (u64::MAX, 200)] {
-            let state = playback.control(&request(PlaybackCommand::Pause, 2.0, Some(asked)));
+        for (requested, expected) in [(0, 100), (150, 150), (u64::MAX, 200)] {
+            let state = playback.control(&request(PlaybackCommand::Pause, 2.0, Some(requested)));
             assert!(state.did_seek && state.status == PlaybackStatus::Paused);
             assert_eq!(state.current_time, expected);
             let Ok(Order::Control { seek_ns, .. }) = orders.try_recv() else { panic!("an order") };
@@ -143,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_speed_that_is_none_changes_nothing() {
+    fn an_invalid_speed_changes_nothing() {
         let (playback, _orders, _) = Playback::new((100, 200), 3.0);
         for speed in [0.0, -1.0, f32::NAN, f32::INFINITY] {
             let state = playback.control(&request(PlaybackCommand::Play, speed, None));
@@ -152,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn who_plays_on_from_the_end_begins_again() {
+    fn play_at_the_end_restarts_from_the_beginning() {
         let (playback, _orders, shown) = Playback::new((100, 200), 1.0);
         *lock(&shown) = Shown { status: PlaybackStatus::Ended, time_ns: 200, speed: 1.0 };
         let state = playback.control(&request(PlaybackCommand::Play, 1.0, None));
@@ -162,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_player_that_does_not_answer_fills_no_memory() {
+    fn orders_to_a_stuck_player_take_bounded_memory() {
         let (playback, _orders, _) = Playback::new((100, 200), 1.0);
         for _ in 0..MAX_WAITING {
             playback.on_subscribe();

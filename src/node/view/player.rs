@@ -1,7 +1,7 @@
-//! Plays a recording to viewers: at a speed, from any time on, measured by the parameters that they set.
+//! Plays a recording to viewers at any speed and from any time, measured with the parameters that they set.
 //!
-//! A jump begins anew: new workers, which know nothing of before. So what is shown of a frame depends on the recording
-//! and the parameters alone, not on how a viewer came there.
+//! A seek creates new workers without history. The first frame after it therefore depends only on the recording and
+//! the parameters, not on what was played before.
 
 use std::{
     sync::{
@@ -30,18 +30,20 @@ use super::{
     recording::{Passed, Reader, last_time_ns},
 };
 
-/// Period at which an idle player checks for a stop request.
+/// Maximum time between checks for a stop request.
 const IDLE: Duration = Duration::from_millis(50);
-/// Time before and after a frame within which messages may determine its position, nanoseconds.
+/// Time before and after a shown frame within which messages may belong to it, nanoseconds: positions, and frames of
+/// other cameras. Without cameras, the time before a seek target from which messages are shown.
 const AROUND_NS: i64 = 500_000_000;
-/// Viewers clear their display after a jump. The notification of a jump may overtake messages.
+/// Pause before the first message after a seek. Viewers clear their display when they receive the seek notification,
+/// which new messages must not overtake.
 const JUMP_PAUSE: Duration = Duration::from_millis(20);
-/// Wishes that come so close together are one.
+/// Maximum time between subscriptions that are answered together.
 const TOGETHER: Duration = Duration::from_millis(10);
 /// Minimum period between time messages.
 const TIME_GAP: Duration = Duration::from_millis(20);
 
-/// A player. It ends when its orders do, or at the wish to stop.
+/// A player. It ends when the order queue is closed, when a stop is requested or, if `ends`, with the recording.
 pub(super) struct Player {
     pub(super) replay: Replay,
     pub(super) server: Arc<Server>,
@@ -51,19 +53,20 @@ pub(super) struct Player {
     pub(super) shown: Arc<Mutex<Shown>>,
     pub(super) range_ns: (i64, i64),
     pub(super) stop: Stop,
-    /// True if it ends with the recording.
+    /// True if the player ends with the recording.
     pub(super) ends: bool,
-    /// True if a viewer has connected or subscribed.
+    /// True if playback was started or controlled before, so that a new viewer does not start it.
     pub(super) has_begun: bool,
-    /// An order that came while others were awaited.
+    /// An order that arrived while subscriptions were collected.
     pub(super) pending: Option<Order>,
 }
 
-/// The action after a part was played.
+/// The action after a part of the recording was played.
 enum Next {
-    /// Another part, from that time on.
+    /// Plays from that log time on, nanoseconds since the epoch.
     From(i64),
-    Nothing,
+    /// Ends the player.
+    End,
 }
 
 /// A part of the recording that is being played.
@@ -72,11 +75,11 @@ struct Act<'a> {
     reader: Reader,
     pacer: Option<Pacer>,
     clock: Instant,
-    time_told: Instant,
+    time_sent: Instant,
 }
 
 impl Player {
-    /// Plays until it is to end.
+    /// Plays until the player ends.
     ///
     /// # Errors
     /// Measuring or serving failed.
@@ -104,17 +107,17 @@ impl Player {
             let before_ns = if lanes.is_empty() || lanes.has_side_topics() { AROUND_NS } else { 0 };
             let topics: Vec<_> = self.topics().collect();
             let reader = Reader::new(self.bag(), &topics, from_ns.saturating_sub(before_ns));
-            let (clock, time_told) = (Instant::now(), Instant::now());
-            let mut act = Act { lanes, reader, pacer: None, clock, time_told };
+            let (clock, time_sent) = (Instant::now(), Instant::now());
+            let mut act = Act { lanes, reader, pacer: None, clock, time_sent };
             if !self.show_frame(&mut act, from_ns) {
-                return self.behind_the_last(from_ns);
+                return self.last_frame(from_ns);
             }
             Ok(self.play(&mut act))
         })
     }
 
     fn bag(&self) -> &BagReader {
-        // There is one: whoever makes a player has made sure.
+        // A player is created only for a single recording.
         &self.replay.bags()[0]
     }
 
@@ -124,10 +127,10 @@ impl Player {
         measured.chain(side).chain(self.passed.topics().cloned())
     }
 
-    /// Shows the first frame at or after a time and what belongs to it. Without cameras, the messages just before that
-    /// time. Returns whether there is anything.
+    /// Shows the first frame at or after a time and the messages that belong to it; without cameras, the messages up to
+    /// that time. Returns false if there are cameras but no such frame.
     fn show_frame(&self, act: &mut Act<'_>, from_ns: i64) -> bool {
-        let mut is_there = act.lanes.is_empty();
+        let mut has_frame = act.lanes.is_empty();
         while let Some(next) = act.reader.peek() {
             let time_ns = next.log_time_ns;
             if act.lanes.is_empty() && time_ns > from_ns {
@@ -137,7 +140,7 @@ impl Player {
             if time_ns >= from_ns || act.lanes.is_empty() {
                 self.show_next(act, Duration::ZERO);
                 if is_image {
-                    is_there = true;
+                    has_frame = true;
                     break;
                 }
             } else if let Some(message) = act.reader.take() {
@@ -147,15 +150,16 @@ impl Player {
         if act.lanes.is_empty() {
             lock(&self.shown).time_ns = from_ns;
         }
-        self.show_what_belongs(act);
+        self.show_related(act);
         let shown = *lock(&self.shown);
         self.server.publish_time(shown.time_ns);
         self.server.publish_playback(shown.state());
-        is_there
+        has_frame
     }
 
-    /// The frame of every other camera; and a frame may wait for a position after it.
-    fn show_what_belongs(&self, act: &mut Act<'_>) {
+    /// Shows a frame of every other camera and, since a frame may wait for a later position, the messages up to the
+    /// next frame; at most [`AROUND_NS`] after the first frame.
+    fn show_related(&self, act: &mut Act<'_>) {
         let time_ns = lock(&self.shown).time_ns;
         let until_ns = time_ns.saturating_add(AROUND_NS);
         while let Some(next) = act.reader.peek() {
@@ -167,12 +171,12 @@ impl Player {
             }
             self.show_next(act, Duration::ZERO);
         }
-        // A later look begins with the same frame.
+        // A refresh starts at the same frame.
         lock(&self.shown).time_ns = time_ns;
     }
 
-    /// Behind the last frame the last frame is shown.
-    fn behind_the_last(&self, from_ns: i64) -> Result<Next, PlayError> {
+    /// Returns to the last frame if there is no frame at or after the requested time.
+    fn last_frame(&self, from_ns: i64) -> Result<Next, PlayError> {
         let images: Vec<_> = self.replay.image_topics().map(|topic| topic.name.clone()).collect();
         match last_time_ns(self.bag(), &images) {
             Some(last_ns) if last_ns < from_ns => Ok(Next::From(last_ns)),
@@ -180,7 +184,7 @@ impl Player {
         }
     }
 
-    /// Shows the next message; pictures at least `min_gap` apart.
+    /// Shows the next message; images at least `min_gap` apart.
     fn show_next(&self, act: &mut Act<'_>, min_gap: Duration) {
         let Some(message) = act.reader.take() else { return };
         let time_ns = message.log_time_ns;
@@ -190,8 +194,8 @@ impl Player {
             lock(&self.shown).time_ns = time_ns;
             act.lanes.take_image(message, min_gap);
         }
-        if act.time_told.elapsed() >= TIME_GAP {
-            act.time_told = Instant::now();
+        if act.time_sent.elapsed() >= TIME_GAP {
+            act.time_sent = Instant::now();
             self.server.publish_time(time_ns);
         }
     }
@@ -202,22 +206,22 @@ impl Player {
             let wait = Self::wait(act);
             match self.next_order(wait.unwrap_or_default().min(IDLE)) {
                 Ok(order) => {
-                    if let Some(from_ns) = self.obey(order, act) {
+                    if let Some(from_ns) = self.execute(order, act) {
                         return Next::From(from_ns);
                     }
                 }
-                Err(RecvTimeoutError::Disconnected) => return Next::Nothing,
+                Err(RecvTimeoutError::Disconnected) => return Next::End,
                 Err(RecvTimeoutError::Timeout) if wait.is_some() => {}
                 Err(RecvTimeoutError::Timeout) => self.show_next(act, PREVIEW_GAP),
             }
             if self.is_playing() && act.reader.peek().is_none() {
                 self.end(act);
                 if self.ends {
-                    return Next::Nothing;
+                    return Next::End;
                 }
             }
         }
-        Next::Nothing
+        Next::End
     }
 
     fn next_order(&mut self, timeout: Duration) -> Result<Order, RecvTimeoutError> {
@@ -227,8 +231,9 @@ impl Player {
         }
     }
 
-    /// A viewer that opens a layout subscribes to a dozen topics at once; the frame is shown once for all of them.
-    fn await_others(&mut self) {
+    /// Collects further subscriptions: a viewer that opens a layout subscribes to a dozen topics at once, and one
+    /// refresh serves all of them.
+    fn collect_refreshes(&mut self) {
         while let Ok(order) = self.orders.recv_timeout(TOGETHER) {
             if !matches!(order, Order::Refresh) {
                 self.pending = Some(order);
@@ -237,7 +242,7 @@ impl Player {
         }
     }
 
-    /// Returns the time until the next message is due; `None` if it is due now. Infinite while paused.
+    /// Returns the time until the next message is due; `None` if it is due now. [`IDLE`] while paused or at the end.
     fn wait(act: &mut Act<'_>) -> Option<Duration> {
         let (Some(pacer), Some(next)) = (&mut act.pacer, act.reader.peek()) else {
             return Some(IDLE);
@@ -250,7 +255,7 @@ impl Player {
         lock(&self.shown).status == PlaybackStatus::Playing
     }
 
-    /// From now on at the speed that was chosen.
+    /// Starts pacing at the chosen speed from the shown time, or stops pacing unless playing.
     fn set_pace(&self, act: &mut Act<'_>) {
         let Shown { status, time_ns, speed } = *lock(&self.shown);
         act.pacer = match status {
@@ -263,8 +268,8 @@ impl Player {
         }
     }
 
-    /// Carries out a command. Returns the time from which to restart playback, if needed.
-    fn obey(&mut self, order: Order, act: &mut Act<'_>) -> Option<i64> {
+    /// Executes an order. Returns the log time from which to restart playback, if needed.
+    fn execute(&mut self, order: Order, act: &mut Act<'_>) -> Option<i64> {
         match order {
             Order::Control { status, speed, seek_ns } => {
                 self.has_begun = true;
@@ -284,14 +289,14 @@ impl Player {
                 None
             }
             Order::Refresh => {
-                self.await_others();
+                self.collect_refreshes();
                 let Shown { status, time_ns, .. } = *lock(&self.shown);
                 (status != PlaybackStatus::Playing).then_some(time_ns)
             }
             Order::Set(values, reply) => {
                 let set = self.measure_by(&values);
                 let is_set = set.is_ok();
-                // Whoever asked may have given up waiting.
+                // The requester may have timed out.
                 drop(reply.try_send(set));
                 is_set.then(|| lock(&self.shown).time_ns)
             }
@@ -300,12 +305,12 @@ impl Player {
 
     fn measure_by(&mut self, values: &Parameters) -> Result<(), String> {
         if self.cameras.is_empty() {
-            return Err("nothing is measured here: the recording holds no images".to_owned());
+            return Err("the recording holds no images, so nothing is measured".to_owned());
         }
         self.replay.measure_by(values).map_err(|error| error.to_string())
     }
 
-    /// The last frame was shown: open scans end.
+    /// Ends playback after the last message: ends open scans and publishes the state.
     fn end(&self, act: &mut Act<'_>) {
         act.lanes.finish();
         act.pacer = None;
@@ -316,16 +321,16 @@ impl Player {
     }
 }
 
-/// Why nothing more is played.
+/// Error of playing a recording.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum PlayError {
-    /// The parameters in force do not fit any more: a file has changed.
+    /// The recording can no longer be measured with the current parameters, for example because a file has changed.
     #[error(transparent)]
     Replay(#[from] ReplayError),
-    /// The server.
+    /// A topic cannot be served.
     #[error(transparent)]
     View(#[from] ViewError),
-    /// The topics are there, but nothing is on them, or nothing that can be read.
+    /// The image topics exist but hold no readable frame.
     #[error("no frame could be read from {0}")]
     NoFrames(String),
 }

@@ -1,4 +1,4 @@
-//! A recording as the player reads it: from any time on, with a look at what comes next.
+//! Reads a recording for the player: from any time on, with a preview of the next message.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -13,14 +13,14 @@ use crate::{
 
 use super::{Images, serve_recorded};
 
-/// Messages of latched topics that are looked for before anything is shown.
+/// Maximum number of latched messages that are served before playback.
 const MAX_LATCHED: usize = 1000;
 /// Maximum number of damaged places that are logged individually.
-const MAX_TOLD: u64 = 10;
-/// Initial distance of the search for the last image, nanoseconds.
+const MAX_REPORTED: u64 = 10;
+/// Initial length of the search for the last image, nanoseconds before the end.
 const LOOK_BACK_NS: i64 = 1_000_000_000;
 
-/// Messages in order of time, the next one in sight.
+/// Messages in order of time; the next one can be inspected.
 pub(super) struct Reader {
     messages: Messages,
     next: Option<RawMessage>,
@@ -28,7 +28,7 @@ pub(super) struct Reader {
 }
 
 impl Reader {
-    /// The messages of those topics from a time on.
+    /// Reads the messages of those topics from a log time on.
     pub(super) fn new(bag: &BagReader, topics: &[String], from_ns: i64) -> Self {
         let messages = bag.messages(&Filter::topics(topics).from(from_ns));
         let mut reader = Self { messages, next: None, num_damaged: 0 };
@@ -36,7 +36,7 @@ impl Reader {
         reader
     }
 
-    /// The next message.
+    /// Returns the next message without taking it.
     pub(super) const fn peek(&self) -> Option<&RawMessage> {
         self.next.as_ref()
     }
@@ -58,7 +58,7 @@ impl Reader {
                 }
                 Err(error) => {
                     self.num_damaged += 1;
-                    if self.num_damaged <= MAX_TOLD {
+                    if self.num_damaged <= MAX_REPORTED {
                         tracing::warn!("{error}");
                     }
                 }
@@ -67,7 +67,7 @@ impl Reader {
     }
 }
 
-/// Log time of the last message of those topics; `None`: there is none.
+/// Log time of the last message of those topics, nanoseconds since the epoch; `None` if there is none.
 pub(super) fn last_time_ns(bag: &BagReader, topics: &[String]) -> Option<i64> {
     let (start_ns, end_ns) = bag.time_range_ns()?;
     let mut look_back_ns = LOOK_BACK_NS;
@@ -82,11 +82,11 @@ pub(super) fn last_time_ns(bag: &BagReader, topics: &[String]) -> Option<i64> {
     }
 }
 
-/// Topics shown as recorded: all except the measured images and the recomputed results.
+/// Channels of the topics that are shown as recorded: all except the measured images and the recomputed results.
 pub(super) struct Passed(BTreeMap<String, Arc<Channel>>);
 
 impl Passed {
-    /// Serves the topics of a recording that are not among `own`. Images are shown as they are where that is wanted.
+    /// Serves the topics of a recording for which `own` is false; images only if `images` allows them.
     pub(super) fn open(
         server: &Server,
         bag: &BagReader,
@@ -98,7 +98,7 @@ impl Passed {
             let is_image =
                 [Image::TYPE.name, CompressedImage::TYPE.name].contains(&topic.type_name.as_str());
             let is_shown = !own(&topic.name) && (!is_image || images != Images::None);
-            // Two of one name differ in type or QoS: the first is shown.
+            // Topics of the same name differ in type or QoS: the first is shown.
             if is_shown && topic.require_cdr().is_ok() && !passed.contains_key(&topic.name) {
                 passed.insert(topic.name.clone(), serve_recorded(server, topic)?);
             }
@@ -110,7 +110,7 @@ impl Passed {
         Ok(passed)
     }
 
-    /// Latched messages from the beginning apply to every later time.
+    /// Serves the first latched messages of the recording, which apply to every later time.
     fn begin_with_latched(&self, bag: &BagReader) {
         let latched = bag.topics().iter().filter(|topic| topic.is_latched());
         let names: Vec<_> = latched
@@ -124,12 +124,12 @@ impl Passed {
         messages.take(MAX_LATCHED).for_each(|message| self.pass(&message));
     }
 
-    /// The topics.
+    /// Names of the topics.
     pub(super) fn topics(&self) -> impl Iterator<Item = &String> {
         self.0.keys()
     }
 
-    /// Shows a message if a viewer has subscribed to it.
+    /// Sends a message to its viewers if its topic is shown as recorded.
     pub(super) fn pass(&self, message: &RawMessage) {
         let Some(channel) = self.0.get(&message.topic.name) else { return };
         if message.topic.is_latched() {

@@ -31,28 +31,28 @@ use super::{
     recording::Passed,
 };
 
-/// Time that setting a parameter waits for the player.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Timeout for the player's reply to new parameters.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Why a recording cannot be seen.
+/// Error of the view of a recording.
 #[derive(Debug, Error)]
 pub(crate) enum ReplayViewError {
-    /// The recording or the parameters.
+    /// The recording or the parameters are invalid.
     #[error(transparent)]
     Replay(#[from] ReplayError),
-    /// The server.
+    /// The server failed.
     #[error(transparent)]
     View(#[from] ViewError),
-    /// More than one recording has no common time line.
+    /// Several recordings were given; they have no common time line.
     #[error("--view shows one recording, but {0} were given")]
     Several(usize),
-    /// Nothing to show.
-    #[error("{0} holds no messages: there is nothing to see")]
+    /// The recording holds no messages.
+    #[error("{0} holds no messages: there is nothing to show")]
     Empty(String),
-    /// The topics of the images are there, but nothing that can be read is on them.
+    /// The image topics exist but hold no readable frame.
     #[error("no frame could be read from {0}")]
     NoFrames(String),
-    /// The system refuses a thread.
+    /// The player's thread cannot be started.
     #[error("--view: {0}")]
     Thread(#[source] std::io::Error),
 }
@@ -69,12 +69,12 @@ impl ReplayViewError {
     }
 }
 
-/// True if the view ends with the recording.
+/// Behavior of the view at the end of the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtEnd {
-    /// It stays: viewers may play again.
+    /// The view stays open, and viewers may play again.
     Stay,
-    /// It plays at once, whether anybody looks or not, and ends.
+    /// The view plays at once, with or without viewers, and ends with the recording.
     Exit,
 }
 
@@ -85,11 +85,12 @@ pub(crate) struct ReplayView {
 }
 
 impl ReplayView {
-    /// Serves a recording and plays it from its beginning, as soon as somebody looks. Where it holds no images, what it
-    /// holds is shown.
+    /// Serves a recording and plays it from its beginning: at once for [`AtEnd::Exit`], else when the first viewer
+    /// connects. Without images, the recorded messages are shown but nothing is measured.
     ///
     /// # Errors
-    /// The first thing that is not as it should be.
+    /// The recording, the parameters or the names are invalid, the recording is empty or not the only one, or the
+    /// server or a thread cannot start.
     pub(crate) fn start(
         request: ReplayRequest,
         view: ViewRequest,
@@ -106,8 +107,8 @@ impl ReplayView {
         let desk = Arc::new(NodeDesk::default());
         let name = replay.names().fully_qualified();
         let settings = Settings { name, time_range_ns: Some(range_ns) };
-        let asked = Arc::clone(&desk);
-        let server = Arc::new(Server::start(view.address, settings, asked)?);
+        let handler = Arc::clone(&desk);
+        let server = Arc::new(Server::start(view.address, settings, handler)?);
         let cameras = cameras(&server, &replay, &values, view)?;
         let own = |name: &str| {
             cameras.iter().any(|camera| camera.publishes(name))
@@ -117,12 +118,12 @@ impl ReplayView {
         let (playback, orders, shown) = Playback::new(range_ns, speed);
         let store = ParameterStore::new(values, on_change(&playback)).map_err(ReplayError::from)?;
         let is_uncalibrated = !cameras.iter().any(|camera| camera.has(Output::Profile));
-        tell(&server, "recording", &notes);
+        warn(&server, "recording", &notes);
         if let Some(why) = unmeasured {
-            tell(&server, "images", &why);
+            warn(&server, "images", &why);
         } else if is_uncalibrated {
             let why = "no calibration_file: centrelines only, no profile, points or height map";
-            tell(&server, "calibration", why);
+            warn(&server, "calibration", why);
         }
         let has_begun = at_end == AtEnd::Exit;
         if has_begun {
@@ -149,20 +150,20 @@ impl ReplayView {
         Ok(Self { server, player })
     }
 
-    /// Where viewers find it.
+    /// Address of the server.
     pub(crate) fn address(&self) -> std::net::SocketAddr {
         self.server.address()
     }
 
-    /// True if it has ended by itself.
+    /// True if the player has ended.
     pub(crate) fn is_finished(&self) -> bool {
         self.player.is_finished()
     }
 
-    /// Waits for its end; how many messages viewers were given.
+    /// Waits for the end of playback. Returns the number of messages sent to viewers.
     ///
     /// # Errors
-    /// It ended because something could not be shown any more.
+    /// Measuring or serving failed, or no frame could be read.
     pub(crate) fn join(self) -> Result<u64, ReplayViewError> {
         let played = self.player.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         played.map_err(|error| match error {
@@ -174,19 +175,19 @@ impl ReplayView {
     }
 }
 
-fn tell(server: &Server, key: &str, text: &str) {
+fn warn(server: &Server, key: &str, text: &str) {
     if !text.is_empty() {
         tracing::warn!("{text}");
         server.note(key, text);
     }
 }
 
-/// Why nothing is measured, where that is only because the recording holds no images.
+/// Returns the reason that nothing is measured if the recording holds no images; other errors are passed on.
 fn unmeasured(chosen: Result<(), ReplayError>) -> Result<Option<String>, ReplayError> {
     match chosen {
         Ok(()) => Ok(None),
         Err(error @ ReplayError::Input { source: InputError::NoImages(_), .. }) => {
-            Ok(Some(format!("{error}; what it holds is shown, nothing is measured")))
+            Ok(Some(format!("{error}; its messages are shown, but nothing is measured")))
         }
         Err(error) => Err(error),
     }
@@ -220,14 +221,14 @@ fn recorded<'a>(replay: &'a Replay, name: &str) -> Option<&'a Topic> {
     topics.find(|topic| topic.name == name).map(|topic| &**topic)
 }
 
-/// Has the player measure by other parameters.
+/// Returns a callback that passes changed parameters to the player.
 fn on_change(playback: &Playback) -> OnChange {
     let orders = playback.orders();
     Box::new(move |_, values| {
         let (reply, answer) = mpsc::sync_channel(1);
         let ended = |_| "the view has ended".to_owned();
         orders.send(Order::Set(Box::new(values.clone()), reply)).map_err(ended)?;
-        match answer.recv_timeout(PATIENCE) {
+        match answer.recv_timeout(REPLY_TIMEOUT) {
             Ok(set) => set,
             Err(_late) => Err("the player is busy: try again".to_owned()),
         }

@@ -1,7 +1,7 @@
-//! A middleware that viewers look through: what the node publishes, the images it takes and the services it offers.
+//! A middleware wrapper that also serves the node's publications, received images and services to viewers.
 //!
-//! All that ROS users see of a node passes [`Transport`], so a viewer sees the same, in the same bytes, and the node
-//! knows nothing of it.
+//! All ROS traffic of a node passes through [`Transport`], so viewers receive the same bytes, and the node is not
+//! involved.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -17,7 +17,8 @@ use crate::{
 
 use super::{camera::CameraView, live::LiveCamera, serve};
 
-/// Types of the services that have buttons in a viewer: parameters have a panel, and the lifecycle has `ros2`.
+/// Types of the services offered to viewers. Parameters have a panel of their own, and the lifecycle is controlled with
+/// `ros2`.
 const SERVED: [&str; 2] = ["std_srvs/srv/Trigger", "std_srvs/srv/SetBool"];
 
 /// A middleware and its viewers.
@@ -28,7 +29,7 @@ pub(super) struct Viewed {
 }
 
 impl Viewed {
-    /// Serves a topic, or logs the reason that viewers cannot receive it. An error does not prevent publication.
+    /// Serves a topic, or logs the reason that viewers cannot receive it. An error does not prevent ROS publication.
     fn channel(&self, topic: &TopicEndpoint) -> Option<Arc<Channel>> {
         let served = serve(&self.server, topic);
         served.inspect_err(|error| tracing::warn!("{} is not viewed: {error}", topic.name)).ok()
@@ -53,7 +54,7 @@ impl Transport for Viewed {
             camera: camera
                 .filter(|_| topic.kind.name == ImageAnnotations::TYPE.name)
                 .map(|camera| Arc::clone(&camera.view)),
-            tells_parameters: (topic.kind.name == ParameterEvent::TYPE.name)
+            parameter_viewers: (topic.kind.name == ParameterEvent::TYPE.name)
                 .then(|| Arc::clone(&self.server)),
         }))
     }
@@ -110,10 +111,10 @@ impl Transport for Viewed {
 struct ViewedPublication {
     inner: Box<dyn Publication>,
     channel: Option<Arc<Channel>>,
-    /// Whose centrelines these are.
+    /// Camera of the centrelines, if the topic carries them.
     camera: Option<Arc<CameraView>>,
-    /// Of the events of parameters: whose viewers are told.
-    tells_parameters: Option<Arc<Server>>,
+    /// Server that publishes changed parameters, if the topic carries parameter events.
+    parameter_viewers: Option<Arc<Server>>,
 }
 
 impl Publication for ViewedPublication {
@@ -125,7 +126,7 @@ impl Publication for ViewedPublication {
         if let Some(channel) = &self.channel {
             channel.send(data, source_time_ns);
         }
-        if let Some(server) = &self.tells_parameters {
+        if let Some(server) = &self.parameter_viewers {
             server.publish_parameters();
         }
         published
@@ -136,7 +137,7 @@ impl Publication for ViewedPublication {
     }
 }
 
-/// A service with a button.
+/// A service that viewers can call. Dropping it removes it from viewers.
 struct ViewedService {
     _inner: Box<dyn ServiceServer>,
     name: String,

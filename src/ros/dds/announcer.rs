@@ -1,4 +1,4 @@
-//! The topic by which ROS nodes tell which endpoints are theirs: DDS itself knows participants only.
+//! The topic on which ROS nodes announce their endpoints: DDS itself has participants, but no nodes.
 
 use byteorder::LittleEndian;
 use ros2_client::{
@@ -18,7 +18,7 @@ use super::{
 };
 use crate::msg::qos::QosProfile;
 
-/// The node's own voice on that topic.
+/// Publisher of the node's endpoints on that topic.
 pub(super) struct Announcer {
     node: NodeName,
     participant: GUID,
@@ -38,7 +38,7 @@ impl Announcer {
         Ok(Self { node, participant: participant.guid(), writer })
     }
 
-    /// Tells everybody of the endpoints that the node has now.
+    /// Announces the node's current endpoints.
     pub(super) fn announce(&mut self, endpoints: &[(GUID, Endpoint)]) {
         let message = self.message(endpoints);
         let mut body = Vec::new();
@@ -48,7 +48,7 @@ impl Announcer {
                 self.writer.write(Bytes::from(body), None).map_err(|error| error.to_string())
             });
         if let Err(error) = written {
-            tracing::warn!("{TOPIC_NAME}: other nodes were not told of this one: {error}");
+            tracing::warn!("{TOPIC_NAME}: cannot announce this node to others: {error}");
         }
     }
 

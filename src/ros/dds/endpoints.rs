@@ -1,4 +1,4 @@
-//! The node's own endpoints, and who they are matched with.
+//! The node's own endpoints and their matches.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -14,7 +14,7 @@ use super::qos::Side;
 #[derive(Clone, Debug)]
 pub(super) struct Endpoint {
     pub(super) side: Side,
-    /// Names as they stand on DDS.
+    /// Topic and type have the names of DDS.
     pub(super) topic: String,
     pub(super) type_name: String,
 }
@@ -22,13 +22,13 @@ pub(super) struct Endpoint {
 #[derive(Default)]
 struct Table {
     own: BTreeMap<GUID, Endpoint>,
-    /// Matched endpoints of others, by own endpoint. A match may be told before the endpoint is entered.
+    /// Matched remote endpoints, by own endpoint. A match may be reported before the endpoint is inserted.
     matched: BTreeMap<GUID, BTreeSet<GUID>>,
-    /// Endpoints that were complained of already: discovery repeats itself.
-    refused: BTreeSet<(GUID, GUID)>,
+    /// Already reported incompatible endpoints: discovery repeats its events.
+    reported: BTreeSet<(GUID, GUID)>,
 }
 
-/// All of them.
+/// All endpoints of the node.
 #[derive(Default)]
 pub(super) struct Endpoints {
     table: Mutex<Table>,
@@ -48,20 +48,21 @@ impl Endpoints {
         let mut table = self.lock();
         table.own.remove(&guid);
         table.matched.remove(&guid);
-        table.refused.retain(|(own, _)| *own != guid);
+        table.reported.retain(|(own, _)| *own != guid);
     }
 
-    /// A copy of them, in order.
+    /// Returns a copy of all endpoints, in order.
     pub(super) fn all(&self) -> Vec<(GUID, Endpoint)> {
         self.lock().own.iter().map(|(guid, endpoint)| (*guid, endpoint.clone())).collect()
     }
 
-    /// Endpoints of others that an own one reaches, or that reach it.
+    /// Returns the number of remote endpoints matched with an own one.
     pub(super) fn num_matched(&self, own: GUID) -> usize {
         self.lock().matched.get(&own).map_or(0, BTreeSet::len)
     }
 
-    /// Waits until an own endpoint is matched with any endpoint of `peer`'s participant; tells whether it is.
+    /// Waits at most `at_most` until an own endpoint is matched with any endpoint of `peer`'s participant; returns true
+    /// if it is.
     pub(super) fn wait_for_participant_of(&self, own: GUID, peer: GUID, at_most: Duration) -> bool {
         let is_missing = |table: &mut Table| {
             let matched = table.matched.get(&own).into_iter().flatten();
@@ -71,16 +72,16 @@ impl Endpoints {
         !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
     }
 
-    /// Takes over what discovery found.
+    /// Applies an event of discovery.
     pub(super) fn apply(&self, event: &Event) {
         let mut table = self.lock();
         match event {
             Event::RemoteReaderMatched { local_writer: own, remote_reader: other }
             | Event::RemoteWriterMatched { local_reader: own, remote_writer: other } => {
-                // The participant's own discovery has endpoints too.
+                // Ignores the built-in endpoints of discovery.
                 if own.entity_id.kind().is_user_defined() {
                     table.matched.entry(*own).or_default().insert(*other);
-                    table.refused.remove(&(*own, *other));
+                    table.reported.remove(&(*own, *other));
                 }
             }
             Event::ReaderLost { guid, .. } | Event::WriterLost { guid, .. } => {
@@ -93,9 +94,9 @@ impl Endpoints {
                 requested_qos,
                 offered_qos,
             } => {
-                let what = "a subscriber gets nothing";
+                let what = "a subscriber receives nothing";
                 let end = (*local_writer, *remote_reader);
-                table.refuse(end, what, requested_qos, offered_qos);
+                table.report(end, what, requested_qos, offered_qos);
             }
             Event::RemoteWriterQosIncompatible {
                 local_reader,
@@ -103,9 +104,9 @@ impl Endpoints {
                 requested_qos,
                 offered_qos,
             } => {
-                let what = "a publisher is not heard";
+                let what = "messages of a publisher are not received";
                 let end = (*local_reader, *remote_writer);
-                table.refuse(end, what, requested_qos, offered_qos);
+                table.report(end, what, requested_qos, offered_qos);
             }
             _ => return,
         }
@@ -119,26 +120,26 @@ impl Table {
         for others in self.matched.values_mut() {
             others.retain(|other| !is_gone(other));
         }
-        self.refused.retain(|(_, other)| !is_gone(other));
+        self.reported.retain(|(_, other)| !is_gone(other));
     }
 
-    fn refuse(
+    fn report(
         &mut self,
         end: (GUID, GUID),
         what: &str,
         requested: &QosPolicies,
         offered: &QosPolicies,
     ) {
-        if !self.refused.insert(end) {
+        if !self.reported.insert(end) {
             return;
         }
         let Some(Endpoint { topic, .. }) = self.own.get(&end.0) else { return };
         let (requested, offered) = (brief(requested), brief(offered));
-        tracing::warn!("{topic}: {what}: it is {offered}, but wanted is {requested}");
+        tracing::warn!("{topic}: {what}: offered {offered}, requested {requested}");
     }
 }
 
-/// The policies that keep endpoints of ROS apart.
+/// Formats the policies that can make ROS endpoints incompatible.
 fn brief(policies: &QosPolicies) -> String {
     let reliability = if policies.is_reliable() { "reliable" } else { "best effort" };
     let durability = if policies.is_volatile() { "volatile" } else { "transient local" };
@@ -198,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn discovery_s_own_endpoints_do_not_count() {
+    fn built_in_endpoints_do_not_count() {
         let endpoints = Endpoints::default();
         let builtin = guid(1, 1, 0xc7);
         endpoints.apply(&matched(builtin, guid(2, 1, 0xc2)));

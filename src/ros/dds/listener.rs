@@ -1,4 +1,4 @@
-//! A thread that follows a stream until it is dropped.
+//! A thread that processes a stream until it is dropped.
 
 use std::{
     convert::Infallible,
@@ -15,13 +15,13 @@ use futures::{
 
 use crate::ros::transport::TransportError;
 
-/// Comes true when the listener is dropped.
+/// Completes when the listener is dropped.
 pub(super) struct Stop(oneshot::Receiver<Infallible>);
 
 impl Stop {
-    /// Gives every element of the stream to `take`, on this thread, until the listener is dropped.
+    /// Passes every element of the stream to `take`, on this thread, until the listener is dropped.
     pub(super) fn follow<T>(self, elements: impl Stream<Item = T>, mut take: impl FnMut(T)) {
-        // Stopping comes first: nothing is taken once it is asked for.
+        // Stopping has priority: nothing is taken once it is requested.
         let stopped = stream::once(self.0).map(Either::Right);
         let elements = elements.map(Either::Left);
         let both =
@@ -38,17 +38,17 @@ impl Stop {
     }
 }
 
-/// The thread. Dropping it waits until the thread has ended.
+/// Handle of the thread. Dropping it waits until the thread has ended.
 pub(super) struct Listener {
     stop: Option<oneshot::Sender<Infallible>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Listener {
-    /// Starts a thread that runs `listen`, which is to return when told to stop. `name` is the topic, for the error.
+    /// Starts a thread that runs `listen`, which must return on [`Stop`]. `name` is the topic, for the error.
     ///
     /// # Errors
-    /// The system has no thread left.
+    /// The system cannot start a thread.
     pub(super) fn start(
         name: &str,
         listen: impl FnOnce(Stop) + Send + 'static,
@@ -59,7 +59,7 @@ impl Listener {
             .spawn(move || listen(Stop(stopped)))
             .map_err(|error| TransportError::Endpoint {
                 name: name.to_owned(),
-                reason: format!("no thread to listen: {error}"),
+                reason: format!("cannot start a thread: {error}"),
             })?;
         Ok(Self { stop: Some(stop), thread: Some(thread) })
     }
@@ -69,9 +69,9 @@ impl Drop for Listener {
     fn drop(&mut self) {
         drop(self.stop.take());
         let Some(thread) = self.thread.take() else { return };
-        // Whoever is told of an arrival may drop the subscription there and then.
+        // A callback may drop the subscription on this very thread, which cannot join itself.
         if thread.thread().id() != thread::current().id() && thread.join().is_err() {
-            tracing::error!("a thread that listened on DDS ended in a panic");
+            tracing::error!("a DDS listener thread panicked");
         }
     }
 }
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_comes_is_taken_until_the_listener_is_dropped() {
+    fn elements_are_taken_until_the_listener_is_dropped() {
         let (taken, takes) = mpsc::sync_channel(8);
         let listener = Listener::start("test", move |stop| {
             let endless = stream::iter([1, 2, 3]).chain(stream::pending());
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_that_never_rests_is_stopped_too() {
+    fn a_stream_that_is_always_ready_is_stopped_too() {
         let listener = Listener::start("test", |stop| stop.follow(stream::repeat(0), |_| {}));
         drop(listener.unwrap());
     }

@@ -1,15 +1,15 @@
-//! ROS 2 over DDS: RustDDS carries raw CDR bytes, ros2-client knows names and the messages of the graph.
+//! ROS 2 over DDS: RustDDS carries raw CDR bytes; ros2-client provides names and the messages of the graph.
 //!
-//! Endpoints are RustDDS's own and not ros2-client's, whose are typed: bytes pass unread in both directions.
+//! Endpoints are those of RustDDS, because ros2-client's are typed: bytes pass through undecoded in both directions.
 //!
-//! What RustDDS holds in memory: a reader keeps `depth + 1` messages, and up to 128 of a publisher whose fragments have
-//! not all arrived, for ten seconds. Where a network loses fragments, a best-effort subscription to images of 5 MB comes
-//! to 700 MB so; a reliable one has them sent again and stays below 150 MB. A fragment states its message's length, and
-//! RustDDS allocates that before it is seen here: a subscription's `limit_bytes` judges messages that are complete. A
-//! reliable writer keeps what it sent for some six seconds.
+//! Memory of RustDDS: a reader stores `depth + 1` messages, and for ten seconds up to 128 incomplete messages per
+//! publisher. On a network that loses fragments, a best-effort subscription to images of 5 MB can take 700 MB; a
+//! reliable one has fragments sent again and stays below 150 MB. RustDDS allocates the length stated in a fragment
+//! before this module sees it: `limit_bytes` of a subscription applies to complete messages only. A reliable writer
+//! stores sent messages for about six seconds.
 //!
-//! RustDDS orders what a best-effort subscription receives by the machine's clock: when that is set back, nothing
-//! arrives until it has caught up. Reliable subscriptions are ordered by number.
+//! RustDDS orders the messages of a best-effort subscription by the machine's clock: if that is set back, nothing
+//! arrives until it has caught up. Reliable subscriptions are ordered by sequence number.
 
 mod settings;
 mod names;
@@ -38,21 +38,22 @@ use super::{
     },
 };
 
-/// RustDDS sends fragments of 256 bytes without pacing: what is larger overruns the stock socket buffers of a
-/// Fast DDS reader (measured: 96 KiB arrive always, 256 KiB lose two thirds).
+/// Largest reliably delivered message, bytes. RustDDS sends fragments of 256 bytes without pacing, so larger messages
+/// overrun the default socket buffers of a Fast DDS reader (measured: 96 KiB always arrive, two thirds of 256 KiB are
+/// lost).
 const MAX_RELIABLE_BYTES: usize = 96 * 1024;
 
-/// A node in a DDS domain. The domain is left when it and everything made by it is dropped.
+/// A node in a DDS domain. Leaves the domain when it and all its endpoints are dropped.
 pub struct DdsTransport {
     participant: Arc<Participant>,
     service_mapping: ServiceMapping,
 }
 
 impl DdsTransport {
-    /// Joins the domain as the node.
+    /// Joins the domain as `node`.
     ///
     /// # Errors
-    /// A setting that cannot be followed; a domain that cannot be joined, and what to do.
+    /// An invalid setting, or a domain that cannot be joined; states the remedy.
     pub fn open(settings: &DdsSettings, node: &NodeIdentity) -> Result<Self, TransportError> {
         let participant = Arc::new(Participant::join(settings, node)?);
         Ok(Self { participant, service_mapping: settings.service_mapping })

@@ -1,13 +1,13 @@
-//! Names of topics, services and types as they stand on DDS, and back.
+//! Converts names of topics, services and types between ROS and DDS.
 
 use ros2_client::{Name, NodeName};
 
 use crate::ros::transport::{NodeIdentity, TransportError};
 
-/// What a topic's name begins with.
+/// Prefix of topics.
 const TOPIC: &str = "rt";
 
-/// The node's name as ros2-client has it.
+/// Converts the node's name for ros2-client.
 ///
 /// # Errors
 /// A name that ROS does not allow.
@@ -18,7 +18,7 @@ pub(super) fn node_name(node: &NodeIdentity) -> Result<NodeName, TransportError>
     })
 }
 
-/// `/camera/image_raw` is `rt/camera/image_raw`.
+/// Converts `/camera/image_raw` to `rt/camera/image_raw`.
 ///
 /// # Errors
 /// A name that ROS does not allow.
@@ -26,7 +26,8 @@ pub(super) fn topic(name: &str, node: &NodeName) -> Result<String, TransportErro
     parse(name).map(|parsed| parsed.to_dds_name(TOPIC, node, ""))
 }
 
-/// The topics of a service's requests and replies: `/node/reset` has `rq/node/resetRequest` and `rr/node/resetReply`.
+/// Returns the topics of a service's requests and replies: `rq/node/resetRequest` and `rr/node/resetReply` for
+/// `/node/reset`.
 ///
 /// # Errors
 /// A name that ROS does not allow.
@@ -42,18 +43,19 @@ fn parse(name: &str) -> Result<Name, TransportError> {
     })
 }
 
-/// `sensor_msgs/msg/Image` is `sensor_msgs::msg::dds_::Image_`; services' have `_Request` or `_Response` as suffix.
+/// Converts `sensor_msgs/msg/Image` to `sensor_msgs::msg::dds_::Image_`; `suffix` is `_Request` or `_Response` for
+/// services.
 pub(super) fn type_name(name: &str, suffix: &str) -> String {
     let (package, plain) = name.rsplit_once('/').unwrap_or(("", name));
     format!("{}::dds_::{plain}{suffix}_", package.replace('/', "::"))
 }
 
-/// The ROS name of a topic on DDS; `None` when it is none of ROS, or of a service.
+/// Returns the ROS name of a DDS topic; `None` if it is not a ROS topic, or belongs to a service.
 pub(super) fn ros_topic(name: &str) -> Option<&str> {
     name.strip_prefix(TOPIC).filter(|rest| rest.starts_with('/'))
 }
 
-/// The ROS name of a type on DDS; `None` when it is none of ROS.
+/// Returns the ROS name of a DDS type; `None` if it is not a ROS type.
 pub(super) fn ros_type(name: &str) -> Option<String> {
     let (package, plain) = name.split_once("::dds_::")?;
     Some(format!("{}/{}", package.replace("::", "/"), plain.strip_suffix('_')?))
@@ -68,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn topics_and_types_there_and_back() {
+    fn topics_and_types_are_converted_both_ways() {
         let name = topic("/camera/image_raw", &node()).unwrap();
         assert_eq!(name, "rt/camera/image_raw");
         assert_eq!(ros_topic(&name), Some("/camera/image_raw"));
@@ -87,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_of_ros_has_no_ros_name() {
+    fn other_names_have_no_ros_name() {
         assert_eq!(ros_topic("rq/laser_profiler/resetRequest"), None);
         assert_eq!(ros_topic("ros_discovery_info"), None);
         assert_eq!(ros_topic("rtx/y"), None);
@@ -96,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_ros_does_not_allow_are_refused() {
+    fn names_that_ros_does_not_allow_are_rejected() {
         for name in ["/camera//image", "/camera/", "/1st", "/a b", ""] {
             let error = topic(name, &node()).unwrap_err();
             assert!(matches!(error, TransportError::Endpoint { .. }), "{name}: {error}");

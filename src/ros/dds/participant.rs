@@ -1,4 +1,4 @@
-//! The node's place in a DDS domain.
+//! The node's participant in a DDS domain.
 
 use std::{
     collections::BTreeMap,
@@ -30,8 +30,8 @@ use crate::ros::transport::{GraphTopic, NodeIdentity, TransportError};
 pub(super) type RawDataReader = SimpleDataReader<Received, RawReader>;
 pub(super) type RawDataWriter = DataWriter<Bytes, RawWriter>;
 
-/// A participant with one node, what it has and what it sees. Fields are dropped in this order: whoever hears the
-/// domain goes before the domain, and who carries its farewell goes last.
+/// A participant with one node, its endpoints and its view of the domain. Fields are dropped in this order: listeners
+/// before the domain, and static peers, which forward its farewell, after it.
 pub(super) struct Participant {
     _watch: Listener,
     announcer: Mutex<Announcer>,
@@ -47,7 +47,7 @@ impl Participant {
     /// Joins a domain.
     ///
     /// # Errors
-    /// A setting that cannot be followed; no free port or no network.
+    /// An invalid setting; no free port or no network.
     pub(super) fn join(
         settings: &DdsSettings,
         identity: &NodeIdentity,
@@ -78,10 +78,10 @@ impl Participant {
         })
     }
 
-    /// Makes a reader and tells other nodes of it. Names are those of DDS.
+    /// Creates a reader and announces it to other nodes. Names are those of DDS.
     ///
     /// # Errors
-    /// RustDDS refuses it.
+    /// RustDDS rejects it.
     pub(super) fn reader(
         &self,
         topic: &str,
@@ -90,17 +90,17 @@ impl Participant {
     ) -> Result<RawDataReader, TransportError> {
         let refused = |error| refused(topic, &error);
         let described = self.topic(topic, type_name, policies).map_err(refused)?;
-        // Limits stand with the topic: it owns the cache.
+        // The topic, which owns the cache, carries the limits.
         let reader =
             self.subscriber.create_simple_datareader_no_key(&described, None).map_err(refused)?;
         self.enter(reader.guid(), Side::Reader, topic, type_name);
         Ok(reader)
     }
 
-    /// Makes a writer and tells other nodes of it. Names are those of DDS.
+    /// Creates a writer and announces it to other nodes. Names are those of DDS.
     ///
     /// # Errors
-    /// RustDDS refuses it.
+    /// RustDDS rejects it.
     pub(super) fn writer(
         &self,
         topic: &str,
@@ -126,25 +126,25 @@ impl Participant {
         announcer.announce(&self.endpoints.all());
     }
 
-    /// Tells other nodes that an endpoint is gone.
+    /// Announces to other nodes that an endpoint is gone.
     pub(super) fn leave(&self, guid: GUID) {
         let mut announcer = self.announcer.lock().unwrap_or_else(PoisonError::into_inner);
         self.endpoints.remove(guid);
         announcer.announce(&self.endpoints.all());
     }
 
-    /// The type that a writer of another participant sends, as DDS names it.
+    /// Returns the DDS name of the type that a writer of another participant sends.
     pub(super) fn type_sent_by(&self, writer: GUID) -> Option<String> {
         let mut writers = self.domain.discovered_writers().into_iter();
         let found = writers.find(|found| found.writer_proxy.remote_writer_guid == writer);
         found.map(|found| found.publication_topic_data.type_name)
     }
 
-    /// The topics of ROS that are known now.
+    /// Returns the discovered ROS topics.
     pub(super) fn topics(&self) -> Vec<GraphTopic> {
         let own = self.endpoints.all().into_iter();
         let own = own.map(|(_, endpoint)| (endpoint.side, endpoint.topic, endpoint.type_name));
-        // RustDDS hears the participant's own announcements too.
+        // RustDDS also discovers the participant's own endpoints.
         let is_other = |guid: GUID| guid.prefix != self.domain.guid().prefix;
         let writers = self.domain.discovered_writers().into_iter();
         let writers = writers.filter(|writer| is_other(writer.writer_proxy.remote_writer_guid));
@@ -195,8 +195,8 @@ fn watch(
 
 fn unreachable(domain_id: u16, error: &rustdds::dds::CreateError) -> TransportError {
     TransportError::Unreachable(format!(
-        "DDS domain {domain_id} cannot be joined ({error}): if its UDP ports are taken by other programs, give \
-         another ROS_DOMAIN_ID; if there is no network, set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
+        "cannot join DDS domain {domain_id} ({error}): if other programs use its UDP ports, set another \
+         ROS_DOMAIN_ID; if there is no network, set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
     ))
 }
 

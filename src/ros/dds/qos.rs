@@ -1,4 +1,4 @@
-//! Quality of service in RustDDS's words.
+//! Quality of service as RustDDS policies.
 
 use rustdds::{
     Duration, QosPolicies, QosPolicyBuilder,
@@ -9,22 +9,22 @@ use rustdds::{
 
 use crate::msg::qos::{self, QosProfile, QosTime};
 
-/// How long a writer waits for a reliable subscriber that is behind, before the message is refused.
+/// Time for which a writer waits for a slow reliable subscriber before it rejects the message.
 const MAX_BLOCKING: Duration = Duration::from_millis(20);
-/// Most messages that a reliable writer keeps for subscribers that have not acknowledged them.
+/// Largest number of unacknowledged messages that a reliable writer stores.
 const MAX_UNACKNOWLEDGED: i32 = 256;
-/// The same for latched topics, where every late subscriber would get them all.
+/// The same for latched topics, where every late subscriber receives all of them.
 const MAX_LATCHED: i32 = 8;
 
-/// Which end of a topic the profile is for: it decides what rmw leaves open.
+/// Side of a topic, which determines the policies that rmw leaves open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Writer,
     Reader,
 }
 
-/// The policies of an endpoint, with limits on what RustDDS keeps in memory: without them, 64 messages a reader and
-/// 8192 a writer.
+/// Returns the policies of an endpoint with limits on RustDDS's memory; without them, 64 messages per reader and 8192
+/// per writer.
 pub(super) fn policies(profile: &QosProfile, side: Side) -> QosPolicies {
     let depth = i32::try_from(profile.depth).unwrap_or(i32::MAX - 1).max(1);
     let durability = durability(profile.durability, side);
@@ -56,7 +56,7 @@ pub(super) fn policies(profile: &QosProfile, side: Side) -> QosPolicies {
     builder.build()
 }
 
-/// rmw's defaults of DDS: writers are reliable, readers take what there is.
+/// Resolves the reliability; by DDS's defaults, writers are reliable and readers best effort.
 fn reliability(wanted: qos::Reliability, side: Side) -> Reliability {
     let is_reliable = match wanted {
         qos::Reliability::Reliable => true,
@@ -88,7 +88,8 @@ fn liveliness(profile: &QosProfile) -> Liveliness {
     }
 }
 
-/// `None` is for ever: zero is rmw's "not said", and what does not fit DDS's 31 bits of seconds is as good.
+/// Converts a duration; `None`: infinite, for rmw's "unspecified" (0) and for durations that exceed DDS's 31 bits of
+/// seconds.
 fn finite(time: QosTime) -> Option<Duration> {
     let nanoseconds = i128::from(time.sec) * 1_000_000_000 + i128::from(time.nsec);
     let fits = i64::try_from(nanoseconds).ok().filter(|_| time.sec < i32::MAX as u64);
@@ -100,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_image_subscription_is_best_effort_and_keeps_six() {
+    fn an_image_subscription_is_best_effort_and_stores_six() {
         let policies = policies(&QosProfile::best_effort(5), Side::Reader);
         assert!(!policies.is_reliable());
         assert!(policies.is_volatile());
@@ -110,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_latched_topic_keeps_few_and_never_less_than_its_depth() {
+    fn a_latched_topic_stores_at_least_its_depth() {
         for (depth, kept) in [(1, MAX_LATCHED), (1000, 1000)] {
             let policies = policies(&QosProfile::latched(depth), Side::Writer);
             assert!(policies.is_reliable());
@@ -120,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rmw_leaves_open_matches_the_most_peers() {
+    fn open_policies_match_most_peers() {
         let open = QosProfile {
             reliability: qos::Reliability::BestAvailable,
             durability: qos::Durability::BestAvailable,
@@ -132,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn finite_times_are_told() {
+    fn finite_times_are_converted() {
         let second = QosTime { sec: 1, nsec: 500_000_000 };
         let zero = QosTime { sec: 0, nsec: 0 };
         let profile = QosProfile {

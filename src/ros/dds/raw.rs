@@ -1,4 +1,4 @@
-//! Bytes in and out of RustDDS unread, and its clock in nanoseconds.
+//! Undecoded bytes to and from RustDDS, and its time stamps in nanoseconds.
 
 use std::convert::Infallible;
 
@@ -10,13 +10,13 @@ use rustdds::{
 
 use crate::ros::transport::Fault;
 
-/// Length of the header in front of a message: its encoding, and options that plain CDR does not use.
+/// Length of a message's header: the encoding, and options that plain CDR does not use.
 pub(super) const HEADER_BYTES: usize = 4;
 
-/// A message with its header, or why it is not handed on.
+/// A message with its header, or the reason why it is not delivered.
 pub(super) type Received = Result<Vec<u8>, Fault>;
 
-/// Takes messages as they are, in any encoding: what is not plain CDR is a fault and not silence.
+/// Accepts messages of any encoding, so that those other than plain CDR are reported as faults.
 pub(super) struct RawReader;
 
 impl DeserializerAdapter<Received> for RawReader {
@@ -50,7 +50,7 @@ impl DeserializerAdapter<Received> for RawReader {
     }
 }
 
-/// Copies a message out of RustDDS's cache, unless it is larger than the limit.
+/// Copies a message from RustDDS's cache unless it exceeds the limit.
 #[derive(Clone, Copy)]
 pub(super) struct RawDecoder {
     pub(super) limit_bytes: usize,
@@ -69,9 +69,9 @@ impl RawDecoder {
         let bytes = body.len() + HEADER_BYTES;
         let [first, second] = encoding.to_bytes();
         if encoding != Encoding::CDR_LE && encoding != Encoding::CDR_BE {
-            let told =
+            let reason =
                 format!("encapsulation {first:02x} {second:02x} is not plain CDR (00 00 or 00 01)");
-            return Err(Fault::Foreign(told));
+            return Err(Fault::Foreign(reason));
         }
         if bytes > self.limit_bytes {
             return Err(Fault::TooLarge { bytes, limit_bytes: self.limit_bytes });
@@ -83,7 +83,7 @@ impl RawDecoder {
     }
 }
 
-/// Sends little-endian CDR; RustDDS puts the header in front.
+/// Sends little-endian CDR; RustDDS adds the header.
 pub(super) struct RawWriter;
 
 impl SerializerAdapter<Bytes> for RawWriter {
@@ -100,7 +100,7 @@ impl SerializerAdapter<Bytes> for RawWriter {
 
 const NS_PER_S: u64 = 1_000_000_000;
 
-/// Nanoseconds since the epoch; stamps before it, or behind 2106, which DDS cannot say, are `None`.
+/// Converts nanoseconds since the epoch; `None` before it and after 2106, which DDS cannot represent.
 pub(super) fn timestamp(time_ns: i64) -> Option<Timestamp> {
     let time_ns = u64::try_from(time_ns).ok()?;
     let seconds = u32::try_from(time_ns / NS_PER_S).ok()?;
@@ -108,10 +108,10 @@ pub(super) fn timestamp(time_ns: i64) -> Option<Timestamp> {
     Some(Timestamp::from_ticks((u64::from(seconds) << 32) + fraction))
 }
 
-/// The same back.
+/// Converts a DDS time stamp to nanoseconds since the epoch.
 pub(super) fn time_ns(stamp: Timestamp) -> i64 {
     let ticks = stamp.to_ticks();
-    // Below 2^32 seconds: far from the end of an i64.
+    // Cannot overflow: below 2^32 seconds.
     ((ticks >> 32) * NS_PER_S + (((ticks & 0xffff_ffff) * NS_PER_S) >> 32)) as i64
 }
 
@@ -122,7 +122,7 @@ mod tests {
     const DECODER: RawDecoder = RawDecoder { limit_bytes: 8 };
 
     #[test]
-    fn messages_get_their_header_back() {
+    fn messages_keep_their_header() {
         let body = [1, 2, 3, 4];
         assert_eq!(DECODER.decode(&body, Encoding::CDR_LE), Ok(vec![0, 1, 0, 0, 1, 2, 3, 4]));
         assert_eq!(DECODER.decode(&body, Encoding::CDR_BE), Ok(vec![0, 0, 0, 0, 1, 2, 3, 4]));
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_come_back_to_the_nanosecond() {
+    fn stamps_round_trip_to_the_nanosecond() {
         for time_ns in [0, 1, 999_999_999, 1_700_000_000_123_456_789, 4_294_967_295_999_999_999] {
             assert_eq!(timestamp(time_ns).map(super::time_ns), Some(time_ns));
         }

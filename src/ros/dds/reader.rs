@@ -15,7 +15,7 @@ use crate::ros::transport::{
     Arrival, Fault, OnArrival, Subscription, TopicEndpoint, TransportError,
 };
 
-/// A message with what RTPS says of it.
+/// A message with its RTPS metadata.
 pub(super) type Sample = Result<DeserializedCacheChange<Received>, ReadError>;
 
 pub(super) struct Reader {
@@ -58,7 +58,7 @@ impl Subscription for Reader {
 
 impl Drop for Reader {
     fn drop(&mut self) {
-        // The thread owns RustDDS's reader: with the one goes the other.
+        // The thread owns RustDDS's reader, so stopping it drops the reader.
         self.listener = None;
         self.participant.leave(self.guid);
     }
@@ -76,10 +76,10 @@ fn arrival(sample: Sample, origins: &mut Origins) -> Result<Arrival, Fault> {
     })
 }
 
-/// Publishers that are remembered; past that, all are looked up anew.
+/// Largest number of cached publishers; beyond it, the cache is cleared.
 const MAX_ORIGINS: usize = 64;
 
-/// Which publishers send the type that is expected: RustDDS matches them by the topic's name alone.
+/// Checks that publishers send the expected type: RustDDS matches them by topic name only.
 struct Origins {
     participant: Arc<Participant>,
     expected: String,
@@ -101,7 +101,7 @@ impl Origins {
         }
         match self.foreign.get(&writer) {
             Some(Some(sent)) => Err(Fault::Foreign(format!(
-                "a publisher sends {sent}, but the topic is read as {}",
+                "a publisher sends {sent}, but {} is expected",
                 self.expected
             ))),
             _ => Ok(()),

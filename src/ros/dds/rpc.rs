@@ -1,34 +1,35 @@
-//! How a request says who wants the answer, in the two mappings that implementations of ROS use.
+//! Identification of a request's client, in the two mappings that implementations of DDS in ROS use.
 
 use rustdds::{GUID, SequenceNumber, rpc::SampleIdentity};
 
 use super::raw::HEADER_BYTES;
 use crate::ros::node_params::ServiceMapping;
 
-/// Cyclone's mapping puts a client and a number in front of request and reply, eight bytes each.
+/// Length of the header of Cyclone's mapping, in front of request and reply: client and sequence number, eight bytes
+/// each.
 const CYCLONE_BYTES: usize = 16;
-/// The vendor at the start of a Cyclone participant's identity.
+/// Vendor at the start of a Cyclone participant's GUID.
 const CYCLONE_VENDOR: [u8; 2] = [0x01, 0x10];
 
-/// What stands beside a request.
+/// Metadata of a request.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Envelope {
-    /// Who wrote it, and its number.
+    /// Writer and sequence number.
     pub(super) sample: SampleIdentity,
-    /// What the writer says in addition, as Fast DDS does.
+    /// Related identity stated by the writer, as in Fast DDS.
     pub(super) related: Option<SampleIdentity>,
 }
 
-/// Whom a reply is for.
+/// Recipient of a reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Caller {
-    /// Named beside the reply.
+    /// Identified in the metadata of the reply.
     Enhanced(SampleIdentity),
-    /// Named in front of it, little endian.
+    /// Identified in a header in front of the reply, little endian.
     Cyclone([u8; CYCLONE_BYTES]),
 }
 
-/// Takes a request apart into caller and message; `None`: it is too short. `request` keeps its header of CDR.
+/// Splits a request into caller and message; `None` if it is too short. The message keeps its CDR header.
 pub(super) fn open(
     mut request: Vec<u8>,
     envelope: Envelope,
@@ -49,7 +50,7 @@ pub(super) fn open(
     let header = request.get(HEADER_BYTES..HEADER_BYTES + CYCLONE_BYTES)?;
     let mut caller: [u8; CYCLONE_BYTES] = header.try_into().ok()?;
     if is_big_endian {
-        // Two numbers of eight bytes; replies are little endian.
+        // Swaps two numbers of eight bytes, because replies are little endian.
         caller[..8].reverse();
         caller[8..].reverse();
     }
@@ -57,7 +58,8 @@ pub(super) fn open(
     Some((Caller::Cyclone(caller), request))
 }
 
-/// Fast DDS names the reader of the reply and leaves the number open; others name nothing.
+/// Returns the identity for the reply. Fast DDS states the reader of the reply without a sequence number; others state
+/// nothing.
 fn enhanced(Envelope { sample, related }: Envelope) -> SampleIdentity {
     let related = related.unwrap_or(sample);
     let is_known = |identity: &SampleIdentity| identity.writer_guid != GUID::GUID_UNKNOWN;
@@ -68,7 +70,7 @@ fn enhanced(Envelope { sample, related }: Envelope) -> SampleIdentity {
     }
 }
 
-/// Puts a reply together: the body behind the header of CDR, and what stands beside it.
+/// Assembles a reply: the body without the CDR header, and the related identity for its metadata.
 pub(super) fn seal(caller: Caller, mut reply: Vec<u8>) -> (Vec<u8>, Option<SampleIdentity>) {
     match caller {
         Caller::Enhanced(identity) => {
@@ -100,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_of_fast_dds_names_the_reader_of_the_reply() {
+    fn a_request_of_fast_dds_identifies_the_reader_of_the_reply() {
         let sample = identity(0x0f, 3, 5);
         let mut related = identity(0x0f, 4, 0);
         related.sequence_number = SequenceNumber::UNKNOWN;
@@ -114,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_that_names_nobody_is_answered_to_its_writer() {
+    fn a_request_without_related_identity_is_answered_to_its_writer() {
         let envelope = Envelope { sample: identity(0x12, 3, 5), related: None };
         let (caller, _) = open(vec![0, 1, 0, 0], envelope, ServiceMapping::Auto).unwrap();
         assert_eq!(caller, Caller::Enhanced(identity(0x12, 3, 5)));
@@ -133,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn replies_are_little_endian_whatever_the_request_is() {
+    fn replies_are_little_endian_for_either_byte_order() {
         let header = [8, 7, 6, 5, 4, 3, 2, 1, 0, 0, 0, 0, 0, 0, 0, 21];
         let envelope = Envelope { sample: identity(0x10, 3, 5), related: None };
         let request = cyclone_request(0, header);
@@ -142,14 +144,14 @@ mod tests {
     }
 
     #[test]
-    fn a_switch_overrides_what_the_request_looks_like() {
+    fn a_configured_mapping_overrides_the_detected_one() {
         let envelope = Envelope { sample: identity(0x10, 3, 5), related: None };
         let (caller, _) = open(vec![0, 1, 0, 0], envelope, ServiceMapping::Enhanced).unwrap();
         assert!(matches!(caller, Caller::Enhanced(_)));
     }
 
     #[test]
-    fn short_requests_and_replies_do_no_harm() {
+    fn short_requests_and_replies_do_not_panic() {
         let envelope = Envelope { sample: identity(0x10, 3, 5), related: None };
         for length in 0..20 {
             assert!(open(vec![0; length], envelope, ServiceMapping::Cyclone).is_none());

@@ -21,11 +21,11 @@ use crate::{
     },
 };
 
-/// rmw's profile of services.
+/// Quality of service of rmw's services.
 const QOS: QosProfile = QosProfile::reliable(10);
-/// Requests of parameters and switches are small.
+/// Largest request, bytes; requests of parameters and switches are much smaller.
 const MAX_REQUEST_BYTES: usize = 1 << 20;
-/// How long a reply waits for its reader to be discovered: a request may overtake discovery, by some 300 ms on Cyclone.
+/// Longest wait for the discovery of a reply's reader: a request may overtake discovery, on Cyclone by about 300 ms.
 const MAX_WAIT: Duration = Duration::from_secs(2);
 
 pub(super) struct Service {
@@ -86,7 +86,7 @@ struct Answers {
 
 impl Answers {
     fn answer(&self, sample: Sample, on_request: &mut OnRequest, participant: &Participant) {
-        let refuse = |why: &str| tracing::warn!("{}: a request gets no answer: {why}", self.name);
+        let refuse = |why: &str| tracing::warn!("{}: a request gets no response: {why}", self.name);
         let sample = match sample {
             Ok(sample) => sample,
             Err(error) => return refuse(&error.to_string()),
@@ -109,7 +109,7 @@ impl Answers {
         let peer = envelope.sample.writer_guid;
         let writer = self.writer.guid();
         if !participant.endpoints.wait_for_participant_of(writer, peer, MAX_WAIT) {
-            return refuse("nobody waits for it");
+            return refuse("no reader of the response was discovered");
         }
         let (body, related) = rpc::seal(caller, reply);
         let options = WriteOptionsBuilder::new().related_sample_identity_opt(related).build();

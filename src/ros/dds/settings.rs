@@ -1,34 +1,34 @@
-//! The environment variables that say which domain is joined, and who is met there.
+//! Settings of the DDS domain and its discovery, from environment variables.
 
 use crate::ros::{node_params::ServiceMapping, transport::TransportError};
 
-/// Ports of higher domains lie above 65535.
+/// Largest domain; ports of higher ones exceed 65535.
 const MAX_DOMAIN_ID: u16 = 232;
 
-/// Who is discovered without being named.
+/// Range of automatic discovery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DiscoveryRange {
-    /// Everybody that multicast reaches.
+    /// All machines that multicast reaches.
     Subnet,
     /// This machine only.
     Localhost,
 }
 
-/// What a node needs to know to join.
+/// Settings for joining a domain.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DdsSettings {
     /// `ROS_DOMAIN_ID`, 0 to 232.
     pub domain_id: u16,
     /// `ROS_AUTOMATIC_DISCOVERY_RANGE`, or `ROS_LOCALHOST_ONLY`.
     pub range: DiscoveryRange,
-    /// `ROS_STATIC_PEERS`: addresses and host names that are told of this node wherever they are.
+    /// `ROS_STATIC_PEERS`: addresses and host names that this node is announced to, regardless of the range.
     pub static_peers: Vec<String>,
-    /// How services are served.
+    /// Wire format of services.
     pub service_mapping: ServiceMapping,
 }
 
 impl Default for DdsSettings {
-    /// Domain 0 on the subnet.
+    /// Returns domain 0 on the subnet.
     fn default() -> Self {
         let (range, service_mapping) = (DiscoveryRange::Subnet, ServiceMapping::Auto);
         Self { domain_id: 0, range, static_peers: Vec::new(), service_mapping }
@@ -37,10 +37,10 @@ impl Default for DdsSettings {
 
 impl DdsSettings {
     /// Reads `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_STATIC_PEERS` through
-    /// `variable`. As in rmw, `ROS_LOCALHOST_ONLY=1` overrides the other two; an empty variable counts as none.
+    /// `variable`. As in rmw, `ROS_LOCALHOST_ONLY=1` overrides the last two; an empty variable counts as unset.
     ///
     /// # Errors
-    /// A value that cannot be followed, and what would be right.
+    /// An invalid value; states valid ones.
     pub(crate) fn from_environment(
         variable: &dyn Fn(&str) -> Option<String>,
         service_mapping: ServiceMapping,
@@ -57,8 +57,8 @@ impl DdsSettings {
             static_peers.clear();
         }
         if range == DiscoveryRange::Localhost && !static_peers.is_empty() {
-            let reason = "on DDS, with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST this node gives no address that \
-                          peers could answer to: set the range to SUBNET, or unset ROS_STATIC_PEERS";
+            let reason = "on DDS, with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST this node announces no address \
+                          that peers can reach: set the range to SUBNET, or unset ROS_STATIC_PEERS";
             return Err(setting("ROS_STATIC_PEERS", reason));
         }
         Ok(Self { domain_id, range, static_peers, service_mapping })
@@ -72,7 +72,7 @@ pub(super) fn setting(name: &str, reason: impl Into<String>) -> TransportError {
 fn domain_id(value: Option<String>) -> Result<u16, TransportError> {
     let Some(value) = value else { return Ok(0) };
     let parsed = value.parse().ok().filter(|id| *id <= MAX_DOMAIN_ID);
-    let reason = || format!("{value:?} is no domain: give a number from 0 to {MAX_DOMAIN_ID}");
+    let reason = || format!("{value:?} is not a domain: set a number from 0 to {MAX_DOMAIN_ID}");
     parsed.ok_or_else(|| setting("ROS_DOMAIN_ID", reason()))
 }
 
@@ -80,7 +80,7 @@ fn localhost_only(value: Option<&str>) -> Result<bool, TransportError> {
     match value {
         None | Some("0") => Ok(false),
         Some("1") => Ok(true),
-        Some(other) => Err(setting("ROS_LOCALHOST_ONLY", format!("{other:?}: give 0 or 1"))),
+        Some(other) => Err(setting("ROS_LOCALHOST_ONLY", format!("{other:?}: must be 0 or 1"))),
     }
 }
 
@@ -90,11 +90,11 @@ fn range(value: Option<&str>) -> Result<DiscoveryRange, TransportError> {
         None | Some("SUBNET" | "SYSTEM_DEFAULT") => Ok(DiscoveryRange::Subnet),
         Some("LOCALHOST") => Ok(DiscoveryRange::Localhost),
         Some("OFF") => {
-            let reason = "OFF is not possible on DDS here: give LOCALHOST and a ROS_DOMAIN_ID that nobody else uses";
+            let reason = "OFF is not supported on DDS: set LOCALHOST and a ROS_DOMAIN_ID that no other program uses";
             Err(setting(name, reason))
         }
         Some(other) => {
-            Err(setting(name, format!("{other:?}: give SUBNET, LOCALHOST or SYSTEM_DEFAULT")))
+            Err(setting(name, format!("{other:?}: must be SUBNET, LOCALHOST or SYSTEM_DEFAULT")))
         }
     }
 }
@@ -117,13 +117,13 @@ mod tests {
     }
 
     #[test]
-    fn without_variables_it_is_domain_0_on_the_subnet() {
+    fn without_variables_the_domain_is_0_on_the_subnet() {
         assert_eq!(read(&[]), Ok(DdsSettings::default()));
         assert_eq!(read(&[("ROS_DOMAIN_ID", ""), ("ROS_STATIC_PEERS", "")]), read(&[]));
     }
 
     #[test]
-    fn every_variable_is_followed() {
+    fn every_variable_is_applied() {
         let variables = [
             ("ROS_DOMAIN_ID", "232"),
             ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET"),
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_followed_is_refused_by_name() {
+    fn invalid_values_are_rejected_by_name() {
         for (variables, words) in [
             (&[("ROS_DOMAIN_ID", "233")][..], ["ROS_DOMAIN_ID", "\"233\"", "0 to 232"]),
             (&[("ROS_DOMAIN_ID", "-1")], ["ROS_DOMAIN_ID", "\"-1\"", "0 to 232"]),
@@ -158,7 +158,7 @@ mod tests {
             (&[("ROS_LOCALHOST_ONLY", "yes")], ["ROS_LOCALHOST_ONLY", "\"yes\"", "0 or 1"]),
             (
                 &[("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")],
-                ["ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF is not possible", "LOCALHOST"],
+                ["ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF is not supported", "LOCALHOST"],
             ),
             (
                 &[("ROS_AUTOMATIC_DISCOVERY_RANGE", "lan")],

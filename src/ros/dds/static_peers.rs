@@ -1,8 +1,8 @@
-//! Telling named machines of this node where multicast does not reach them.
+//! Announces this node to named machines that multicast does not reach.
 //!
-//! RustDDS announces a participant by multicast, and to the first ports of participants on this machine, but to no
-//! other address. So one of those ports is taken here, and what RustDDS sends there of itself is sent on to the peers.
-//! They answer to the addresses in it, and discovery goes on without help.
+//! RustDDS announces a participant by multicast and to the first participant ports on this machine, but to no other
+//! address. This module therefore binds one of those ports and forwards the participant's own announcements to the
+//! peers. They reply to the addresses in the announcement, and discovery continues on its own.
 
 use std::{
     io,
@@ -19,33 +19,33 @@ use rustdds::GUID;
 use super::settings::{DdsSettings, setting};
 use crate::ros::transport::TransportError;
 
-/// Participants on this machine that RustDDS sends its announcements to.
+/// Number of participants on this machine to which RustDDS sends announcements.
 const LOCAL_PARTICIPANTS: u16 = 12;
-/// Participants on a peer that are told: as many as Cyclone DDS looks for.
+/// Number of participants on a peer that receive announcements; the number that Cyclone DDS checks.
 const PEER_PARTICIPANTS: u16 = 32;
-/// RTPS: four letters, version, vendor, then the sender's prefix.
+/// Offset of the sender's GUID prefix in RTPS: after four letters, version and vendor.
 const PREFIX_AT: usize = 8;
 const PREFIX_BYTES: usize = 12;
-/// Longest UDP datagram.
+/// Largest UDP datagram.
 const MAX_DATAGRAM_BYTES: usize = 65_536;
 
-/// The port where a participant expects announcements (RTPS 9.6.2.3); `None` above 65535.
+/// Returns the port on which a participant expects announcements (RTPS 9.6.2.3); `None` above 65535.
 fn discovery_port(domain_id: u16, participant: u16) -> Option<u16> {
     u16::try_from(7410 + 250 * u32::from(domain_id) + 2 * u32::from(participant)).ok()
 }
 
-/// A port where announcements arrive, and where they go.
+/// The port that receives announcements, and the peers they are forwarded to.
 pub(super) struct Tap {
     socket: UdpSocket,
     peers: Vec<SocketAddr>,
 }
 
 impl Tap {
-    /// Takes a port before the participant is made, so that not even the first announcement is missed; `None` when
-    /// there are no static peers.
+    /// Binds a port before the participant is created, so that the first announcement is not missed; `None` if there
+    /// are no static peers.
     ///
     /// # Errors
-    /// A peer without an address; no free port.
+    /// A peer without an IPv4 address; no free port.
     pub(super) fn open(settings: &DdsSettings) -> Result<Option<Self>, TransportError> {
         if settings.static_peers.is_empty() {
             return Ok(None);
@@ -57,14 +57,14 @@ impl Tap {
                 .filter_map(|participant| discovery_port(settings.domain_id, participant));
             peers.extend(ports.map(|port| SocketAddr::from((address, port))));
         }
-        // From above: participants take the lowest.
+        // From the highest: participants use the lowest.
         let mut ports = (0..LOCAL_PARTICIPANTS)
             .rev()
             .filter_map(|participant| discovery_port(settings.domain_id, participant));
         let socket = ports.find_map(|port| UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).ok());
         let occupied = || {
             let reason = format!(
-                "the first {LOCAL_PARTICIPANTS} participant ports of domain {} are taken on this machine: give \
+                "the first {LOCAL_PARTICIPANTS} participant ports of domain {} are in use on this machine: set \
                  another ROS_DOMAIN_ID",
                 settings.domain_id
             );
@@ -74,7 +74,7 @@ impl Tap {
     }
 }
 
-/// RustDDS speaks IPv4 only.
+/// Resolves a peer; RustDDS supports IPv4 only.
 fn address(peer: &str) -> Result<Ipv4Addr, TransportError> {
     let reason = || format!("{peer:?} is neither an IPv4 address nor the name of a host with one");
     let mut found = (peer, 0).to_socket_addrs().into_iter().flatten();
@@ -85,7 +85,7 @@ fn address(peer: &str) -> Result<Ipv4Addr, TransportError> {
     address.ok_or_else(|| setting("ROS_STATIC_PEERS", reason()))
 }
 
-/// The thread that sends announcements on. It ends when dropped, after the participant's farewell has gone out.
+/// The thread that forwards announcements. It ends when dropped, after forwarding the participant's farewell.
 pub(super) struct StaticPeers {
     socket: UdpSocket,
     is_stopped: Arc<AtomicBool>,
@@ -93,10 +93,10 @@ pub(super) struct StaticPeers {
 }
 
 impl StaticPeers {
-    /// Starts sending on what `participant` says.
+    /// Starts forwarding the announcements of `participant`.
     ///
     /// # Errors
-    /// The system has no socket or thread left.
+    /// The system cannot create a socket or thread.
     pub(super) fn start(tap: Tap, participant: GUID) -> Result<Self, TransportError> {
         let failed = |error: io::Error| setting("ROS_STATIC_PEERS", error.to_string());
         let socket = tap.socket.try_clone().map_err(failed)?;
@@ -113,7 +113,7 @@ impl StaticPeers {
 impl Drop for StaticPeers {
     fn drop(&mut self) {
         self.is_stopped.store(true, Ordering::Release);
-        // An empty datagram behind all that RustDDS sent wakes the thread.
+        // An empty datagram after all datagrams of RustDDS wakes the thread.
         let woken = self.socket.local_addr().and_then(|own| self.socket.send_to(&[], own));
         match (woken, self.thread.take()) {
             (Ok(_), Some(thread)) => drop(thread.join()),
@@ -126,7 +126,7 @@ impl Drop for StaticPeers {
 fn forward(tap: &Tap, prefix: &[u8], is_stopped: &AtomicBool) {
     let mut buffer = vec![0; MAX_DATAGRAM_BYTES];
     loop {
-        // An error is another host's refusal, told late: peers need not be there.
+        // An error is a delayed rejection by another host; peers may be absent.
         let length = tap.socket.recv(&mut buffer).unwrap_or(0);
         if length == 0 && is_stopped.load(Ordering::Acquire) {
             return;
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_peer_without_an_address_is_refused_by_name() {
+    fn a_peer_without_an_address_is_rejected_by_name() {
         for peer in ["", "::1", "no.such.host.invalid"] {
             let message = address(peer).unwrap_err().to_string();
             assert!(message.contains("ROS_STATIC_PEERS") && message.contains(peer), "{message}");

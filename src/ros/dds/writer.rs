@@ -12,7 +12,7 @@ use super::{
 };
 use crate::ros::transport::{Publication, TopicEndpoint, TransportError};
 
-/// Little-endian CDR, which is what every message here is.
+/// Header of little-endian CDR, the encoding of every message here.
 const LITTLE_ENDIAN: [u8; 2] = [0, 1];
 
 pub(super) struct Writer {
@@ -49,8 +49,7 @@ impl Publication for Writer {
         match self.endpoint.write_with_options(body, options) {
             Ok(_) => Ok(()),
             Err(WriteError::WouldBlock { .. }) => {
-                Err(self
-                    .refused("subscribers are too far behind, the message is dropped".to_owned()))
+                Err(self.refused("subscribers are too slow, the message is dropped".to_owned()))
             }
             Err(error) => Err(self.refused(error.to_string())),
         }
@@ -61,7 +60,7 @@ impl Publication for Writer {
     }
 }
 
-/// What stands behind the header, shared and not copied; `None` behind another header.
+/// Returns the bytes after the header, shared and not copied; `None` for another header.
 pub(super) fn body(data: &Arc<[u8]>) -> Option<Bytes> {
     let is_plain = data.len() >= HEADER_BYTES && data.starts_with(&LITTLE_ENDIAN);
     is_plain.then(|| Bytes::from_owner(Arc::clone(data)).slice(HEADER_BYTES..))
@@ -78,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_header_goes_and_nothing_is_copied() {
+    fn the_header_is_removed_without_a_copy() {
         let data: Arc<[u8]> = Arc::from([0, 1, 0, 0, 7, 8]);
         let body = body(&data).unwrap();
         assert_eq!(body.as_ref(), [7, 8]);
@@ -86,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn another_header_is_refused() {
+    fn another_header_is_rejected() {
         for data in [&[][..], &[0, 1, 0], &[0, 0, 0, 0, 1], &[0, 7, 0, 0]] {
             assert!(body(&Arc::from(data)).is_none(), "{data:?}");
         }

@@ -1,4 +1,4 @@
-//! A parameter that the node has, and the readers that take the values of one owner into types.
+//! A declared parameter, and access to the values of the node or of one camera.
 
 use std::{
     fmt,
@@ -7,41 +7,41 @@ use std::{
 
 use laser_triangulation::parameters::{Kind, Parameter, Setting, Value};
 
-/// A row of the table under its full name, and its value.
+/// A row of the table with its full name and value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Declared {
     pub(super) name: String,
     pub(super) row: &'static Parameter,
     pub(super) value: Value,
-    /// Which file or option set it; `None`: the default.
+    /// File or option that set it; `None`: the default.
     pub(super) origin: Option<String>,
-    /// Where relative paths start; empty: the working directory.
+    /// Base of relative paths; empty: the working directory.
     pub(super) base: PathBuf,
 }
 
 impl Declared {
-    /// A row with its default, under a name of its own where a camera or a topic has it.
+    /// Declares a row with its default; `name` is the full name, which differs from the row's for cameras and topics.
     pub(super) fn new(name: String, row: &'static Parameter) -> Self {
         Self { name, row, value: row.default_value(), origin: None, base: PathBuf::new() }
     }
 
-    /// Its full name: of a camera among several, the camera's name and a dot stand before the row's.
+    /// Returns the full name: the row's, after the camera's name and a dot if there are several cameras.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its declaration.
+    /// Returns the declaration.
     pub const fn row(&self) -> &'static Parameter {
         self.row
     }
 
-    /// Its value.
+    /// Returns the value.
     pub const fn value(&self) -> &Value {
         &self.value
     }
 
-    /// The value in the canonical text: of paths only the file's name, so that the same settings give the same text on
-    /// every machine.
+    /// Returns the value in the canonical text. Paths are reduced to file names, so that the same settings give the
+    /// same text on every machine.
     pub(super) fn canonical(&self) -> impl fmt::Display {
         match (self.row.kind, &self.value) {
             (Kind::Text { .. }, Value::Text(path)) => {
@@ -54,7 +54,7 @@ impl Declared {
     }
 }
 
-/// The values of the node itself or of one camera, by the names in the table.
+/// Values of the node itself or of one camera, by the names in the table.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ros) struct Section<'a>(pub(super) &'a [Declared]);
 

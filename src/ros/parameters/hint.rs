@@ -1,4 +1,4 @@
-//! What was perhaps meant by a name that is not declared.
+//! Suggestions for undeclared names.
 
 use crate::ros::{qos_overrides, table::CAMERA};
 
@@ -7,23 +7,23 @@ use super::Parameters;
 const LIST: &str = "`laser_profiler parameters` lists them";
 
 impl Parameters {
-    /// The camera that was forgotten or is not there; else a parameter whose last word is the same or begins alike; else
-    /// where to find them all.
+    /// Returns the missing or unknown camera; otherwise a parameter whose last word has a common beginning; otherwise a
+    /// reference to the list.
     pub(super) fn hint(&self, name: &str) -> String {
         if name.starts_with(qos_overrides::PREFIX) {
-            return "overrides of quality of service are set where the node is started".to_owned();
+            return "set overrides of quality of service when starting the node".to_owned();
         }
         let of_camera = |name: &str| CAMERA.iter().any(|row| row.name == name);
         let cameras = self.cameras().join(", ");
         let is_named = !cameras.is_empty();
         if let (true, Some(first)) = (is_named && of_camera(name), self.cameras().first()) {
-            return format!("each of the cameras [{cameras}] has its own, as in {first}.{name}");
+            return format!("each of the cameras [{cameras}] has its own, such as {first}.{name}");
         }
         if let Some((camera, row)) = name.split_once('.')
             && of_camera(row)
         {
             return if is_named {
-                format!("the cameras are [{cameras}], none is called {camera:?}")
+                format!("there is no camera {camera:?}, only [{cameras}]")
             } else {
                 format!("the only camera has no name: write {row}, or add {camera:?} to cameras")
             };

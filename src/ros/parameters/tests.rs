@@ -6,7 +6,7 @@ use crate::{
     scanner::params::ExtractionParams,
 };
 
-/// The values that a command line gives; files are written to a directory of their own first.
+/// Loads the values of a command line, after writing `files` to a temporary directory.
 fn load(files: &[(&str, &str)], line: &str) -> Result<Parameters, String> {
     let directory = tempfile::tempdir().unwrap();
     for (name, text) in files {
@@ -28,7 +28,7 @@ fn threshold(files: &[&str], line: &str) -> f64 {
 }
 
 #[test]
-fn the_tables_extraction_is_that_of_the_scanner() {
+fn the_extraction_has_the_defaults_of_the_scanner() {
     let values = load(&[], "").unwrap();
     let extraction = NodeParams::new(&values).unwrap().cameras[0].scanner.extraction;
     assert_eq!(extraction, ExtractionParams::default());
@@ -39,7 +39,7 @@ fn section(node: &str, value: &str) -> String {
 }
 
 #[test]
-fn later_files_win_and_p_wins_over_all() {
+fn later_files_override_earlier_and_p_overrides_all() {
     let (any, exact) = (section("/**", "10.0"), section("/laser_profiler", "20.0"));
     let later = section("/**", "30.0");
     assert!((threshold(&[], "") - 35.0).abs() < 1e-12);
@@ -60,7 +60,7 @@ fn later_files_win_and_p_wins_over_all() {
 }
 
 #[test]
-fn a_refusal_names_key_value_range_and_file() {
+fn an_error_names_key_value_range_and_file() {
     let cases = [
         ("extraction.segment_threshold: 35", ["extraction.segment_threshold", "35", "write 35.0"]),
         (
@@ -99,7 +99,7 @@ fn a_refusal_names_key_value_range_and_file() {
 }
 
 #[test]
-fn a_path_starts_from_the_file_that_sets_it() {
+fn a_path_starts_at_the_file_that_sets_it() {
     let text = "/**: {ros__parameters: {calibration_file: rig/calibration.yaml}}";
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("p.yaml");
@@ -146,13 +146,13 @@ fn the_canonical_text_reads_back() {
 }
 
 #[test]
-fn the_hash_follows_what_decides_a_cameras_results_and_nothing_else() {
+fn the_hash_depends_only_on_what_determines_a_cameras_results() {
     let hash = |line: &str, camera: &str| load(&[], line).unwrap().camera_sha256(camera);
     let of_defaults = hash("", "");
     assert_eq!(of_defaults.len(), 64);
     let beside = "-p recording.enabled:=true -p qos_overrides./a.publisher.depth:=1";
     assert_eq!(hash(beside, ""), of_defaults);
-    assert_eq!(hash("-p cameras:=[left,right]", "right"), of_defaults, "nor does its name");
+    assert_eq!(hash("-p cameras:=[left,right]", "right"), of_defaults, "the name does not matter");
     assert_ne!(hash("-p motion.step:=0.1", ""), of_defaults);
     let left = "-p cameras:=[left,right] -p left.motion.step:=0.1";
     assert_eq!(hash(left, "left"), hash("-p motion.step:=0.1", ""));
@@ -185,7 +185,7 @@ fn each_of_several_cameras_has_its_own_parameters() {
 }
 
 #[test]
-fn a_camera_that_stays_keeps_its_values() {
+fn a_remaining_camera_keeps_its_values() {
     let mut values = load(&[], "-p cameras:=[left,right] -p right.slice.profiles:=7").unwrap();
     values.set("cameras", names(&["top", "right"]), "a test").unwrap();
     let get = |name| values.get(name).map(Declared::value);
@@ -195,15 +195,15 @@ fn a_camera_that_stays_keeps_its_values() {
 }
 
 #[test]
-fn what_belongs_to_no_camera_is_refused_with_the_way_out() {
+fn parameters_of_no_camera_are_rejected_with_a_hint() {
     let cases = [
-        ("-p cameras:=[left,right] -p slice.profiles:=7", "as in left.slice.profiles"),
+        ("-p cameras:=[left,right] -p slice.profiles:=7", "such as left.slice.profiles"),
         (
             "-p cameras:=[left,right] -p top.slice.profiles:=7",
-            "[left, right], none is called \"top\"",
+            "no camera \"top\", only [left, right]",
         ),
         ("-p left.slice.profiles:=7", "write slice.profiles"),
-        ("-p cameras:=[left,left]", "different names"),
+        ("-p cameras:=[left,left]", "unique names"),
         ("-p cameras:=[9]", "texts"),
         ("-p cameras:=['9']", "a digit"),
         ("-p cameras:=['']", "empty for one camera"),
@@ -224,7 +224,7 @@ fn what_belongs_to_no_camera_is_refused_with_the_way_out() {
 }
 
 #[test]
-fn the_tables_are_sound() {
+fn the_tables_are_consistent() {
     let all = Parameters::default();
     for (index, parameter) in all.iter().map(Declared::row).enumerate() {
         assert!(parameter.check(&parameter.default_value()).is_ok(), "{}", parameter.name);

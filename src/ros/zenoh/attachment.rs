@@ -1,35 +1,37 @@
-//! What `rmw_zenoh_cpp` sends beside every message, request and response.
+//! Attachment that `rmw_zenoh_cpp` sends with every message, request and response.
 
 use zenoh::bytes::ZBytes;
 use zenoh_ext::{z_deserialize, z_serialize};
 
 use crate::ros::transport::Fault;
 
-/// First field of the attachments before 0.2.5, which named their fields: 77 bytes.
+/// First field of attachments before 0.2.5, which contain field names: 77 bytes.
 const OLD_START: &[u8] = b"\x0fsequence_number";
 
-/// Counter, time and sender.
+/// Sequence number, time and sender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Attachment {
-    /// The sender's counter, from 1.
+    /// Sequence number of the sender, from 1.
     pub(super) sequence: i64,
-    /// Sender's clock, nanoseconds since the epoch.
+    /// Time of sending by the sender's clock, nanoseconds since the epoch.
     pub(super) source_time_ns: i64,
     /// Identity of the sending endpoint.
     pub(super) sender: [u8; 16],
 }
 
 impl Attachment {
-    /// 33 bytes: two little-endian numbers, the length 16, the identity.
+    /// Returns 33 bytes: two little-endian numbers, the length 16 and the identity.
     pub(super) fn to_bytes(self) -> ZBytes {
         z_serialize(&(self.sequence, self.source_time_ns, self.sender))
     }
 
     /// # Errors
-    /// None at all, the format before 0.2.5, or another one; the fault says what to do.
+    /// The attachment is missing, has the format before 0.2.5 or an unknown one; the fault states the remedy.
     pub(super) fn parse(attachment: Option<&ZBytes>) -> Result<Self, Fault> {
         let Some(bytes) = attachment else {
-            return Err(foreign("has no attachment: its sender is no ROS 2 node on rmw_zenoh_cpp"));
+            return Err(foreign(
+                "has no attachment: its sender is not a ROS 2 node on rmw_zenoh_cpp",
+            ));
         };
         if let Ok((sequence, source_time_ns, sender)) = z_deserialize(bytes) {
             return Ok(Self { sequence, source_time_ns, sender });
@@ -66,7 +68,7 @@ mod tests {
         assert_eq!(Attachment::parse(Some(&attachment.to_bytes())), Ok(attachment));
     }
 
-    fn refusal(bytes: &[u8]) -> String {
+    fn rejection(bytes: &[u8]) -> String {
         Attachment::parse(Some(&bytes.into())).unwrap_err().to_string()
     }
 
@@ -79,11 +81,11 @@ mod tests {
         old.extend(b"\x0asource_gid\x10");
         old.extend(SENDER);
         assert_eq!(old.len(), 77);
-        assert!(refusal(&old).contains("before 0.2.5: update"), "{}", refusal(&old));
+        assert!(rejection(&old).contains("before 0.2.5: update"), "{}", rejection(&old));
     }
 
     #[test]
-    fn nothing_else_passes() {
+    fn other_attachments_are_rejected() {
         let none = Attachment::parse(None).unwrap_err().to_string();
         assert!(none.contains("no attachment"), "{none}");
         let good = Attachment { sequence: 1, source_time_ns: 2, sender: SENDER }.to_bytes();
@@ -92,7 +94,7 @@ mod tests {
         let mut wrong_length = good.clone();
         wrong_length[16] = 15;
         for bytes in [&[][..], &good[..32], &longer, &wrong_length, &[0xff; 33]] {
-            assert!(refusal(bytes).contains("do not send"), "{bytes:?}");
+            assert!(rejection(bytes).contains("do not send"), "{bytes:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Who publishes and subscribes what, as liveliness tokens tell it.
+//! Publishers and subscribers of the network, from liveliness tokens.
 
 use std::{
     collections::BTreeMap,
@@ -15,26 +15,26 @@ use zenoh::{
 
 use crate::ros::transport::GraphTopic;
 
-/// Which side of a topic.
+/// Side of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Publisher,
     Subscriber,
 }
 
-/// One publisher or subscriber, as its token says.
+/// One publisher or subscriber, parsed from its token.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Seen {
     side: Side,
     node: String,
     topic: String,
-    /// As in `sensor_msgs::msg::dds_::Image_`.
+    /// Type on the wire, such as `sensor_msgs::msg::dds_::Image_`.
     wire_type: String,
     hash: String,
 }
 
 impl Seen {
-    /// `None` for nodes, services, clients, and whatever later versions may declare.
+    /// Parses a token; `None` for nodes, services, clients and kinds of later versions.
     fn parse(token: &str) -> Option<Self> {
         let mut chunks = token.split('/');
         let side = match chunks.nth(5)? {
@@ -49,7 +49,7 @@ impl Seen {
         Some(Self { side, node, topic, wire_type, hash })
     }
 
-    /// Where its messages are.
+    /// Returns the key of its messages.
     fn data_key(&self, domain_id: u32) -> String {
         let Self { topic, wire_type, hash, .. } = self;
         format!("{domain_id}/{}/{wire_type}/{hash}", topic.trim_matches('/'))
@@ -59,11 +59,11 @@ impl Seen {
 #[derive(Default)]
 struct Known {
     by_token: BTreeMap<String, Seen>,
-    /// Data keys of the topics that this node subscribes to, by topic.
+    /// Keys of the messages of subscribed topics, by topic.
     expected: BTreeMap<String, String>,
 }
 
-/// The graph, kept up to date by Zenoh as long as it lives.
+/// The graph, kept up to date by Zenoh until it is dropped.
 pub(super) struct Graph {
     known: Arc<Mutex<Known>>,
     domain_id: u32,
@@ -71,7 +71,7 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    /// Those who are there already are known a moment later.
+    /// Starts to observe the graph. Existing endpoints become known shortly after.
     pub(super) fn watch(session: &Session, domain_id: u32) -> zenoh::Result<Self> {
         let known = Arc::new(Mutex::new(Known::default()));
         let noted = Arc::clone(&known);
@@ -84,23 +84,23 @@ impl Graph {
         Ok(Self { known, domain_id, _subscriber: subscriber })
     }
 
-    /// Publishers or subscribers whose messages are under a key.
+    /// Returns the number of publishers or subscribers with that message key.
     pub(super) fn num_on(&self, side: Side, data_key: &str) -> usize {
         let known = lock(&self.known);
         let matches = |seen: &&Seen| seen.side == side && seen.data_key(self.domain_id) == data_key;
         known.by_token.values().filter(matches).count()
     }
 
-    /// From now on, warns of publishers whose messages on a topic cannot arrive under this key.
+    /// From now on, warns of publishers of a topic whose messages do not arrive on this key.
     pub(super) fn expect(&self, topic: &str, data_key: &str) {
         let mut known = lock(&self.known);
         known.expected.insert(topic.to_owned(), data_key.to_owned());
         for seen in known.by_token.values().filter(|seen| seen.topic == topic) {
-            warn_of_stranger(&known.expected, self.domain_id, seen);
+            warn_of_mismatch(&known.expected, self.domain_id, seen);
         }
     }
 
-    /// All topics, by name and type.
+    /// Returns all topics, by name and type.
     pub(super) fn topics(&self) -> Vec<GraphTopic> {
         let mut counts = BTreeMap::<_, (usize, usize)>::new();
         for seen in lock(&self.known).by_token.values() {
@@ -130,26 +130,26 @@ fn note(known: &mut Known, domain_id: u32, sample: &Sample) {
     if sample.kind() == SampleKind::Delete {
         known.by_token.remove(token);
     } else if let Some(seen) = Seen::parse(token) {
-        warn_of_stranger(&known.expected, domain_id, &seen);
+        warn_of_mismatch(&known.expected, domain_id, &seen);
         known.by_token.insert(token.to_owned(), seen);
     }
 }
 
-fn warn_of_stranger(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) {
-    if let Some(text) = strange(expected, domain_id, seen) {
+fn warn_of_mismatch(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) {
+    if let Some(text) = mismatch(expected, domain_id, seen) {
         warn!("{text}");
     }
 }
 
-/// What is wrong with a publisher on a topic of ours that has another type or another version of it.
-fn strange(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) -> Option<String> {
+/// Returns a warning for a publisher of a subscribed topic with another type or type version.
+fn mismatch(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) -> Option<String> {
     let Seen { node, topic, .. } = seen;
     let expected = expected.get(topic).filter(|_| seen.side == Side::Publisher)?;
     let offered = seen.data_key(domain_id);
     (offered != *expected).then(|| {
         format!(
-            "{node} publishes {topic} as another type, or another version of it, and nothing of that arrives here: it \
-             sends {offered}, expected is {expected}. Install the same message package at both ends"
+            "{node} publishes {topic} with another type or type version, and its messages do not arrive here: it sends \
+             {offered}, but {expected} is expected. Install the same message package on both sides"
         )
     })
 }
@@ -162,7 +162,7 @@ mod tests {
                          sensor_msgs::msg::dds_::Image_/RIHS01_d3/2::,5:,:,:,,";
 
     #[test]
-    fn a_token_says_who_and_what() {
+    fn a_token_names_node_topic_and_type() {
         let seen = Seen::parse(TOKEN).unwrap();
         assert_eq!(seen.side, Side::Publisher);
         assert_eq!(
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_later_versions_add_does_no_harm() {
+    fn tokens_of_later_versions_are_parsed() {
         let seen = Seen::parse(TOKEN);
         assert_eq!(Seen::parse(&format!("{TOKEN}/backends:cpu:")), seen);
         assert_eq!(Seen::parse(&TOKEN.replace("2::,5:,:,:,,", "9:x")), seen);
@@ -183,22 +183,25 @@ mod tests {
             assert_eq!(Seen::parse(&TOKEN.replace("MP", other)), None);
         }
         for end in 0..TOKEN.len() {
-            // Whole only from the hash on.
+            // Complete only with the hash.
             assert_eq!(Seen::parse(&TOKEN[..end]).is_some(), end > TOKEN.find("/RIHS").unwrap());
         }
     }
 
     #[test]
-    fn publishers_of_another_version_are_strange() {
+    fn publishers_of_another_version_are_reported() {
         let seen = Seen::parse(TOKEN).unwrap();
         let expected = BTreeMap::from([(seen.topic.clone(), seen.data_key(7))]);
-        let said = |token: &str| strange(&expected, 7, &Seen::parse(token).unwrap());
-        assert_eq!(said(TOKEN), None);
+        let warning = |token: &str| mismatch(&expected, 7, &Seen::parse(token).unwrap());
+        assert_eq!(warning(TOKEN), None);
         let other = TOKEN.replace("RIHS01_d3", "TypeHashNotSupported");
-        let text = said(&other).unwrap();
-        assert!(text.starts_with("/cell/camera publishes /camera/image_raw as another"), "{text}");
-        assert!(text.contains("Image_/TypeHashNotSupported, expected is 7/camera"), "{text}");
-        assert_eq!(said(&other.replace("/MP/", "/MS/")), None);
-        assert_eq!(said(&other.replace("image_raw", "other")), None);
+        let text = warning(&other).unwrap();
+        assert!(
+            text.starts_with("/cell/camera publishes /camera/image_raw with another"),
+            "{text}"
+        );
+        assert!(text.contains("Image_/TypeHashNotSupported, but 7/camera"), "{text}");
+        assert_eq!(warning(&other.replace("/MP/", "/MS/")), None);
+        assert_eq!(warning(&other.replace("image_raw", "other")), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Keys under which a node, its messages and its services stand in a Zenoh network.
+//! Zenoh keys of a node, its messages and its services.
 
 use hiroz_protocol::{
     EndpointEntity, EndpointKind, KeyExprFormat, NodeEntity, TypeHash, TypeInfo,
@@ -19,56 +19,56 @@ use crate::{
     ros::transport::{NodeIdentity, TopicEndpoint},
 };
 
-/// The keys of one node.
+/// Keys of one node.
 pub(super) struct NodeKeys(NodeEntity);
 
-/// What makes the keys of a publisher, subscriber or service.
+/// Properties that determine the keys of a publisher, subscriber or service.
 pub(super) struct Endpoint<'a> {
     pub(super) kind: EndpointKind,
-    /// Absolute, of its topic or service.
+    /// Absolute name of its topic or service.
     pub(super) name: &'a str,
-    /// As in `sensor_msgs/msg/Image`.
+    /// Type, such as `sensor_msgs/msg/Image`.
     pub(super) type_name: &'a str,
-    /// As in `RIHS01_…`.
+    /// Type hash, `RIHS01_…`.
     pub(super) hash: &'a str,
     pub(super) qos: &'a QosProfile,
 }
 
 impl<'a> Endpoint<'a> {
-    /// One side of a topic.
+    /// Returns one side of a topic.
     pub(super) const fn of(topic: &'a TopicEndpoint, kind: EndpointKind) -> Self {
         let TopicEndpoint { name, kind: message, qos } = topic;
         Self { kind, name: name.as_str(), type_name: message.name, hash: message.hash, qos }
     }
 }
 
-/// The keys of one publisher, subscriber or service.
+/// Keys of one publisher, subscriber or service.
 #[derive(Clone, Debug)]
 pub(super) struct EndpointKeys {
-    /// Where its messages are.
+    /// Key of its messages.
     pub(super) data: KeyExpr<'static>,
-    /// Liveliness token that tells the graph of it.
+    /// Liveliness token that announces it to the graph.
     pub(super) token: KeyExpr<'static>,
-    /// Its identity in attachments.
+    /// Identity in attachments.
     pub(super) id: [u8; 16],
 }
 
 impl NodeKeys {
-    /// Node number 0 of its session.
+    /// Creates the keys of node number 0 of its session.
     pub(super) fn new(domain_id: u32, session: ZenohId, node: &NodeIdentity) -> Self {
         let (name, namespace) = (node.name.clone(), node.namespace.clone());
         Self(NodeEntity::new(domain_id as usize, session, 0, name, namespace, String::new()))
     }
 
-    /// The node's own token.
+    /// Returns the node's own token.
     pub(super) fn token(&self) -> zenoh::Result<KeyExpr<'static>> {
         Ok(KeyExprFormat::RmwZenoh.node_liveliness_key_expr(&self.0)?.0)
     }
 
-    /// Endpoint number `id` of the node.
+    /// Returns the keys of endpoint number `id` of the node.
     ///
     /// # Errors
-    /// A name that is no key, a hash that is none.
+    /// A name that is not a valid key, or an invalid hash.
     pub(super) fn endpoint(
         &self,
         id: usize,
@@ -76,7 +76,7 @@ impl NodeKeys {
     ) -> zenoh::Result<EndpointKeys> {
         let Endpoint { kind, name, type_name, hash, qos } = *endpoint;
         let hash = TypeHash::from_rihs_string(hash)
-            .ok_or_else(|| format!("{type_name} has no type hash but {hash}"))?;
+            .ok_or_else(|| format!("{type_name} has an invalid type hash: {hash}"))?;
         let entity = EndpointEntity {
             id,
             node: Some(self.0.clone()),
@@ -94,27 +94,27 @@ impl NodeKeys {
 }
 
 impl EndpointKeys {
-    /// Makes a subscriber of byte arrays one of Lyrical's CPU buffer group, and says where that gets its messages: a
-    /// publisher of Lyrical sends there, and not to the topic's own key, when every subscriber is of the group.
+    /// Adds a subscriber of byte arrays to Lyrical's CPU buffer group and returns the group's key. A publisher of
+    /// Lyrical sends to that key instead of the topic's own if every subscriber is in the group.
     pub(super) fn join_buffer_group(&mut self) -> zenoh::Result<KeyExpr<'static>> {
         self.token = KeyExpr::try_from(format!("{}/backends:cpu:", self.token))?;
         KeyExpr::try_from(format!("{}/_buf_cpu", self.data))
     }
 }
 
-/// Whether Lyrical takes a message for one with a buffer: bytes without a bound, of its own or of a part.
+/// Returns true if Lyrical treats a message as one with a buffer: it or a part of it has an unbounded byte array.
 pub(super) fn has_buffer(kind: &MessageType) -> bool {
     let of_bytes = |line: &str| line.starts_with("uint8[] ") || line.starts_with("char[] ");
     kind.text.lines().any(of_bytes) || kind.dependencies.iter().any(|part| has_buffer(part))
 }
 
-/// `sensor_msgs/msg/Image` as `sensor_msgs::msg::dds_::Image_`.
+/// Converts `sensor_msgs/msg/Image` to `sensor_msgs::msg::dds_::Image_`.
 fn wire_type(type_name: &str) -> String {
     let (namespace, name) = type_name.rsplit_once('/').unwrap_or(("", type_name));
     dds_type_name(&namespace.replace('/', "::"), name)
 }
 
-/// As `rmw_zenoh_cpp` resolves what is left to the system.
+/// Resolves policies left to the system like `rmw_zenoh_cpp`.
 pub(super) fn wire_qos(qos: &QosProfile) -> WireQos {
     use hiroz_protocol::qos::{QosDurability, QosReliability};
     let depth = usize::try_from(qos.depth).ok().filter(|depth| *depth > 0);
@@ -141,7 +141,7 @@ pub(super) fn wire_qos(qos: &QosProfile) -> WireQos {
     }
 }
 
-/// Nothing is rmw's "not specified", which means for ever.
+/// Converts a duration; 0 is rmw's "unspecified", which means infinite.
 fn wire_time(time: QosTime) -> QosDuration {
     match time {
         QosTime { sec: 0, nsec: 0 } => QosDuration::INFINITE,
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn quality_of_service_is_short() {
+    fn quality_of_service_is_encoded_like_rmw_zenoh() {
         let text = |qos: QosProfile| wire_qos(&qos).encode();
         assert_eq!(text(QosProfile::reliable(10)), "::,10:,:,:,,");
         assert_eq!(text(QosProfile::latched(1)), ":1:,1:,:,:,,");
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!(text(timed), "::,1:1,2:,:,,");
     }
 
-    /// The hash of the empty text is published with the algorithm: 99aa06d3014798d86001c324468d497f.
+    /// The published hash of the empty text is 99aa06d3014798d86001c324468d497f.
     #[test]
     fn identities_are_hashes_of_tokens_low_half_first() {
         let hash = XxHash3_128::oneshot(b"").to_le_bytes();
@@ -226,11 +226,11 @@ mod tests {
     }
 
     #[test]
-    fn a_type_without_hash_is_refused() {
+    fn an_invalid_hash_is_rejected() {
         let qos = &QosProfile::reliable(1);
         let (kind, type_name) = (EndpointKind::Publisher, "a/msg/A");
         let endpoint = Endpoint { kind, name: "/a", type_name, hash: "none", qos };
         let keys = node("/").endpoint(1, &endpoint);
-        assert!(keys.unwrap_err().to_string().contains("a/msg/A has no type hash but none"));
+        assert!(keys.unwrap_err().to_string().contains("a/msg/A has an invalid type hash: none"));
     }
 }

@@ -1,7 +1,7 @@
-//! ROS 2 over Zenoh, in the form that `rmw_zenoh_cpp` has from 0.2.5 on (Jazzy, Kilted, Lyrical): its keys, attachments,
+//! ROS 2 over Zenoh, compatible with `rmw_zenoh_cpp` 0.2.5 and later (Jazzy, Kilted, Lyrical): its keys, attachments,
 //! liveliness tokens, quality of service and session settings.
 //!
-//! Zenoh's calls block on its own runtime: nothing here may be called from a single-threaded tokio runtime.
+//! Zenoh's calls block on its own runtime: do not call anything here from a single-threaded tokio runtime.
 
 mod attachment;
 mod graph;
@@ -33,10 +33,11 @@ use super::transport::{
     Subscription, TopicEndpoint, Transport, TransportError,
 };
 
-/// A node in the graph of a Zenoh network. The session ends with the last of this and its endpoints.
+/// A node in the graph of a Zenoh network. The session closes when this and all its endpoints are dropped.
 pub struct ZenohTransport(Arc<Node>);
 
-/// What the endpoints of a node share. Fields are dropped in order: tokens are withdrawn before the session closes.
+/// State shared by the endpoints of a node. Fields are dropped in order: tokens are withdrawn before the session
+/// closes.
 struct Node {
     _token: LivelinessToken,
     graph: Graph,
@@ -49,10 +50,10 @@ struct Node {
 impl ZenohTransport {
     /// Opens a session and declares the node in it.
     ///
-    /// A router that is not there is warned of and joined when it comes, unless the settings say to wait for it.
+    /// If there is no router, warns and joins one when it appears, unless the settings require waiting for it.
     ///
     /// # Errors
-    /// Settings that Zenoh does not take; as a router, a port that cannot be had.
+    /// Settings that Zenoh rejects; for a router, a port that cannot be opened.
     pub fn open(settings: &ZenohSettings, node: &NodeIdentity) -> Result<Self, TransportError> {
         let session = session::open(settings)?;
         let name = format!("{}/{}", node.namespace.trim_end_matches('/'), node.name);
@@ -67,7 +68,7 @@ impl ZenohTransport {
 }
 
 impl Node {
-    /// Keys of the node's next endpoint.
+    /// Returns the keys of the node's next endpoint.
     fn next_keys(&self, endpoint: &Endpoint<'_>) -> Result<EndpointKeys, TransportError> {
         // The node itself has number 0.
         let id = self.num_endpoints.fetch_add(1, Ordering::Relaxed) + 1;

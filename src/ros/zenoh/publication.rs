@@ -27,10 +27,10 @@ use super::{
 };
 use crate::ros::transport::{Publication, TopicEndpoint, TransportError};
 
-/// How often a latched publisher tells its last sequence number, if there was a new one; rmw's value.
+/// Period at which a latched publisher announces its last sequence number if it is new; rmw's value.
 const HEARTBEAT: Duration = Duration::from_millis(500);
 
-/// A publisher of one topic. Fields are dropped in order: it leaves the graph first.
+/// A publisher of one topic. Fields are dropped in order: the token is withdrawn first.
 pub(super) struct ZenohPublication {
     _token: LivelinessToken,
     publisher: AdvancedPublisher<'static>,
@@ -52,7 +52,7 @@ impl ZenohPublication {
     }
 }
 
-/// A publisher as `rmw_zenoh_cpp` declares it.
+/// Declares a publisher like `rmw_zenoh_cpp`.
 fn publisher(
     session: &Session,
     key: KeyExpr<'static>,
@@ -80,7 +80,7 @@ fn publisher(
     publisher.wait()
 }
 
-/// How many samples a latched topic keeps; rmw bounds "all", too.
+/// Returns the number of samples that a latched topic stores; rmw limits `KeepAll`, too.
 pub(super) const fn kept_samples(history: QosHistory) -> usize {
     match history {
         QosHistory::KeepLast(depth) => depth,

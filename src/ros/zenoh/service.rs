@@ -1,4 +1,4 @@
-//! Services: Zenoh's threads put requests into one bounded queue, and one thread of ours answers them in order.
+//! Services: Zenoh's threads put requests into one bounded queue, and one thread of this node answers them in order.
 
 use std::{
     io,
@@ -27,11 +27,11 @@ use crate::{
     ros::transport::{OnRequest, Server, ServiceEndpoint, TransportError},
 };
 
-/// Requests that wait at most; together with the next, the memory that they take.
+/// Largest number of waiting requests. With [`MAX_REQUEST_BYTES`], limits their memory.
 const MAX_WAITING: usize = 256;
-/// Longest request. Sets of parameters are far below.
+/// Largest request, bytes. Sets of parameters are much smaller.
 const MAX_REQUEST_BYTES: usize = 1 << 20;
-/// rmw's quality of service of services.
+/// Quality of service of rmw's services.
 const QOS: QosProfile = QosProfile::reliable(10);
 
 struct Request {
@@ -46,7 +46,7 @@ struct Service {
     on_request: Mutex<Option<OnRequest>>,
 }
 
-/// The way to the thread that answers; the thread ends when the last is dropped.
+/// Sender to the thread that answers requests; the thread ends when the last sender is dropped.
 #[derive(Clone)]
 pub(super) struct Requests(SyncSender<Request>);
 
@@ -57,13 +57,13 @@ impl Requests {
         Ok(Self(sender))
     }
 
-    /// Returns at once: a request that finds the queue full is refused.
+    /// Queues a request without blocking; rejects it if the queue is full.
     fn put(&self, query: Query, service: &Arc<Service>) {
         let request = Request { query, service: Arc::clone(service) };
         if let Err(TrySendError::Full(request) | TrySendError::Disconnected(request)) =
             self.0.try_send(request)
         {
-            refuse(&request.query, &request.service.name, "too many requests wait already");
+            refuse(&request.query, &request.service.name, "too many requests are waiting");
         }
     }
 }
@@ -95,24 +95,24 @@ impl Service {
         let Some(response) = response else {
             return refuse(query, &self.name, "the request is malformed");
         };
-        // The client knows its answer by its own number and identity.
+        // The client recognises its response by its own sequence number and identity.
         let echo = Attachment { source_time_ns: now_ns(), ..attachment };
         let reply = query.reply(self.key.clone(), response).attachment(echo.to_bytes());
         if let Err(error) = reply.wait() {
-            warn!("{}: the answer did not leave: {}", self.name, words(&error));
+            warn!("{}: cannot send the response: {}", self.name, words(&error));
         }
     }
 }
 
-/// Tells the client why there is no answer; clients of rmw log it.
+/// Sends the reason for a failure to the client; clients of rmw log it.
 fn refuse(query: &Query, service: &str, reason: &str) {
-    warn!("{service}: a request is not answered: {reason}");
+    warn!("{service}: a request gets no response: {reason}");
     if let Err(error) = query.reply_err(reason).wait() {
-        warn!("{service}: the refusal did not leave: {}", words(&error));
+        warn!("{service}: cannot send the error: {}", words(&error));
     }
 }
 
-/// A service that answers. Fields are dropped in order: it leaves the graph first.
+/// A running service. Fields are dropped in order: the token is withdrawn first.
 pub(super) struct ZenohServer {
     _token: LivelinessToken,
     _queryable: Queryable<()>,
@@ -140,9 +140,9 @@ impl ZenohServer {
             key: keys.data.clone(),
             on_request: Mutex::new(Some(on_request)),
         });
-        let (asked, requests) = (Arc::clone(&service), node.requests.clone());
+        let (queried, requests) = (Arc::clone(&service), node.requests.clone());
         let queryable = node.session.declare_queryable(keys.data).complete(true);
-        let queryable = queryable.callback(move |query| requests.put(query, &asked)).wait();
+        let queryable = queryable.callback(move |query| requests.put(query, &queried)).wait();
         let queryable = queryable.map_err(refused)?;
         let token = declare_token(&node.session, keys.token).map_err(refused)?;
         Ok(Self { _token: token, _queryable: queryable, service, _node: Arc::clone(node) })
@@ -153,7 +153,7 @@ impl Server for ZenohServer {}
 
 impl Drop for ZenohServer {
     fn drop(&mut self) {
-        // Waits for a request that is being answered; those that wait get no answer.
+        // Waits for a request in progress; waiting requests get no response.
         *self.service.lock() = None;
     }
 }

@@ -1,4 +1,4 @@
-//! Sessions: configured as `rmw_zenoh_cpp` does, and opened with messages that say what to do.
+//! Sessions: configured like `rmw_zenoh_cpp`, with errors that state the remedy.
 
 use std::{thread, time::Duration};
 
@@ -11,7 +11,7 @@ use crate::ros::transport::TransportError;
 /// Key and JSON5 value.
 type Values = &'static [(&'static str, &'static str)];
 
-/// As in rmw's two configuration files, but for what is said.
+/// As in rmw's two configuration files, except where noted.
 const COMMON: Values = &[
     ("scouting/multicast/enabled", "false"),
     ("scouting/gossip/target", "{ router: ['router', 'peer'], peer: ['router'] }"),
@@ -25,10 +25,10 @@ const COMMON: Values = &[
     ("transport/shared_memory/enabled", "false"),
     ("transport/shared_memory/transport_optimization/pool_size", "50331648"),
     ("transport/shared_memory/transport_optimization/message_size_threshold", "512"),
-    // rmw gives up a message after 1 and 50 ms, which loses clouds and images on a busy machine.
+    // rmw drops a message after 1 and 50 ms, which loses clouds and images on a busy machine.
     ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "50000"),
     ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "500000"),
-    // rmw lets a message grow to 1 GiB before anybody can refuse it.
+    // rmw accepts messages of up to 1 GiB before they can be rejected.
     ("transport/link/rx/max_message_size", "268435456"),
 ];
 
@@ -37,7 +37,7 @@ const NODE: Values = &[
     ("connect/endpoints", "['tcp/localhost:7447']"),
     ("connect/timeout_ms", "{ router: -1, peer: -1, client: 0 }"),
     ("connect/exit_on_failure", "{ router: false, peer: false, client: true }"),
-    // rmw comes to wait 4 s between attempts; a router that returns is joined sooner.
+    // rmw waits up to 4 s between attempts; here a returning router is joined sooner.
     ("connect/retry", "{ period_init_ms: 500, period_max_ms: 1000, period_increase_factor: 2 }"),
     ("listen/endpoints", "['tcp/localhost:0']"),
     (
@@ -55,17 +55,17 @@ const ROUTER: Values = &[
     ("transport/link/tx/queue/congestion_control/block/wait_before_close", "5000000"),
 ];
 
-/// Between two looks for a router.
+/// Time between two checks for a router.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 
-/// What to do without a router.
-const START_ROUTER: &str = "start one (`--router` here, or `ros2 run rmw_zenoh_cpp rmw_zenohd`), or say where it is: \
+/// Remedy for a missing router.
+const START_ROUTER: &str = "start one (`--router` here, or `ros2 run rmw_zenoh_cpp rmw_zenohd`), or set its address: \
                             ZENOH_CONFIG_OVERRIDE='connect/endpoints=[\"tcp/192.168.1.1:7447\"]'";
 
-/// Opens a session; waits for a router as the settings say.
+/// Opens a session; waits for a router according to the settings.
 ///
 /// # Errors
-/// Settings that Zenoh does not take; a port that cannot be had.
+/// Settings that Zenoh rejects; a port that cannot be opened.
 pub(super) fn open(settings: &ZenohSettings) -> Result<Session, TransportError> {
     let config = config(settings)?;
     let peers = config.get_json("connect/endpoints").unwrap_or_default();
@@ -74,33 +74,33 @@ pub(super) fn open(settings: &ZenohSettings) -> Result<Session, TransportError> 
         let words = words(&error);
         TransportError::Unreachable(if settings.role == Role::Router {
             format!(
-                "no Zenoh router can be opened on {ports}: {words}. Where another router has the port, leave --router \
-                 out; or choose another port: ZENOH_CONFIG_OVERRIDE='listen/endpoints=[\"tcp/[::]:7448\"]'"
+                "cannot open a Zenoh router on {ports}: {words}. If another router uses the port, omit --router or \
+                 choose another port: ZENOH_CONFIG_OVERRIDE='listen/endpoints=[\"tcp/[::]:7448\"]'"
             )
         } else {
             format!(
-                "no Zenoh session that connects to {peers} and listens on {ports} can be opened: {words}. Without a \
+                "cannot open a Zenoh session that connects to {peers} and listens on {ports}: {words}. If there is no \
                  router, {START_ROUTER}"
             )
         })
     })?;
     if settings.role == Role::Node {
-        look_for_router(&session, settings.router_check, &peers);
+        check_for_router(&session, settings.router_check, &peers);
     }
     Ok(session)
 }
 
-/// Zenoh's configuration: rmw's or the file's, under the overrides.
+/// Returns Zenoh's configuration: rmw's or the file's, with the overrides applied.
 ///
 /// # Errors
-/// The file or the override that Zenoh does not take, by name.
+/// A file or override that Zenoh rejects.
 fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
     let variable = config_variable(settings.role);
     let mut config = match &settings.config_file {
         Some(path) => Config::from_file(path).map_err(|error| {
             setting(
                 variable,
-                format!("{} is no Zenoh configuration: {}", path.display(), words(&error)),
+                format!("{} is not a Zenoh configuration: {}", path.display(), words(&error)),
             )
         })?,
         None => ros_config(settings.role)?,
@@ -108,15 +108,12 @@ fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
     for pair in &settings.overrides {
         config.insert_json5(&pair.key, &pair.value).map_err(|error| {
             let (key, value, words) = (&pair.key, &pair.value, words(&error));
-            setting(
-                pair.variable,
-                format!("Zenoh's configuration does not take {key}={value}: {words}"),
-            )
+            setting(pair.variable, format!("Zenoh rejects {key}={value}: {words}"))
         })?;
     }
     let is_router = config.get_json("mode").is_ok_and(|mode| mode == "\"router\"");
     if is_router != (settings.role == Role::Router) {
-        let reason = if is_router { "add --router" } else { "leave --router out" };
+        let reason = if is_router { "add --router" } else { "omit --router" };
         return Err(setting(
             "mode",
             format!("the configuration contradicts the command line: {reason}"),
@@ -141,7 +138,7 @@ fn setting(name: &str, reason: String) -> TransportError {
     TransportError::Setting { setting: name.to_owned(), reason }
 }
 
-fn look_for_router(session: &Session, check: RouterCheck, peers: &str) {
+fn check_for_router(session: &Session, check: RouterCheck, peers: &str) {
     let attempts = match check {
         RouterCheck::Skip => return,
         RouterCheck::Attempts(attempts) => attempts,
@@ -154,7 +151,8 @@ fn look_for_router(session: &Session, check: RouterCheck, peers: &str) {
         }
         if attempt == 1 {
             warn!(
-                "no Zenoh router at {peers}: {START_ROUTER}. Until it is there, nothing arrives and nobody sees this node"
+                "no Zenoh router at {peers}: {START_ROUTER}. Until then, this node receives nothing and is not \
+                 discovered"
             );
         }
         if attempt < attempts {
@@ -163,7 +161,7 @@ fn look_for_router(session: &Session, check: RouterCheck, peers: &str) {
     }
 }
 
-/// What an error of Zenoh says, without the place in Zenoh's source.
+/// Returns the text of a Zenoh error without its source location.
 pub(super) fn words(error: &zenoh::Error) -> String {
     let text = error.to_string();
     text.split(" at /").next().unwrap_or_default().trim_end_matches('.').to_owned()
@@ -186,12 +184,12 @@ mod tests {
         ZenohSettings { overrides: overrides.collect(), ..plain }
     }
 
-    fn refusal(settings: &ZenohSettings) -> String {
+    fn rejection(settings: &ZenohSettings) -> String {
         config(settings).err().unwrap().to_string()
     }
 
     #[test]
-    fn every_default_is_taken() {
+    fn zenoh_accepts_every_default() {
         for (role, mode) in [(Role::Node, "\"peer\""), (Role::Router, "\"router\"")] {
             let config = config(&settings(role, &[])).unwrap();
             let get = |key| config.get_json(key).unwrap();
@@ -202,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn overrides_stand_above() {
+    fn overrides_replace_defaults() {
         let settings =
             settings(Role::Node, &[("mode", "'client'"), ("connect/endpoints", "['tcp/a:1']")]);
         let config = config(&settings).unwrap();
@@ -213,43 +211,41 @@ mod tests {
     #[test]
     fn wrong_keys_and_values_are_named() {
         for (key, value) in [("no/such/key", "1"), ("mode", "'boss'"), ("connect/endpoints", "[")] {
-            let message = refusal(&settings(Role::Node, &[(key, value)]));
-            let start = format!(
-                "ZENOH_CONFIG_OVERRIDE: Zenoh's configuration does not take {key}={value}: "
-            );
+            let message = rejection(&settings(Role::Node, &[(key, value)]));
+            let start = format!("ZENOH_CONFIG_OVERRIDE: Zenoh rejects {key}={value}: ");
             assert!(message.starts_with(&start), "{message}");
         }
     }
 
     #[test]
-    fn files_take_the_place_of_the_defaults() {
+    fn files_replace_the_defaults() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("session.json5");
         let mut settings = settings(Role::Node, &[]);
         settings.config_file = Some(path.clone());
-        assert!(refusal(&settings).starts_with("ZENOH_SESSION_CONFIG_URI: "));
+        assert!(rejection(&settings).starts_with("ZENOH_SESSION_CONFIG_URI: "));
         fs::write(&path, "{ mode: 'client', /* rmw's is 10 min */ queries_default_timeout: 5 }")
             .unwrap();
         let config = config(&settings).unwrap();
         assert_eq!(config.get_json("mode").unwrap(), "\"client\"");
         assert_eq!(config.get_json("queries_default_timeout").unwrap(), "5");
         fs::write(&path, "{ mode: ").unwrap();
-        let message = refusal(&settings);
-        assert!(message.contains("session.json5 is no Zenoh configuration"), "{message}");
+        let message = rejection(&settings);
+        assert!(message.contains("session.json5 is not a Zenoh configuration"), "{message}");
     }
 
     #[test]
-    fn router_or_not_is_said_once() {
-        let message = refusal(&settings(Role::Router, &[("mode", "'client'")]));
-        assert!(message.contains("leave --router out"), "{message}");
-        let message = refusal(&settings(Role::Node, &[("mode", "'router'")]));
+    fn a_contradicting_role_is_rejected() {
+        let message = rejection(&settings(Role::Router, &[("mode", "'client'")]));
+        assert!(message.contains("omit --router"), "{message}");
+        let message = rejection(&settings(Role::Node, &[("mode", "'router'")]));
         assert!(message.contains("add --router"), "{message}");
     }
 
     #[test]
-    fn a_client_without_router_is_told_what_to_do() {
+    fn the_error_of_a_client_without_router_states_the_remedy() {
         let mode = ("mode", "'client'");
-        // Port 9 discards, where there is anything at all.
+        // Port 9 is the discard service, if there is any.
         let settings = settings(Role::Node, &[mode, ("connect/endpoints", "['tcp/127.0.0.1:9']")]);
         let message = open(&settings).err().unwrap().to_string();
         assert!(message.contains("connects to [\"tcp/127.0.0.1:9\"]"), "{message}");
@@ -257,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn places_in_source_are_left_out() {
+    fn source_locations_are_omitted() {
         let error: zenoh::Error = "No route. at /x/y.rs:7.".into();
         assert_eq!(words(&error), "No route");
     }

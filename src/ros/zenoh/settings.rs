@@ -1,63 +1,63 @@
-//! What the environment says of the Zenoh session, in the variables of `rmw_zenoh_cpp`.
+//! Settings of the Zenoh session, from the environment variables of `rmw_zenoh_cpp`.
 
 use std::{fmt::Display, path::PathBuf, str::FromStr};
 
 use crate::ros::transport::TransportError;
 
-/// How a session is opened.
+/// Settings of a session.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ZenohSettings {
     /// `ROS_DOMAIN_ID`.
     pub(crate) domain_id: u32,
-    /// What the session is to its network.
+    /// Role of the session in its network.
     pub(crate) role: Role,
-    /// Zenoh's configuration in place of ROS's own, JSON5 or YAML: `ZENOH_SESSION_CONFIG_URI`, for a router
+    /// File with a Zenoh configuration that replaces ROS's own, JSON5 or YAML: `ZENOH_SESSION_CONFIG_URI`, for a router
     /// `ZENOH_ROUTER_CONFIG_URI`.
     pub(crate) config_file: Option<PathBuf>,
-    /// Values that stand above the configuration, in order.
+    /// Values that override the configuration, in order.
     pub(crate) overrides: Vec<Override>,
     /// `ZENOH_ROUTER_CHECK_ATTEMPTS`.
     pub router_check: RouterCheck,
 }
 
-/// What a session is to its network.
+/// Role of a session in its network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// It joins a router.
+    /// Joins a router.
     Node,
-    /// It is the router: `--router`.
+    /// Is the router: `--router`.
     Router,
 }
 
 /// One value of Zenoh's configuration.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Override {
-    /// Variable that sets it, for messages.
+    /// Variable that sets it, for errors.
     pub(crate) variable: &'static str,
-    /// Its path, as in `connect/endpoints`.
+    /// Path of the value, such as `connect/endpoints`.
     pub(crate) key: String,
-    /// JSON5.
+    /// Value, JSON5.
     pub(crate) value: String,
 }
 
-/// Whether opening a session waits for its router.
+/// Waiting for the router when a session is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RouterCheck {
-    /// Not even looked for.
+    /// No check.
     Skip,
-    /// Looked for so many times, a second apart; then the session goes on without.
+    /// This number of checks, a second apart; then the session continues without a router.
     Attempts(u64),
-    /// Until it is there.
+    /// Wait until a router is found.
     Forever,
 }
 
 const OVERRIDE: &str = "ZENOH_CONFIG_OVERRIDE";
 
 impl ZenohSettings {
-    /// Reads the environment by `variable`. An empty variable is none.
+    /// Reads the environment through `variable`. An empty variable counts as unset.
     ///
     /// # Errors
-    /// A variable that cannot be understood, by its name.
+    /// An invalid variable.
     pub fn from_environment(
         variable: &dyn Fn(&str) -> Option<String>,
         role: Role,
@@ -90,7 +90,7 @@ impl ZenohSettings {
     }
 }
 
-/// The variable that names the configuration file.
+/// Returns the variable that names the configuration file.
 pub(super) const fn config_variable(role: Role) -> &'static str {
     match role {
         Role::Node => "ZENOH_SESSION_CONFIG_URI",
@@ -99,7 +99,7 @@ pub(super) const fn config_variable(role: Role) -> &'static str {
 }
 
 fn attempts_of(text: &str) -> Result<RouterCheck, TransportError> {
-    let right = "how often to look for a router: 0 without end, below 0 not at all";
+    let right = "a number of checks for a router (0: unlimited, negative: none)";
     Ok(match number::<i64>("ZENOH_ROUTER_CHECK_ATTEMPTS", text, right)? {
         0 => RouterCheck::Forever,
         ..0 => RouterCheck::Skip,
@@ -116,7 +116,7 @@ fn wrong(setting: &str, reason: impl Display) -> TransportError {
     TransportError::Setting { setting: setting.to_owned(), reason: reason.to_string() }
 }
 
-/// `key=value;key=value`. A semicolon inside quotation marks belongs to its value.
+/// Parses `key=value;key=value`. A semicolon within quotation marks belongs to its value.
 fn parse_overrides(text: &str) -> Result<Vec<Override>, TransportError> {
     let mut is_quoted = false;
     let pairs = text.split(|letter| {
@@ -133,7 +133,7 @@ fn parse_overrides(text: &str) -> Result<Vec<Override>, TransportError> {
         _ => Err(wrong(
             OVERRIDE,
             format!(
-                "{pair:?} is not key=value, as in connect/endpoints=[\"tcp/192.168.1.1:7447\"]"
+                "{pair:?} is not key=value, such as connect/endpoints=[\"tcp/192.168.1.1:7447\"]"
             ),
         )),
     };
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_environment_is_ros_itself() {
+    fn an_empty_environment_gives_the_defaults_of_ros() {
         let plain = ZenohSettings {
             domain_id: 0,
             role: Role::Node,
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn each_role_has_its_file() {
+    fn each_role_has_its_configuration_file() {
         let variable = |name: &str| Some(name.to_owned()).filter(|name| name.ends_with("_URI"));
         for (role, name) in
             [(Role::Node, "ZENOH_SESSION_CONFIG_URI"), (Role::Router, "ZENOH_ROUTER_CONFIG_URI")]
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn routers_are_awaited_as_rmw_does() {
+    fn router_checks_are_those_of_rmw() {
         let check = |text| settings(&[("ZENOH_ROUTER_CHECK_ATTEMPTS", text)]).unwrap().router_check;
         assert_eq!(check("0"), RouterCheck::Forever);
         assert_eq!(check("-1"), RouterCheck::Skip);
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn errors_name_the_variable() {
         for (name, value) in [
             ("ROS_DOMAIN_ID", "-1"),
             ("ROS_DOMAIN_ID", "a"),

@@ -27,10 +27,10 @@ use crate::ros::transport::{
     Arrival, Fault, OnArrival, Subscription, TopicEndpoint, TransportError,
 };
 
-/// How long a latched subscriber waits for what was sent before it came: for ever, as rmw does.
+/// Time for which a latched subscriber waits for earlier samples: unlimited, as in rmw.
 const HISTORY_TIMEOUT: Duration = Duration::from_millis(u64::MAX);
 
-/// A subscriber of one topic. Fields are dropped in order: it leaves the graph first.
+/// A subscriber of one topic. Fields are dropped in order: the token is withdrawn first.
 pub(super) struct ZenohSubscription {
     _token: LivelinessToken,
     _subscriber: AdvancedSubscriber<()>,
@@ -51,11 +51,11 @@ impl ZenohSubscription {
         let refused = |error: zenoh::Error| endpoint_error(&topic.name, &error);
         let qos = wire_qos(&topic.qos);
         let intake = Intake { on_arrival: Arc::new(Mutex::new(Some(on_arrival))), limit_bytes };
-        // Before the token: whoever reads it finds the subscriber there.
+        // Declared before the token, so that the subscriber is ready when others see the token.
         let subscriber = subscriber(&node.session, keys.data.clone(), &qos, intake.clone());
         let subscriber = subscriber.map_err(refused)?;
         let mut buffer_group = None;
-        // What was sent earlier comes from the topic's own key only.
+        // Earlier samples arrive on the topic's own key only.
         if qos.durability != QosDurability::TransientLocal && has_buffer(topic.kind) {
             let key = keys.join_buffer_group().map_err(refused)?;
             let intake = intake.clone();
@@ -76,7 +76,7 @@ impl ZenohSubscription {
     }
 }
 
-/// A subscriber as `rmw_zenoh_cpp` declares it.
+/// Declares a subscriber like `rmw_zenoh_cpp`.
 fn subscriber(
     session: &Session,
     key: KeyExpr<'static>,
@@ -98,7 +98,7 @@ fn subscriber(
     subscriber.wait()
 }
 
-/// Where all samples of a subscription go, one at a time; nowhere once it is dropped.
+/// Delivers all samples of a subscription, one at a time; discards them once it is dropped.
 #[derive(Clone)]
 struct Intake {
     on_arrival: Arc<Mutex<Option<OnArrival>>>,
@@ -124,7 +124,7 @@ fn arrival(sample: &Sample, limit_bytes: usize) -> Result<Arrival, Fault> {
     }
     let attachment = Attachment::parse(sample.attachment())?;
     Ok(Arrival {
-        // The one copy: a large message lies in many pieces, or in memory shared with its sender.
+        // The only copy: a large message is fragmented, or in memory shared with its sender.
         data: sample.payload().to_bytes().into_owned(),
         publisher: attachment.sender,
         sequence: Some(attachment.sequence),
@@ -133,7 +133,7 @@ fn arrival(sample: &Sample, limit_bytes: usize) -> Result<Arrival, Fault> {
     })
 }
 
-/// This machine's clock, nanoseconds since the epoch.
+/// Returns the time of this machine's clock, nanoseconds since the epoch.
 pub(super) fn now_ns() -> i64 {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX)
@@ -147,7 +147,7 @@ impl Subscription for ZenohSubscription {
 
 impl Drop for ZenohSubscription {
     fn drop(&mut self) {
-        // Waits for a call that runs now; Zenoh may still deliver for a moment.
+        // Waits for a running call. Zenoh may still deliver samples for a moment, which are discarded.
         *self.intake.lock() = None;
     }
 }

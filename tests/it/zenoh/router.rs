@@ -128,5 +128,5 @@ fn an_occupied_port_is_named() {
         ZenohTransport::open(&network.settings(Role::Router, ""), &identity()).err().unwrap();
     let message = error.to_string();
     let port = format!("tcp/127.0.0.1:{}", network.port);
-    assert!(message.contains(&port) && message.contains("leave --router out"), "{message}");
+    assert!(message.contains(&port) && message.contains("omit --router"), "{message}");
 }

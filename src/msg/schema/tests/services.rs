@@ -22,7 +22,7 @@ const NESTED: u8 = 1;
 /// A sequence of at most one message.
 const OPTIONAL: u8 = 97;
 
-/// `service_msgs/msg/ServiceEventInfo`, which no message of ours holds. Its `char[16]` is `uint8[16]` in IDL.
+/// `service_msgs/msg/ServiceEventInfo`, which none of our messages contains. Its `char[16]` is `uint8[16]` in IDL.
 const EVENT_INFO: MessageType = MessageType {
     name: "service_msgs/msg/ServiceEventInfo",
     text: "uint8 event_type\nbuiltin_interfaces/Time stamp\nchar[16] client_gid\nint64 sequence_number\n",
@@ -43,7 +43,7 @@ fn field(name: &str, type_id: u8, message: &str) -> FieldDescription {
     }
 }
 
-/// The service as rosidl describes it: request, response, and an event that holds both.
+/// Checks the hash of a service as rosidl describes it: request, response, and an event with both.
 fn check_service<Request: Message, Response: Message>(service: &ServiceType) {
     let [request, response, event] =
         ["Request", "Response", "Event"].map(|part| format!("{}_{part}", service.name));

@@ -1,11 +1,11 @@
-//! Slow, full and vanished disks: the recording suffers, the node does not.
+//! Slow, full and vanished disks affect only the recording, not the node.
 
 use std::{fs, sync::atomic::AtomicU64};
 
 use super::*;
 use crate::node::{live_recording::session::Session, stop::Stop};
 
-/// A recording whose disk takes nothing: its writer has not begun.
+/// A recording whose disk blocks: its writer has not started.
 fn blocked(recorder: &LiveRecorder, stream: Stream, queue_bytes: usize) -> Arc<Session> {
     let directory = Path::new("blocked");
     let session = Arc::new(Session::new(directory, queue_bytes, &Arc::new(AtomicU64::new(0))));
@@ -16,14 +16,14 @@ fn blocked(recorder: &LiveRecorder, stream: Stream, queue_bytes: usize) -> Arc<S
 }
 
 #[test]
-fn a_slow_disk_costs_the_oldest_messages_and_every_one_is_counted() {
+fn a_slow_disk_drops_the_oldest_messages_and_counts_them() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, _control) = recorder(params(place.path()));
     let session = blocked(&recorder, Stream::Results, 1000);
     send(&mut recorder, CENTERLINE, 1..=50);
     assert_eq!(session.dropped(), 40);
 
-    // The disk is back.
+    // The disk works again.
     let shared = Arc::clone(&recorder.shared);
     let bag = shared.create(Stream::Results, &params(place.path()), "slow").unwrap();
     let directory = bag.directory().to_owned();
@@ -36,7 +36,7 @@ fn a_slow_disk_costs_the_oldest_messages_and_every_one_is_counted() {
 }
 
 #[test]
-fn a_slow_disk_of_images_does_not_hurt_the_results() {
+fn a_slow_image_disk_does_not_affect_the_results() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     let directory = control.start().unwrap().remove(0);
@@ -53,30 +53,30 @@ fn a_slow_disk_of_images_does_not_hurt_the_results() {
 }
 
 #[test]
-fn a_disk_that_hangs_holds_up_neither_orders_nor_the_end_for_more_than_two_seconds() {
+fn a_hanging_disk_delays_commands_and_shutdown_by_two_seconds_at_most() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     let _hanging = blocked(&recorder, Stream::Results, 1000);
     send(&mut recorder, CENTERLINE, 1..=50);
-    let asked = Instant::now();
+    let start = Instant::now();
     assert!(matches!(control.stop(), Err(RecordingError::StillWriting(_))));
-    assert!(asked.elapsed() < Duration::from_millis(2500), "{:?}", asked.elapsed());
+    assert!(start.elapsed() < Duration::from_millis(2500), "{:?}", start.elapsed());
     send(&mut recorder, CENTERLINE, 51..=60);
-    let asked = Instant::now();
+    let start = Instant::now();
     assert!(recorder.finish().unwrap_err().to_string().contains("still being written"));
-    assert!(asked.elapsed() < Duration::from_secs(2), "{:?}", asked.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
 }
 
 #[test]
-fn in_a_hurry_what_waits_is_dropped_counted_and_the_bag_is_whole() {
+fn an_abandoned_queue_is_dropped_and_counted_and_the_bag_is_complete() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, _control) = recorder(params(place.path()));
     let session = blocked(&recorder, Stream::Results, 10_000);
     send(&mut recorder, CENTERLINE, 1..=50);
     session.close();
-    session.hurry();
+    session.abandon_queue();
     let shared = Arc::clone(&recorder.shared);
-    let bag = shared.create(Stream::Results, &params(place.path()), "hurry").unwrap();
+    let bag = shared.create(Stream::Results, &params(place.path()), "abandoned").unwrap();
     let directory = bag.directory().to_owned();
     writer::start(bag, &session, &shared.settings, &[]).unwrap();
     assert!(session.wait(Duration::from_secs(30)));
@@ -85,7 +85,7 @@ fn in_a_hurry_what_waits_is_dropped_counted_and_the_bag_is_whole() {
 }
 
 #[test]
-fn below_the_minimum_of_free_space_a_recording_ends_in_good_order() {
+fn below_the_minimum_free_space_a_recording_is_closed() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     let directory = control.start().unwrap().remove(0);
@@ -134,9 +134,9 @@ fn a_directory_that_vanishes_ends_the_recording_and_a_later_one_works() {
 }
 
 #[test]
-fn a_place_that_cannot_be_written_is_told_at_the_start() {
+fn an_unwritable_directory_is_reported_at_the_start() {
     let place = tempfile::tempdir().unwrap();
-    // Nobody makes directories in these, not even root.
+    // Not even root can create directories here.
     for directory in ["/proc/recordings", "/dev/null/recordings"] {
         let (mut recorder, control) = recorder(params(Path::new(directory)));
         let error = control.start().unwrap_err().to_string();
@@ -150,7 +150,7 @@ fn a_place_that_cannot_be_written_is_told_at_the_start() {
 }
 
 #[test]
-fn a_time_before_the_epoch_costs_its_message_only() {
+fn a_time_before_the_epoch_drops_only_its_message() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     let directory = control.start().unwrap().remove(0);
@@ -163,7 +163,7 @@ fn a_time_before_the_epoch_costs_its_message_only() {
 }
 
 #[test]
-fn orders_from_everywhere_at_once_lose_nothing() {
+fn concurrent_commands_lose_no_messages() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     let stop = Stop::default();
@@ -188,7 +188,7 @@ fn orders_from_everywhere_at_once_lose_nothing() {
     let num_recorded: usize = bags
         .map(|bag| {
             let found = sequences(&bag, "/centerline");
-            assert!(found.windows(2).all(|pair| pair[1] == pair[0] + 1), "no hole: {found:?}");
+            assert!(found.windows(2).all(|pair| pair[1] == pair[0] + 1), "no gap: {found:?}");
             found.len()
         })
         .sum();

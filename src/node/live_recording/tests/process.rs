@@ -1,6 +1,6 @@
-//! Recordings in a process of their own: it is killed, or its disk is full.
+//! Recordings in a separate process that is killed or whose disk is full.
 //!
-//! The process is this test binary, which runs one test again with a directory in its environment.
+//! The process is this test binary, which runs one of its tests with a directory in its environment.
 
 use std::{
     env, fs,
@@ -14,12 +14,12 @@ use super::*;
 
 const CHILD: &str = "LASER_PROFILER_TEST_RECORDS_INTO";
 
-/// Where to record, in the process that was started for it.
+/// Directory to record into; `None` in the parent process.
 fn child_directory() -> Option<PathBuf> {
     env::var_os(CHILD).map(PathBuf::from)
 }
 
-/// Runs the test of that name again, behind a shell command.
+/// Runs the test of that name in a child process, after a shell command.
 fn start_child(test: &str, directory: &Path, limits: &str) -> Child {
     let mut command = Command::new("bash");
     command.arg("-c").arg(format!("{limits}; exec \"$0\" \"$@\"")).arg(env::current_exe().unwrap());
@@ -28,8 +28,8 @@ fn start_child(test: &str, directory: &Path, limits: &str) -> Child {
     command.env(CHILD, directory).stdout(Stdio::piped()).spawn().unwrap()
 }
 
-/// Not as a test prints, which its harness may hold back.
-fn say(text: &str) {
+/// Prints to standard output directly, because the test harness may capture `println!`.
+fn print(text: &str) {
     let mut stdout = io::stdout().lock();
     stdout.write_all(text.as_bytes()).unwrap();
     stdout.flush().unwrap();
@@ -49,7 +49,7 @@ fn after_kill_9_everything_older_than_a_second_is_there() {
         control.start().unwrap();
         for sequence in 1.. {
             send(&mut recorder, CENTERLINE, [sequence]);
-            say(&format!("\nsent {sequence}\n"));
+            print(&format!("\nsent {sequence}\n"));
             thread::sleep(Duration::from_millis(5));
         }
     }
@@ -72,15 +72,15 @@ fn after_kill_9_everything_older_than_a_second_is_there() {
     let is_old = |at: &Instant| killed.duration_since(*at) >= Duration::from_secs(1);
     let num_old = sent.iter().filter(|(at, _)| is_old(at)).count();
     let bag = only_bag(place.path());
-    assert!(!bag.join("metadata.yaml").exists(), "it was not closed");
+    assert!(!bag.join("metadata.yaml").exists(), "the bag was not closed");
     let found = readable(&bag);
-    assert!(num_old > 50, "{num_old} messages are too few to tell");
+    assert!(num_old > 50, "{num_old} messages are too few for this test");
     assert!(found.len() >= num_old, "{} of {num_old} found", found.len());
     assert_eq!(found, (1..=found.len() as u32).collect::<Vec<_>>());
-    assert_eq!(records(&bag, "laser_profiler").len(), 1, "and what explains it");
+    assert_eq!(records(&bag, "laser_profiler").len(), 1, "the description is there");
 }
 
-/// A limit on the size of a file fails a write in its middle as a full disk does, and needs no root.
+/// A file size limit makes a write fail in the middle, as a full disk does, and needs no root.
 #[test]
 fn a_full_disk_ends_the_recording_with_one_message_and_nothing_else() {
     const TEST: &str = "a_full_disk_ends_the_recording_with_one_message_and_nothing_else";
@@ -95,11 +95,7 @@ fn a_full_disk_ends_the_recording_with_one_message_and_nothing_else() {
     let bag = only_bag(place.path());
     let found = readable(&bag);
     assert!(found.len() > 10, "{found:?}");
-    assert_eq!(
-        found,
-        (1..=found.len() as u32).collect::<Vec<_>>(),
-        "what was flushed before is there"
-    );
+    assert_eq!(found, (1..=found.len() as u32).collect::<Vec<_>>(), "flushed messages are there");
 }
 
 fn record_until_full(directory: &Path) {
@@ -121,12 +117,12 @@ fn record_until_full(directory: &Path) {
     }
     assert!(error.is_none_or(|first| first == text), "one message: {text}");
     assert!(status.messages + status.dropped <= u64::from(sequence));
-    // The node goes on.
+    // The node continues.
     send(&mut recorder, CENTERLINE, sequence..sequence + 100);
     recorder.finish().unwrap();
 }
 
-/// A small file system that is nearly full: the minimum of free space keeps the bag whole.
+/// On a small, nearly full file system, the minimum free space keeps the bag complete.
 #[test]
 fn on_a_small_disk_the_bag_is_whole() {
     const TEST: &str = "on_a_small_disk_the_bag_is_whole";

@@ -1,15 +1,15 @@
-//! The last seconds, written when something has happened.
+//! Snapshots of the last seconds.
 
 use super::*;
 
 fn taken(control: &RecordingControl) -> Vec<std::path::PathBuf> {
     let directories = control.snapshot().unwrap();
-    wait_until("the snapshot is whole", || !control.status().snapshot.is_ending);
+    wait_until("the snapshot is complete", || !control.status().snapshot.is_ending);
     directories
 }
 
 #[test]
-fn holds_what_was_sent_and_disturbs_no_recording() {
+fn holds_the_sent_messages_and_does_not_affect_a_recording() {
     let place = tempfile::tempdir().unwrap();
     let images = RecordingParams { images: true, ..params(place.path()) };
     let (mut recorder, control) = recorder(images);
@@ -38,7 +38,7 @@ fn holds_what_was_sent_and_disturbs_no_recording() {
 }
 
 #[test]
-fn is_bounded_in_bytes_and_still_has_the_latched_message() {
+fn is_bounded_in_bytes_and_still_holds_the_latched_message() {
     let place = tempfile::tempdir().unwrap();
     let bounded = RecordingParams { snapshot_bytes: 500, ..params(place.path()) };
     let (mut recorder, control) = recorder(bounded);
@@ -50,7 +50,7 @@ fn is_bounded_in_bytes_and_still_has_the_latched_message() {
 }
 
 #[test]
-fn without_anything_to_write_it_says_why() {
+fn an_impossible_snapshot_reports_the_reason() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     assert!(matches!(control.snapshot(), Err(RecordingError::SnapshotEmpty(10))));
