@@ -1,5 +1,5 @@
 //! Extraction of one frame beside one read of it (the maximum of all pixels) in the same run: every method, frames from
-//! the cache and from memory, frames in which nothing can be left out, larger frames and more stripe.
+//! the cache and from memory, frames in which nothing can be skipped, larger frames and more stripes.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 
 mod frames;
@@ -23,7 +23,7 @@ use std::{cell::LazyCell, hint::black_box, time::Duration};
 
 /// The default method.
 const DEFAULT: &str = "improved_gravity";
-/// 85 MB: more than the last cache of any processor that this is measured on holds.
+/// 85 MB of frames: larger than the last-level cache of the measured processors.
 const NUM_COLD: usize = 16;
 /// Columns of the stripe in frames of every size.
 const SHORT_STRIPE: u32 = 1024;
@@ -43,8 +43,8 @@ fn params(method: &str) -> ExtractionParams {
     ExtractionParams { method, ..defaults.cameras[0].scanner.extraction }
 }
 
-/// Times a method on frames that are rendered only if the benchmark runs, with one extractor, as in the node. What finds
-/// nothing is fast: so many points must be there.
+/// Times a method with one extractor, as in the node, on frames that are rendered only if the benchmark runs. Checks that it
+/// finds a minimum number of points: an extraction that finds nothing is fast.
 fn time<F: FnOnce() -> Ring>(
     group: &mut BenchmarkGroup<'_, WallTime>,
     id: BenchmarkId,
@@ -84,7 +84,7 @@ fn all_methods<F: FnOnce() -> Ring>(
     }
 }
 
-/// The same frame again and again: as far as it fits, it is in the processor's cache.
+/// The same frame repeatedly, so that the processor's cache holds it if it fits.
 fn warm(criterion: &mut Criterion) {
     let frame = LazyCell::new(|| Frame::new(Horizontal).alone());
     let mut group = group(criterion, "frame_2592x2048");
@@ -92,7 +92,7 @@ fn warm(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Frames in turn from a ring larger than the cache, as a camera's frames come: from memory.
+/// Frames in turn from a ring larger than the cache: they come from memory, as a camera's do.
 fn cold(criterion: &mut Criterion) {
     let frames = LazyCell::new(|| Frame::new(Horizontal).times(NUM_COLD));
     let mut group = group(criterion, "cold_2592x2048");
@@ -100,7 +100,7 @@ fn cold(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The default method down the frame.
+/// The default method on a vertical stripe.
 fn vertical(criterion: &mut Criterion) {
     let frame = LazyCell::new(|| Frame::new(Vertical).alone());
     let mut group = group(criterion, "vertical_2592x2048");
@@ -109,7 +109,7 @@ fn vertical(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The default method in samples of 16 bits.
+/// The default method on samples of 16 bits.
 fn mono16(criterion: &mut Criterion) {
     let frame = LazyCell::new(|| Frame::deep().alone());
     let mut group = group(criterion, "mono16_2592x2048");
@@ -118,7 +118,7 @@ fn mono16(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The same stripe in a frame of which every block must be blurred.
+/// The same stripe in a frame in which every block must be blurred.
 fn dense(criterion: &mut Criterion) {
     let frame = LazyCell::new(|| Frame::new(Horizontal).with_salt().alone());
     let mut group = group(criterion, "dense_2592x2048");
@@ -126,7 +126,7 @@ fn dense(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The worst case: every column is one candidate from border to border. No method must find a stripe in it.
+/// The worst case: every column is one candidate from border to border. No method finds a stripe in it.
 fn white(criterion: &mut Criterion) {
     let frame = LazyCell::new(|| Frame::white().alone());
     let mut group = group(criterion, "white_2592x2048");
@@ -135,7 +135,7 @@ fn white(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The same stripe of 1024 columns in ever larger frames: the time beyond one read must stay constant.
+/// The same stripe of 1024 columns in frames of growing size: the time beyond one read must stay constant.
 fn frame_sizes(criterion: &mut Criterion) {
     let mut group = group(criterion, "frame_size");
     for (label, size) in [
@@ -153,7 +153,7 @@ fn frame_sizes(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// More and more stripe in the frame, beside the same with nothing left out: the skipping must never cost more.
+/// A growing share of bright pixels, compared with the same frame without skipping: skipping must never cost more.
 fn bright_shares(criterion: &mut Criterion) {
     let mut group = group(criterion, "bright_share");
     for (label, share, least) in [

@@ -19,7 +19,7 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// As much as the yardstick reads at once: it stays in the processor's cache.
+/// Bytes that the reference reads at once, few enough to stay in the processor's cache.
 const PIECE_BYTES: usize = 128 << 10;
 
 fn group<'a>(
@@ -35,14 +35,14 @@ fn group<'a>(
     group
 }
 
-/// Made only for benchmarks that run.
+/// Creates the recording; called only for benchmarks that run.
 fn written(recording: &Recording) -> (TempDir, ReplayRequest) {
     let directory = tempfile::tempdir().expect("a temporary directory");
     let request = recording.write(directory.path()).expect("a recording");
     (directory, request)
 }
 
-/// In its own thread, so that profilers separate it from the one that makes the recordings.
+/// Replays in a separate thread, so that profilers distinguish it from the thread that creates the recordings.
 fn replay_all(request: &ReplayRequest, recording: &Recording) {
     let request = request.clone();
     let run = move || replay(request, &Stop::default()).expect("a replay");
@@ -70,7 +70,7 @@ fn whole_replay(criterion: &mut Criterion) {
         let written = LazyCell::new(|| written(&recording));
         let name = format!("replay_{}x{}", size_px.0, size_px.1);
         let mut group = group(criterion, &name, &recording);
-        // The yardstick: the same bytes from the page cache through the processor once.
+        // Reference: one read of the same bytes from the page cache.
         group.bench_function("read_the_file", |bencher| {
             let file = Recording::file(written.0.path());
             bencher.iter(|| read_all(&file));
@@ -83,7 +83,7 @@ fn whole_replay(criterion: &mut Criterion) {
     }
 }
 
-/// Lets this thread, and those that it starts, run on these cores only.
+/// Restricts this thread, and the threads that it starts, to these cores.
 fn run_on(cores: &CpuSet) {
     sched_setaffinity(None, cores).expect("cores of this machine");
 }

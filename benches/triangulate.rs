@@ -32,7 +32,7 @@ const RIG: VerticalIncidence = VerticalIncidence {
     quality: None,
 };
 
-/// The same rig with a lens that bends.
+/// The same rig with lens distortion.
 fn bent(distortion: Distortion, tilt_rad: [f64; 2]) -> Calibration {
     let mut rig = RIG.camera_and_plane(Horizontal, FULL);
     rig.camera.distortion = distortion;

@@ -1,8 +1,8 @@
 //! Laser stripe in, sub-pixel centreline and metric profile out: the library behind the `laser_profiler` node.
 //!
 //! Modules in reading order. Dependencies point one way, from the bottom of this list to its top:
-//! `cli → {node, report} → {ros, results, foxglove} → bag → msg → scanner`; `metrology`, `simulate`, `evaluate` and
-//! `calibrate` stand beside `scanner`.
+//! `cli → {node, report → results} → {ros, bag, foxglove} → msg → scanner`; `metrology`, `simulate`, `evaluate` and
+//! `calibrate` build on `scanner`.
 
 #![cfg_attr(
     not(all(feature = "calibrate", feature = "dds", feature = "foxglove", feature = "zenoh")),

@@ -1,4 +1,4 @@
-//! Frames for the benchmarks of the extraction: one stripe, many, a frame in which no tile may be left out, a white one.
+//! Frames for the benchmarks of the extraction: one stripe, many stripes, frames in which no block can be skipped.
 
 use laser_profiler::{
     scanner::{
@@ -19,7 +19,7 @@ pub(crate) const FULL: (u32, u32) = (2592, 2048);
 const THRESHOLD: u8 = 35;
 /// Above the threshold a cross-section of the stripe is 2 · 2.2 · √(2 ln(199 / 35)) wide, pixels.
 const BRIGHT_PX: f64 = 8.2;
-/// No larger block of pixels is left out at once: one bright pixel in each keeps all.
+/// Largest block of pixels that is skipped at once: one bright pixel in each prevents all skipping.
 const BLOCK: (usize, usize) = (64, 8);
 
 /// Samples row by row, without padding.
@@ -42,7 +42,7 @@ pub(crate) struct Ring {
 }
 
 impl Ring {
-    /// The next frame.
+    /// Returns the next frame.
     pub(crate) fn turn(&self) -> &Frame {
         let next = self.next.get();
         self.next.set((next + 1) % self.frames.len());
@@ -58,7 +58,7 @@ impl Frame {
         })
     }
 
-    /// The same, 16 bit, horizontal.
+    /// The same with 16 bits, horizontal.
     pub(crate) fn deep() -> Self {
         Self::render(FULL, BitDepth::Sixteen, |exposure, level| {
             exposure.add_stripe(StripeDirection::Horizontal, |column| {
@@ -67,7 +67,7 @@ impl Frame {
         })
     }
 
-    /// A stripe of so many columns from the left border, in the middle of a frame of any size.
+    /// A stripe of `columns` columns from the left border, in the middle row of a frame of any size.
     pub(crate) fn short_stripe(size: (u32, u32), columns: u32) -> Self {
         let row = f64::from(size.1) / 2.0;
         Self::render(size, BitDepth::Eight, |exposure, level| {
@@ -78,7 +78,7 @@ impl Frame {
         })
     }
 
-    /// As many stripes, evenly spread, as make this share of all pixels bright; the last one ends where that is reached.
+    /// Evenly spaced stripes that make this share of all pixels bright; the last one is shortened to match it.
     pub(crate) fn bright(share: f64) -> Self {
         let (width, height) = (f64::from(FULL.0), f64::from(FULL.1));
         let columns = share * width * height / BRIGHT_PX;
@@ -99,8 +99,8 @@ impl Frame {
         frame
     }
 
-    /// The same frame with one pixel of full scale in each block of 64 x 8: the blur lowers it to 21 grey levels, so that
-    /// the stripes are the same, but every block must be blurred to know that.
+    /// The same frame with one pixel of full scale in each block of 64 x 8. The blur lowers it to 21 grey levels, so the
+    /// stripes are unchanged, but no block can be skipped.
     pub(crate) fn with_salt(mut self) -> Self {
         let Samples::Eight(samples) = &mut self.samples else { panic!("salt is for 8 bit") };
         for row in samples.chunks_exact_mut(self.size.0 as usize).skip(BLOCK.1 / 2).step_by(BLOCK.1)
@@ -115,7 +115,7 @@ impl Frame {
         Self { size: FULL, samples: Samples::Eight(vec![255; (FULL.0 * FULL.1) as usize]) }
     }
 
-    /// This frame again and again.
+    /// This frame repeatedly.
     pub(crate) fn alone(self) -> Ring {
         self.times(1)
     }
@@ -125,7 +125,7 @@ impl Frame {
         Ring { frames: vec![self; number], next: Cell::new(0) }
     }
 
-    /// The frame as it is measured.
+    /// Returns the frame as input of the extraction.
     pub(crate) fn plane(&self) -> AnyPlane<'_> {
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
         let plane = match &self.samples {
@@ -143,7 +143,7 @@ impl Frame {
         }
     }
 
-    /// One read: the maximum of all pixels.
+    /// Reads the frame once: returns the maximum of all pixels.
     pub(crate) fn read(&self) -> u16 {
         match &self.samples {
             Samples::Eight(samples) => {

@@ -15,7 +15,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Pictures that follow one another, each with noise and a stripe of its own.
+/// Number of different pictures, each with its own noise and stripe.
 const NUM_PICTURES: u32 = 8;
 const JPEG_QUALITY: u8 = 90;
 
@@ -70,7 +70,7 @@ impl Recording {
         Ok(request)
     }
 
-    /// The file of the bag in `directory`.
+    /// Returns the file of the bag in `directory`.
     pub(crate) fn file(directory: &Path) -> PathBuf {
         directory.join("recording").join("recording_0.mcap")
     }

@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM: the first one ends the run in good order, the second one at once.
+//! SIGINT and SIGTERM: the first signal stops the run cleanly, the second one immediately.
 
 use std::{
     future::poll_fn,
@@ -15,11 +15,11 @@ use tokio::{
 
 use crate::node::stop::Stop;
 
-/// What a shell reports of a process that SIGINT ended.
+/// Exit code of a process that SIGINT ended, as shells report it.
 const EXIT_INTERRUPTED: i32 = 130;
 
-/// Signals so close together are one wish: launch files and `timeout` signal a process and its group.
-const SAME_WISH: Duration = Duration::from_secs(1);
+/// Signals within this time count as one: launch files and `timeout` signal a process and its group.
+const SAME_REQUEST: Duration = Duration::from_secs(1);
 
 /// Raises `stop` at the first signal, from a thread of its own.
 ///
@@ -28,7 +28,7 @@ const SAME_WISH: Duration = Duration::from_secs(1);
 pub(super) fn raise_on_signal(stop: Stop) -> io::Result<()> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     let (mut interrupt, mut terminate) = {
-        // Installed here and now: no signal between this call and the thread's start ends the process.
+        // Installed before the thread starts, so that a signal in between does not end the process.
         let _context = runtime.enter();
         (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?)
     };
@@ -41,10 +41,10 @@ pub(super) fn raise_on_signal(stop: Stop) -> io::Result<()> {
             }));
         };
         next();
-        tracing::warn!("interrupted: finishing the files; once more to stop at once");
+        tracing::warn!("interrupted: closing the files; interrupt again to stop immediately");
         let first = Instant::now();
         stop.raise();
-        while first.elapsed() < SAME_WISH {
+        while first.elapsed() < SAME_REQUEST {
             next();
         }
         process::exit(EXIT_INTERRUPTED);

@@ -116,10 +116,10 @@ const fn filter(level: LogLevel) -> LevelFilter {
 
 /// Passes only the first error on viewers.
 fn viewers_once<S: Subscriber>() -> impl Layer<S> {
-    let is_told = AtomicBool::new(false);
+    let was_logged = AtomicBool::new(false);
     dynamic_filter_fn(move |metadata, _| {
         let is_about_viewers = metadata.target() == VIEWERS && *metadata.level() == Level::ERROR;
-        !is_about_viewers || !is_told.swap(true, Ordering::Relaxed)
+        !is_about_viewers || !was_logged.swap(true, Ordering::Relaxed)
     })
 }
 
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn the_program_tells_more_than_its_dependencies() {
+    fn the_program_logs_more_than_its_dependencies() {
         assert!(shows("", "laser_profiler::node", Level::INFO));
         assert!(!shows("", "laser_profiler::node", Level::DEBUG));
         assert!(shows("", "zenoh_transport::unicast", Level::WARN));
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rustdds_says_of_lost_fragments_is_never_shown() {
+    fn errors_of_rustdds_about_lost_fragments_are_never_logged() {
         for line in ["", "--ros-args --log-level debug", "--ros-args --log-level rustdds:=debug"] {
             assert!(!shows(line, "rustdds::structure::sequence_number", Level::ERROR), "{line}");
         }
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_dependencies_tell_the_log_crate_is_filtered_by_where_it_comes_from() {
+    fn records_of_the_log_crate_are_filtered_by_target() {
         // Connects the `log` crate, in this or in another test.
         start(&levels("").unwrap());
         let count = Arc::new(AtomicUsize::new(0));

@@ -189,7 +189,7 @@ mod tests {
             "laser_profiler replay missing -o out --ros-args -p slice.profiles:=0",
             "laser_profiler replay missing -o out --ros-args -r __node:=a/b",
             "laser_profiler replay missing -o out --rate 0",
-            "laser_profiler replay missing -o out --ros-args --log-level nobody:=debug",
+            "laser_profiler replay missing -o out --ros-args --log-level unknown:=debug",
         ] {
             assert!(failure(line).is::<Usage>(), "{line}");
         }

@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, bail};
 
-/// Passes on the result of printing. A reader that goes away, as `| head` does, is no error.
+/// Returns the result of printing. A closed pipe, as after `| head`, is not an error.
 ///
 /// # Errors
 /// Standard output cannot be written.
@@ -27,7 +27,7 @@ pub(in crate::cli) fn print(out: &mut dyn Write, text: &str) -> anyhow::Result<(
     printed(out.write_all(text.as_bytes()))
 }
 
-/// Refuses to replace a file.
+/// Returns an error if the file exists.
 ///
 /// # Errors
 /// The file exists.

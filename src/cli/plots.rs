@@ -9,12 +9,12 @@ const FONT: &str = "sans-serif";
 const TITLE: (&str, i32) = (FONT, 20);
 const TEXT: (&str, i32) = (FONT, 15);
 const SIZE_PX: (u32, u32) = (960, 460);
-/// Of so many points none has a mark of its own.
+/// Number of points above which a curve has no marks.
 const MANY: usize = 100;
-/// Where the key begins, right of the chart.
+/// Left edge of the legend, right of the chart, pixels.
 const KEY_PX: u32 = 760;
 
-/// The colours of Okabe and Ito, told apart with any colour vision; black is the bound's.
+/// The colours of Okabe and Ito, distinguishable with any colour vision; black is reserved for the bound.
 const COLORS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -30,13 +30,13 @@ const COLORS: [RGBColor; 7] = [
 pub(in crate::cli) struct Plot {
     /// File name, with `.svg`.
     pub(in crate::cli) file: String,
-    /// What it shows.
+    /// Title.
     pub(in crate::cli) title: String,
-    /// The horizontal axis, and its unit.
+    /// Label of the horizontal axis with its unit.
     pub(in crate::cli) x_label: &'static str,
-    /// The vertical axis, and its unit.
+    /// Label of the vertical axis with its unit.
     pub(in crate::cli) y_label: &'static str,
-    /// Whether the vertical axis is logarithmic.
+    /// True if the vertical axis is logarithmic.
     pub(in crate::cli) is_log: bool,
     /// The curves.
     pub(in crate::cli) curves: Vec<Curve>,
@@ -51,17 +51,17 @@ pub(in crate::cli) struct Curve {
 }
 
 impl Curve {
-    /// A method's; points that are no numbers are left out.
+    /// Returns the curve of a method. NaN points are omitted.
     pub(in crate::cli) fn method(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.to_owned(), points, is_bound: false }
     }
 
-    /// Any other: a line, without marks where there are many points.
+    /// Returns any other curve.
     pub(in crate::cli) fn plain(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self::method(name, points)
     }
 
-    /// What no method can do better: black and dashed.
+    /// Returns the curve of a lower bound: black and dashed.
     pub(in crate::cli) fn bound(name: &str, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.to_owned(), points, is_bound: true }
     }
@@ -71,14 +71,14 @@ impl Plot {
     /// Writes the file.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub(in crate::cli) fn save(&self, directory: &Path) -> anyhow::Result<()> {
         let path = directory.join(&self.file);
         fs::write(&path, self.svg()?).with_context(|| format!("cannot write {}", path.display()))
     }
 
     fn svg(&self) -> anyhow::Result<String> {
-        // Only to know how wide texts are; the file names a font of the reader's.
+        // Only measures the width of text; the file names a font of the reader's system.
         register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT)
             .map_err(|_invalid| anyhow!("the built-in font is not a font"))?;
         let curves: Vec<_> = self.curves.iter().map(|curve| (curve, self.drawn(curve))).collect();
@@ -127,7 +127,7 @@ impl Plot {
         Ok(svg)
     }
 
-    /// The points as they are drawn.
+    /// Returns the points in the coordinates of the chart.
     fn drawn(&self, curve: &Curve) -> Vec<(f64, f64)> {
         let points =
             curve.points.iter().map(|&(x, y)| (x, if self.is_log { y.log10() } else { y }));
@@ -135,7 +135,7 @@ impl Plot {
     }
 }
 
-/// From the smallest to the largest value, and a share of that on both sides.
+/// Returns the range of the values, extended by `margin` of its length on both sides.
 fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     let ends = |(low, high): (f64, f64), value: f64| (low.min(value), high.max(value));
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), ends);
@@ -146,7 +146,7 @@ fn range(values: impl Iterator<Item = f64>, margin: f64) -> Range<f64> {
     low - margin..high + margin
 }
 
-/// A number in as few digits as tell it from its neighbours on an axis.
+/// Formats a tick label with the fewest digits that distinguish it from its neighbours.
 fn label(value: f64) -> String {
     let decimals = match value.abs() {
         size if size < 1e-9 => 0,
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plot_names_its_curves_and_leaves_out_what_is_no_number() {
+    fn a_plot_names_its_curves_and_omits_nan() {
         let curves = vec![
             Curve::method("steger", vec![(1.0, 0.1), (2.0, f64::NAN), (3.0, 0.3), (4.0, 0.0)]),
             Curve::bound("bound", vec![(1.0, 0.05), (3.0, 0.2)]),
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_that_is_not_there_is_named() {
+    fn a_missing_directory_is_named() {
         let error = plot(Vec::new()).save(Path::new("/nonexistent")).unwrap_err();
         assert!(error.to_string().contains("/nonexistent/rms.svg"), "{error}");
     }

@@ -1,10 +1,11 @@
-//! How far a command is.
+//! Progress bars.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::terminal;
 
-/// A bar on a terminal, nothing elsewhere: how many, how fast, how long still. Without a length, what is known of that.
+/// Returns a bar with count, rate and remaining time; without a length, with count, rate and elapsed time. Draws nothing
+/// unless standard error is a terminal.
 pub(super) fn progress_bar(length: Option<u64>, what: &str) -> ProgressBar {
     let (bar, template) = match length {
         Some(length) => (
@@ -28,7 +29,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn elsewhere_than_on_a_terminal_nothing_is_drawn() {
+    fn without_a_terminal_no_bar_is_drawn() {
         let bar = progress_bar(Some(10), "frames");
         bar.set_position(3);
         assert_eq!((bar.position(), bar.length()), (3, Some(10)));

@@ -7,7 +7,7 @@ use anyhow::Context;
 use super::{
     Outcome, interrupt, output,
     replaying::replay,
-    summary::{self, Told},
+    summary::{self, SummaryJson},
     view::{self, ReplayViewArgs},
 };
 use crate::{
@@ -18,7 +18,7 @@ use crate::{
 const HELP: &str = "\
 Examples:
   laser_profiler replay my_recording -o results
-      takes the recording's only image topic, raw or compressed, with the default parameters
+      uses the recording's only image topic, raw or compressed, and the default parameters
   laser_profiler replay day1 day2.mcap -o results --params-file rig.yaml --force
       one after another, into one results bag
   laser_profiler replay my_recording -o results --ros-args -r image_raw:=/left/image_raw -p stripe_direction:=vertical
@@ -27,7 +27,7 @@ Examples:
       every camera that was recorded, side by side, into results/left and results/right
   laser_profiler replay my_recording -o results --json | jq .frames
   laser_profiler replay my_recording --view --params-file rig.yaml
-      nothing is written: look at it in Foxglove, play, jump, and turn parameters; the paused frame follows at once
+      writes nothing: play, seek and change parameters in Foxglove; the paused frame is measured again at once
 
 The results are a rosbag2 directory with ~/centerline and ~/annotations for every frame and, with a calibration_file,
 ~/profile, ~/points, ~/points_dense, ~/slice_info and ~/height_map. The same recording and parameters give the same bytes.
@@ -44,17 +44,16 @@ pub(crate) struct ReplayArgs {
     /// rosbag2 directories or .mcap files, replayed one after another.
     #[arg(required = true, value_name = "BAG")]
     pub(crate) bags: Vec<PathBuf>,
-    /// Directory of the results' bag; of several cameras the directory of their bags.
+    /// Directory of the results bag; with several cameras, the directory of their bags.
     #[arg(short, long, value_name = "OUT", required_unless_present = "view")]
     pub(crate) output: Option<PathBuf>,
     /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
     pub(crate) params_file: Vec<PathBuf>,
-    /// The only camera whose images are replayed, where the parameter `cameras` names several. Without it all are whose
-    /// images are recorded.
+    /// Replay only this one of the parameter `cameras`. Default: every camera whose images are recorded.
     #[arg(long, value_name = "NAME")]
     pub(crate) camera: Option<String>,
-    /// Times the speed of the recording, instead of as fast as possible.
+    /// Playback speed as a multiple of the recording's. Default: as fast as possible.
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub(crate) rate: Option<f64>,
     /// Print a machine-readable summary on standard output.
@@ -66,7 +65,7 @@ pub(crate) struct ReplayArgs {
     /// Store the input images beside the results.
     #[arg(long)]
     pub(crate) with_images: bool,
-    /// How to look at it meanwhile.
+    /// Options of the live view.
     #[command(flatten)]
     pub(crate) view: ReplayViewArgs,
 }
@@ -94,7 +93,7 @@ pub(crate) fn run(
     view::replay(&view, request.clone(), &stop, &mut write)
 }
 
-/// How the summary is printed.
+/// Format of the summary.
 #[derive(Clone, Copy)]
 enum Form {
     Text,
@@ -112,7 +111,7 @@ fn write(
     let summary = replay(request.clone(), stop)?;
     let text = match form {
         Form::Json => {
-            format!("{}\n", serde_json::to_string(&Told::of(&summary, Some(&output)))?)
+            format!("{}\n", serde_json::to_string(&SummaryJson::of(&summary, Some(&output)))?)
         }
         Form::Text => format!("{}results: {output}\n", summary::text(&summary)),
     };
@@ -152,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn the_own_parameter_files_come_before_those_of_ros() {
+    fn own_parameter_files_come_before_those_of_ros_args() {
         let ros =
             RosArguments { parameter_files: vec!["ros.yaml".into()], ..RosArguments::default() };
         let request = request(args("bag", "out"), ros);

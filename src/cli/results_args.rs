@@ -2,7 +2,7 @@
 
 use crate::results::ScanSelection;
 
-/// Which scan of a results bag is read.
+/// Selection of a scan in a results bag.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ResultsArgs {
     /// A results bag: a rosbag2 directory or an .mcap file.

@@ -9,7 +9,7 @@ use super::{
     Outcome, Usage, interrupt,
     live_run::{classified, measure},
     output,
-    summary::{self, Told},
+    summary::{self, SummaryJson},
     view::{self, ViewArgs},
 };
 use crate::{
@@ -39,8 +39,8 @@ Without --transport, RMW_IMPLEMENTATION selects the middleware: zenoh if it is r
 ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and ROS_STATIC_PEERS; Zenoh uses ROS_DOMAIN_ID,
 ZENOH_SESSION_CONFIG_URI, ZENOH_CONFIG_OVERRIDE and ZENOH_ROUTER_CHECK_ATTEMPTS.
 
-Ctrl-C or SIGTERM ends it in good order: recordings are closed, and the last words say what became of the frames.
---json prints them as `replay --json` does; of several cameras as {\"cameras\": {NAME: ...}}.";
+Ctrl-C or SIGTERM stops the node cleanly: it closes recordings and prints a summary of the frames.
+--json prints the summary as `replay --json` does; with several cameras as {\"cameras\": {NAME: ...}}.";
 
 /// Measures cameras live, as a ROS 2 node on DDS or Zenoh.
 #[derive(Debug, Default, clap::Args)]
@@ -89,7 +89,7 @@ pub(crate) fn run(
         .into_iter()
         .map(|CameraSummary { name, summary }| Ok((name, summary?)))
         .collect::<anyhow::Result<_>>()?;
-    let text = if json { told(&summaries)? } else { text(&summaries) };
+    let text = if json { to_json(&summaries)? } else { text(&summaries) };
     output::print(out, &text)?;
     let is_complete = summaries.iter().all(|(_, summary)| summary.is_complete());
     Ok(if is_complete { Outcome::Done } else { Outcome::DataLost })
@@ -109,7 +109,7 @@ fn request(args: RunArgs, mut ros: RosArguments) -> anyhow::Result<LiveRequest> 
     let of_environment = || Middleware::of_environment(&|name| std::env::var(name).ok());
     let middleware = args.transport.unwrap_or_else(of_environment);
     if args.router && middleware != Middleware::Zenoh {
-        return Err(Usage("--router is for --transport zenoh".to_owned()).into());
+        return Err(Usage("--router requires --transport zenoh".to_owned()).into());
     }
     Ok(LiveRequest { middleware, is_router: args.router, ros })
 }
@@ -128,15 +128,18 @@ fn text(summaries: &[(String, Summary)]) -> String {
 
 #[derive(Serialize)]
 struct Cameras<'a> {
-    cameras: std::collections::BTreeMap<&'a str, Told<'a>>,
+    cameras: std::collections::BTreeMap<&'a str, SummaryJson<'a>>,
 }
 
-fn told(summaries: &[(String, Summary)]) -> serde_json::Result<String> {
+fn to_json(summaries: &[(String, Summary)]) -> serde_json::Result<String> {
     let json = match summaries {
-        [(name, summary)] if name.is_empty() => serde_json::to_string(&Told::of(summary, None))?,
+        [(name, summary)] if name.is_empty() => {
+            serde_json::to_string(&SummaryJson::of(summary, None))?
+        }
         several => {
-            let cameras =
-                several.iter().map(|(name, summary)| (name.as_str(), Told::of(summary, None)));
+            let cameras = several
+                .iter()
+                .map(|(name, summary)| (name.as_str(), SummaryJson::of(summary, None)));
             serde_json::to_string(&Cameras { cameras: cameras.collect() })?
         }
     };
@@ -158,17 +161,17 @@ mod tests {
     }
 
     #[test]
-    fn the_last_words_of_one_camera_are_those_of_a_replay() {
-        let of_run = told(&[(String::new(), summary(3))]).unwrap();
-        let of_replay = serde_json::to_string(&Told::of(&summary(3), None)).unwrap();
+    fn one_camera_has_the_summary_of_a_replay() {
+        let of_run = to_json(&[(String::new(), summary(3))]).unwrap();
+        let of_replay = serde_json::to_string(&SummaryJson::of(&summary(3), None)).unwrap();
         assert_eq!(of_run, format!("{of_replay}\n"));
         assert!(text(&[(String::new(), summary(3))]).starts_with("3 frames: 3 processed"));
     }
 
     #[test]
-    fn several_cameras_are_told_by_their_names() {
+    fn several_cameras_are_listed_by_name() {
         let summaries = [("left".to_owned(), summary(3)), ("right".to_owned(), summary(0))];
-        let json: serde_json::Value = serde_json::from_str(&told(&summaries).unwrap()).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&to_json(&summaries).unwrap()).unwrap();
         assert_eq!(keys(&json), ["cameras"]);
         assert_eq!(keys(&json["cameras"]), ["left", "right"]);
         assert_eq!(json["cameras"]["left"]["frames"]["processed"], 3);

@@ -160,7 +160,7 @@ fn text(report: &CameraReport, recorder_rate: f64) -> String {
 fn losses(counts: &Counts) -> String {
     let causes = [
         (counts.dropped_overload, "dropped: too slow"),
-        (counts.lost_transport, "lost on the way"),
+        (counts.lost_transport, "lost in transport"),
         (counts.malformed, "malformed"),
         (counts.duplicate, "duplicate"),
         (counts.out_of_order, "out of order"),
@@ -168,12 +168,12 @@ fn losses(counts: &Counts) -> String {
         (counts.unpublished, "results not sent"),
         (counts.recorder_dropped, "not recorded"),
     ];
-    let told: Vec<String> = causes
+    let losses: Vec<String> = causes
         .iter()
         .filter(|(count, _)| *count > 0)
         .map(|(count, cause)| format!("{count} {cause}"))
         .collect();
-    if told.is_empty() { "none lost".to_owned() } else { told.join(", ") }
+    if losses.is_empty() { "none lost".to_owned() } else { losses.join(", ") }
 }
 
 #[cfg(test)]
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_tells_what_there_is_to_tell() {
+    fn a_line_shows_rate_latency_losses_and_recorder() {
         assert_eq!(text(&report(), 0.0), "left: 22.0 frames/s, 20 measured, none lost");
         let load = Load { latency_p50_s: 0.0091, latency_p99_s: 0.0138, ..Load::default() };
         let counts = Counts {
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn the_recorders_rate_is_taken_over_a_second_at_least() {
+    fn the_recording_rate_covers_at_least_a_second() {
         let start = Instant::now();
         let mut line = Line { bar: bar(), before: (start, 100), logged: start, recorder_rate: 0.0 };
         line.note_bytes(600, start + Duration::from_millis(500));

@@ -16,17 +16,17 @@ fn frames_per_second(summary: &Summary) -> f64 {
 
 /// The summary of `--json`, with its keys in their published order.
 #[derive(Serialize)]
-pub(super) struct Told<'a> {
+pub(super) struct SummaryJson<'a> {
     frames: Frames,
     points: u64,
     slices: u64,
-    /// None if positions are not measured.
+    /// `None` if positions are not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     positions: Option<Positions>,
     seconds: f64,
     frames_per_second: f64,
     stages_ms: Stages,
-    /// Path of the results bag; none if nothing was recorded.
+    /// Path of the results bag; `None` if nothing was recorded.
     output: Option<&'a str>,
 }
 
@@ -56,14 +56,14 @@ struct Stages {
     encode: Percentiles,
 }
 
-/// Milliseconds.
+/// Percentiles of the duration of a stage, milliseconds.
 #[derive(Serialize)]
 struct Percentiles {
     p50: f64,
     p99: f64,
 }
 
-impl<'a> Told<'a> {
+impl<'a> SummaryJson<'a> {
     pub(super) fn of(summary: &Summary, output: Option<&'a str>) -> Self {
         let Summary { counts, stages, .. } = summary;
         let of = |times: &Histogram| Percentiles {
@@ -104,14 +104,14 @@ fn positions(counts: &Counts) -> Option<Positions> {
     })
 }
 
-/// The summary for people.
+/// Returns the summary as text.
 pub(super) fn text(summary: &Summary) -> String {
     let counts = &summary.counts;
     let mut out = String::new();
     // Writing to a string cannot fail.
     _ = writeln!(
         out,
-        "{} frames: {} processed, {} rejected ({} malformed, {} duplicate, {} out of order), {} dropped; {} more never arrived",
+        "{} frames: {} processed, {} rejected ({} malformed, {} duplicate, {} out of order), {} dropped; {} lost in transport",
         counts.received,
         counts.processed,
         counts.rejected(),
@@ -122,11 +122,7 @@ pub(super) fn text(summary: &Summary) -> String {
         counts.lost(),
     );
     if summary.num_damaged > 0 {
-        _ = writeln!(
-            out,
-            "damaged places in the input that were passed over: {}",
-            summary.num_damaged
-        );
+        _ = writeln!(out, "damaged places skipped in the input: {}", summary.num_damaged);
     }
     if counts.unpaired > 0 {
         _ = writeln!(out, "frames without their other exposure: {}", counts.unpaired);
@@ -137,8 +133,8 @@ pub(super) fn text(summary: &Summary) -> String {
     if let Some(Positions { known, doubtful, unknown, refused }) = positions(counts) {
         _ = writeln!(
             out,
-            "positions: {known} frames, {doubtful} of them in doubt; {unknown} frames without one are not in the scan; {refused} \
-             samples refused"
+            "positions: known for {known} frames, {doubtful} of them in doubt; {unknown} frames without a position are not in the \
+             scan; {refused} samples rejected"
         );
     }
     if summary.was_interrupted {
@@ -180,7 +176,7 @@ mod tests {
         let stages = StageTimes::default();
         let elapsed = std::time::Duration::from_secs(2);
         let summary = Summary { counts, stages, elapsed, ..Summary::default() };
-        let json = serde_json::to_string(&Told::of(&summary, Some("out"))).unwrap();
+        let json = serde_json::to_string(&SummaryJson::of(&summary, Some("out"))).unwrap();
         let zero = r#"{"p50":0.0,"p99":0.0}"#;
         let expected = format!(
             "{}{}",

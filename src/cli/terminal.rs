@@ -1,4 +1,4 @@
-//! The terminal: bars and status lines stay at its lower edge, log lines pass above them.
+//! The terminal: bars and status lines stay at its lower edge, log lines scroll above them.
 
 use std::{
     io::{self, Write},
@@ -7,15 +7,15 @@ use std::{
 
 use indicatif::{MultiProgress, ProgressBar};
 
-/// All bars of the process. They are drawn on standard error, and only where that is a terminal.
+/// All bars of the process, drawn on standard error if it is a terminal.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// Draws the bar below those that are there.
+/// Draws the bar below the existing ones.
 pub(super) fn show(bar: ProgressBar) -> ProgressBar {
     BARS.add(bar)
 }
 
-/// Standard error for log lines: bars make way for each of them.
+/// Standard error for log lines. Hides the bars while it writes.
 pub(super) struct LogLines;
 
 impl Write for LogLines {

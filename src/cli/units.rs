@@ -1,4 +1,4 @@
-//! Numbers as text for people.
+//! Formats numbers for display.
 
 /// Formats a number of bytes with three digits and a binary unit.
 pub(super) fn bytes(length: u64) -> String {

@@ -20,7 +20,7 @@ use crate::{
         motion::{
             Position,
             counter::Counter,
-            frames::{FrameTree, NotFound},
+            frames::{FramePair, FrameTree, NotFound},
             reading::Reading,
             track::{Limits, MAX_SAMPLES, Track},
         },
@@ -329,10 +329,10 @@ impl Positions {
     }
 
     /// Returns the target and source frames.
-    fn frames(&self) -> (&str, &str) {
+    fn frames(&self) -> FramePair<'_> {
         let Moved { part_frame, sensor_frame, .. } = &self.moved;
         let sensor = if sensor_frame.is_empty() { &self.camera_frame } else { sensor_frame };
-        (part_frame, sensor)
+        FramePair { target: part_frame, source: sensor }
     }
 
     /// Warns once that a frame has no position, with the reason.
@@ -340,7 +340,7 @@ impl Positions {
         if std::mem::replace(&mut self.has_warned_missing, true) {
             return;
         }
-        let (part, sensor) = self.frames();
+        let FramePair { target: part, source: sensor } = self.frames();
         let why = match (&self.known, reason) {
             (Known::Frames(tree), Some(reason)) => {
                 let seen = tree.names();

@@ -32,7 +32,7 @@ impl Curve {
     /// Creates a curve.
     #[must_use]
     pub(crate) fn new(name: &str, values: Vec<f64>) -> Self {
-        // What is drawn has no more digits than a reader can use, and the file stays small.
+        // Six decimals suffice for drawing and keep the file small.
         let values = values.into_iter().map(|value| (value * 1e6).round() / 1e6).collect();
         Self { name: name.to_owned(), values }
     }
@@ -47,7 +47,7 @@ impl Curve {
 impl Chart {
     /// Describes the range of each curve in words, for screen readers.
     #[must_use]
-    pub(crate) fn told(&self) -> String {
+    pub(crate) fn description(&self) -> String {
         let curves = self.curves.iter().map(|curve| {
             let known = || curve.values.iter().filter(|value| value.is_finite());
             let low = known().fold(f64::INFINITY, |low, value| low.min(*value));
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_chart_is_told_in_words_and_its_gaps_are_null() {
+    fn a_chart_has_a_description_and_its_gaps_are_null() {
         let chart = Chart {
             id: "a",
             title: "Heights",
@@ -86,7 +86,7 @@ mod tests {
             ],
         };
         assert_eq!(
-            chart.told(),
+            chart.description(),
             "Heights, z [mm] over frame. median: -2.0000 to 1.5000; rest: nothing"
         );
         let json = serde_json::to_value(&chart).unwrap();

@@ -1,4 +1,4 @@
-//! Times as text for people.
+//! Formats times for display.
 
 /// Formats nanoseconds since the epoch as UTC, as in `2018-07-18 08:00:00 UTC`.
 pub(crate) fn date(time_ns: i64) -> String {

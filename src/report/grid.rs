@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_never_come_are_missing_and_others_are_not_taken() {
+    fn absent_rows_are_missing_and_extra_rows_are_ignored() {
         let mut short = grid(3, 2);
         short.push(&[[0.5; 3]; 5]);
         assert_eq!(short.codes[0], [0, 0]);
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_measured_is_no_failure() {
+    fn an_empty_grid_is_valid() {
         let grid = Grid::new(&Extent::default());
         let (about, _) = grid.finish();
         assert!(about.rows == 0 && about.scales.iter().all(|scale| scale.step > 0.0));

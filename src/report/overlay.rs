@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stripes_are_lines_of_their_own_and_lying_starts_are_no_failure() {
+    fn each_stripe_is_its_own_line_and_false_starts_are_ignored() {
         let line = Centerline {
             u: vec![0.0, 1.0, 5.0].into(),
             v: vec![2.0, 2.5, 7.0].into(),

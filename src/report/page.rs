@@ -148,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_recording_says_is_text_and_nothing_else() {
+    fn text_of_a_recording_is_escaped() {
         let evil = "</script><script>alert(1)</script>";
         let page = Page {
             title: evil.to_owned(),

@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_seen_is_no_chart_and_no_number() {
+    fn without_points_there_are_no_charts_and_no_figures() {
         let quality = Quality::default();
         assert!(quality.charts().is_empty() && quality.sigma_px().is_nan());
         assert!(quality.missing().is_nan());

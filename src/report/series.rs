@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_unknown_does_not_spoil_what_is_known() {
+    fn nan_does_not_affect_other_figures() {
         let mut series = Series::new([Merge::Mean]);
         for frame in 0..=MAX_BINS {
             series.push([if frame % 2 == 0 { 4.0 } else { f64::NAN }]);

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_results_differ_by_nothing_and_none_by_no_number() {
+    fn equal_results_differ_by_zero_and_no_results_by_nan() {
         let mut spread = Spread::new(0.01);
         assert!(spread.figures().bias.is_nan() && spread.figures().p95.is_nan());
         for _ in 0..10 {
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_beyond_every_bin_are_no_failure() {
+    fn differences_beyond_every_bin_are_counted() {
         let mut spread = Spread::new(1e-6);
         for _ in 0..3 {
             spread.add(7.0);

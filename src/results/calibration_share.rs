@@ -11,8 +11,8 @@ use crate::{
 
 /// Returns one standard deviation of each figure due to the calibration alone.
 ///
-/// Measures again with the calibration one standard deviation off along each of its principal axes; the changes add up as
-/// squares. `measure` gets one surface for each of `scanned`.
+/// Repeats the measurement with the calibration shifted by one standard deviation along each of its principal axes, and adds
+/// the changes in quadrature. `measure` receives one surface for each of `scanned`.
 ///
 /// # Errors
 /// The reason why the share is unknown: no calibration in the bag or none with a covariance, profiles placed by poses,
@@ -44,7 +44,7 @@ pub(crate) fn calibration_share<const N: usize>(
     Ok(squares.map(f64::sqrt))
 }
 
-/// Returns the position of each row of each surface; empty where the calibration's law does not need them.
+/// Returns the position of each row of each surface; empty if the calibration does not need them.
 fn positions(
     results: &Results,
     calibration: &Calibration,

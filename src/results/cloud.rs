@@ -1,4 +1,4 @@
-//! Rows of a point cloud, read by the cloud's own description.
+//! Rows of a point cloud of any layout.
 
 use anyhow::{Context, ensure};
 
@@ -7,7 +7,7 @@ use crate::{
     scanner::scan::Point,
 };
 
-/// The rows of a cloud whose lengths fit.
+/// The rows of a cloud with consistent lengths.
 pub(super) struct Rows<'a> {
     data: &'a [u8],
     height: usize,
@@ -18,10 +18,10 @@ pub(super) struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// Looks at a cloud of any layout with x, y, z as 32-bit floats; intensity is optional.
+    /// Checks a cloud with x, y and z as 32-bit floats in any layout; intensity is optional.
     ///
     /// # Errors
-    /// Another layout, big-endian numbers, lengths that do not fit together.
+    /// Missing fields, big-endian numbers, inconsistent lengths.
     pub(super) fn new(cloud: &PointCloud2<'a>) -> anyhow::Result<Self> {
         ensure!(!cloud.is_bigendian, "a cloud in big endian");
         let (width, height) = (cloud.width as usize, cloud.height as usize);
@@ -43,17 +43,17 @@ impl<'a> Rows<'a> {
             "{height} rows of {width} points need {wanted} bytes, the cloud has {}",
             cloud.data.len()
         );
-        // Rows without points are none, however many are claimed.
+        // Rows without points do not count, whatever height is stated.
         let height = if width == 0 { 0 } else { height };
         Ok(Self { data: cloud.data, height, width, point_step, row_step, offsets })
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub(super) const fn len(&self) -> usize {
         self.height
     }
 
-    /// Replaces `row` by a row of the cloud; NaN in all four numbers of a point that was not measured.
+    /// Replaces `row` by a row of the cloud. Points that were not measured are NaN in all four numbers.
     pub(super) fn read(&self, at: usize, row: &mut Vec<Point>) {
         let start = at * self.row_step;
         let bytes = &self.data[start..start + self.width * self.point_step];
@@ -72,7 +72,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The offset of a 32-bit float in a point, bytes.
+/// Returns the offset of a 32-bit float in a point, bytes.
 fn float_offset(cloud: &PointCloud2<'_>, name: &str) -> Option<usize> {
     let mut fields = cloud.fields.iter();
     let field = fields.find(|field| field.name == name && field.datatype == PointField::FLOAT32)?;
@@ -112,7 +112,7 @@ mod tests {
         Rows::new(&cloud).unwrap().read(0, &mut row);
         assert_eq!(&row[0][..3], [1.0, 2.0, 3.0]);
         assert!(row[0][3].is_nan() && row[1].iter().all(|number| number.is_nan()));
-        for (wrong, told) in [
+        for (wrong, reason) in [
             (PointCloud2 { height: 2, ..cloud.clone() }, "need 64 bytes"),
             (PointCloud2 { point_step: 8, ..cloud.clone() }, "beyond the 8 bytes"),
             (PointCloud2 { fields: fields(&["x", "y"]).into(), ..cloud.clone() }, "field z"),
@@ -123,7 +123,7 @@ mod tests {
             ),
         ] {
             let error = Rows::new(&wrong).err().unwrap().to_string();
-            assert!(error.contains(told), "{error}");
+            assert!(error.contains(reason), "{error}");
         }
     }
 }

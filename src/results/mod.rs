@@ -31,7 +31,7 @@ pub(crate) use selection::{ScanSelection, SelectionError};
 
 use crate::bag::ReadOptions;
 
-/// Largest record of a results bag, bytes: a message may hold a slice of 2^26 points.
+/// Largest record of a results bag, bytes: a message can contain a slice of 2^26 points.
 const RECORD_LIMIT_BYTES: usize = (1 << 30) + (16 << 20);
 
 fn read_options() -> ReadOptions {

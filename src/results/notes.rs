@@ -1,6 +1,6 @@
 //! Notes on what is missing from a recording or could not be read.
 
-/// Notes for the reader of a report, each once, and the number of losses among them.
+/// Distinct notes for the reader of a report, and the number of losses among them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Notes {
     texts: Vec<String>,
@@ -8,10 +8,10 @@ pub(crate) struct Notes {
 }
 
 impl Notes {
-    /// Notes that are kept; further ones are dropped.
+    /// Maximum number of notes; further ones are dropped.
     const MAX_NOTES: usize = 24;
 
-    /// Adds a note unless it is there already.
+    /// Adds a note unless it exists already.
     pub(crate) fn add(&mut self, note: impl Into<String>) {
         let note = note.into();
         if !self.texts.contains(&note) && self.texts.len() < Self::MAX_NOTES {
@@ -19,7 +19,7 @@ impl Notes {
         }
     }
 
-    /// Adds a note on data that could not be read. The same note again is the same loss.
+    /// Adds a note on data that could not be read. A repeated note is one loss.
     pub(crate) fn add_loss(&mut self, note: impl Into<String>) {
         let note = note.into();
         if !self.texts.contains(&note) {
@@ -33,13 +33,13 @@ impl Notes {
         self.texts.iter().for_each(|note| tracing::warn!("{note}"));
     }
 
-    /// The notes in the order in which they were added.
+    /// Returns the notes in the order in which they were added.
     #[must_use]
     pub(crate) fn texts(&self) -> &[String] {
         &self.texts
     }
 
-    /// Number of different losses.
+    /// Returns the number of different losses.
     #[must_use]
     pub(crate) const fn num_lost(&self) -> u64 {
         self.num_lost

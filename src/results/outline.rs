@@ -12,9 +12,9 @@ use crate::{
     scanner::scan::Point,
 };
 
-/// Most rows whose distances are kept for the median.
+/// Maximum number of rows whose distances are kept for the median.
 const MAX_ROWS: usize = 1 << 20;
-/// Most heights that are kept for the colour scale.
+/// Maximum number of heights that are kept for the colour scale.
 const MAX_HEIGHTS: usize = 1 << 18;
 
 /// Selection of points, and a motion that is applied to them afterwards.
@@ -24,12 +24,12 @@ pub(crate) struct Placing {
     pub(crate) region: Region,
     /// Lowest and highest height, metres.
     pub(crate) heights_m: [f64; 2],
-    /// Motion of the selected points; none leaves them where they are.
+    /// Motion of the selected points; `None`: they stay in place.
     pub(crate) motion: Option<Isometry3<f64>>,
 }
 
 impl Default for Placing {
-    /// All points, where they are.
+    /// All points, without motion.
     fn default() -> Self {
         Self { region: Region::ALL, heights_m: super::ANY_HEIGHT_M, motion: None }
     }
@@ -54,7 +54,7 @@ impl Placing {
         Some(Placed { place_m, intensity })
     }
 
-    /// Returns the place of a point, metres; none for a point that is not selected.
+    /// Returns the position of a point after its motion, metres; `None` if the point is not selected.
     fn place_m(&self, point: &Point) -> Option<Point3<f64>> {
         Some(self.placed(point)?.place_m)
     }
@@ -128,7 +128,7 @@ impl Results {
     /// Reads the scan once and returns the outline of the selected points.
     ///
     /// # Errors
-    /// A scan without such points.
+    /// A scan without selected points.
     pub(crate) fn outline(&self, placing: &Placing) -> anyhow::Result<Outline> {
         outline(self, placing)
     }
@@ -136,7 +136,7 @@ impl Results {
     /// Reads the scan again and returns its height map over the outline, with square cells of side `cell_m`, metres.
     ///
     /// # Errors
-    /// More cells than memory should hold.
+    /// More cells than allowed in memory.
     pub(crate) fn height_map(
         &self,
         placing: &Placing,
@@ -193,7 +193,7 @@ fn outline(results: &Results, placing: &Placing) -> anyhow::Result<Outline> {
         Ok(())
     })?;
     outline.counts = counts;
-    ensure!(outline.num_points > 0, "{} has no measured point there", results.topic());
+    ensure!(outline.num_points > 0, "{} has no measured point in the selection", results.topic());
     outline.pitch_m = distances.map(|values| median(values.into_iter()).unwrap_or(0.0));
     if outline.pitch_m.contains(&0.0) {
         outline.pitch_m = [outline.pitch_m[0].max(outline.pitch_m[1]); 2];

@@ -15,20 +15,20 @@ use crate::{
     scanner::params::StripeDirection,
 };
 
-/// One frame as both results have it.
+/// One frame of both results.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FramePair<'a> {
-    /// Number of the frame among those of A, from 0.
+    /// Number of the frame in A, from 0.
     pub(crate) frame: u64,
     /// The centrelines of A and B.
     pub(crate) lines: [&'a Centerline<'a>; 2],
     /// Directions of the stripe in A and B.
     pub(crate) directions: [StripeDirection; 2],
-    /// The profiles of A and B; none unless both have a calibration.
+    /// The profiles of A and B; `None` unless both have a calibration.
     pub(crate) profiles: Option<[&'a Profile<'a>; 2]>,
 }
 
-/// Number of frames that only A has, and that only B has.
+/// Numbers of frames only in A and only in B.
 pub(crate) type NumUnpaired = [u64; 2];
 
 /// One frame of a results bag, not decoded.
@@ -95,7 +95,7 @@ fn stamp_and_direction(line: &RawMessage) -> anyhow::Result<(i64, StripeDirectio
     Ok((line.header.stamp.to_ns(), stripe_direction(&line)?))
 }
 
-/// Calls `take` with every frame that both results have.
+/// Calls `take` with every frame in both results.
 ///
 /// # Errors
 /// Results without centrelines.
@@ -115,7 +115,7 @@ pub(crate) fn for_each_pair(
     let mut number = 0;
     let mut next: Vec<_> = frames.iter_mut().map(Frames::next).collect();
     loop {
-        // The bags that go on to their next frame.
+        // Bags that advance to their next frame.
         let advances = match (&next[0], &next[1]) {
             (Some(a), Some(b)) if a.stamp_ns == b.stamp_ns => {
                 take_pair(number, [a, b], notes, &mut take);

@@ -7,7 +7,7 @@ use crate::msg::{
 };
 
 impl Results {
-    /// Returns the position of each profile of the scan, metres or radians as its axis.
+    /// Returns the position of each profile of the scan, metres or radians according to the axis.
     ///
     /// # Errors
     /// The reason why positions are unknown: no profiles in the bag, or not as many as the slices have.
@@ -19,7 +19,7 @@ impl Results {
         for message in self.messages(&topic).flatten() {
             let Ok(profile) = cdr::decode::<Profile<'_>>(&message.data) else { continue };
             let trace = profile.trace;
-            // A frame without a position is in no scan.
+            // A frame without a position belongs to no scan.
             let is_unknown = trace.encoder_source == FrameTrace::SOURCE_NONE
                 && trace.encoder_status & FrameTrace::ENCODER_STALE != 0;
             if !is_unknown {

@@ -6,7 +6,7 @@ use serde_json::Value as Json;
 
 use crate::bag::{BagError, BagReader};
 
-/// Leaves of a YAML text by their path, as in `extraction.blur_radius`.
+/// Values of a YAML text by path, such as `extraction.blur_radius`.
 pub(super) type Entries = BTreeMap<String, String>;
 
 /// The origin of a results bag; everything is empty in a bag that this program did not write.
@@ -19,7 +19,7 @@ pub(crate) struct Provenance {
 }
 
 impl Provenance {
-    /// Reads metadata and attachments. Hands errors to `on_error` and goes on.
+    /// Reads metadata and attachments. Passes errors to `on_error` and continues.
     pub(super) fn read(bag: &BagReader, mut on_error: impl FnMut(&BagError)) -> Self {
         let mut provenance = Self::default();
         for found in bag.metadata() {
@@ -42,13 +42,13 @@ impl Provenance {
         provenance
     }
 
-    /// A text of the record; none where it is missing or empty.
+    /// Returns a text of the record; `None` if it is missing or empty.
     #[must_use]
     pub(crate) fn recorded(&self, key: &str) -> Option<&str> {
         self.record.get(key).map(String::as_str).filter(|text| !text.is_empty())
     }
 
-    /// Parameters by name, as in `extraction.blur_radius`; empty without.
+    /// Returns the parameters by name, such as `extraction.blur_radius`; empty if none are recorded.
     #[must_use]
     pub(crate) fn parameters(&self) -> BTreeMap<String, String> {
         const PREFIX: &str = "/**.ros__parameters.";
@@ -57,7 +57,7 @@ impl Provenance {
             .collect()
     }
 
-    /// True if profiles were placed by poses of tf, by the recorded parameters.
+    /// Returns true if the recorded parameters place profiles by poses of tf.
     #[must_use]
     pub(crate) fn is_posed(&self) -> bool {
         let parameters = self.parameters();
@@ -65,7 +65,7 @@ impl Provenance {
     }
 }
 
-/// Returns the leaves of a YAML text by their paths; under `text` the text itself where it is no YAML.
+/// Returns the values of a YAML text by path; for invalid YAML, the whole text as `text`.
 pub(super) fn yaml_leaves(text: &str) -> Entries {
     let mut entries = Entries::new();
     match serde_saphyr::from_str::<Json>(text) {

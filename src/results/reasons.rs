@@ -7,7 +7,7 @@ use super::{
     provenance::{Entries, yaml_leaves},
 };
 
-/// An entry whose values in A and B are not equal; empty where one of them does not have it.
+/// An entry whose values in A and B differ; a missing value is empty.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Reason {
     /// Name of the entry: `version`, a parameter, or `calibration: ` and a path in the file.
@@ -40,8 +40,8 @@ fn differing(prefix: &str, entries: &[Entries; 2]) -> Vec<Reason> {
     reasons.filter(|reason| reason.values[0] != reason.values[1]).collect()
 }
 
-/// Returns in which inputs two results differ: the recording that they were made from, or its topic. Notes an input that is
-/// not stated.
+/// Returns the differences between the inputs of two results: their recording and its topic. Notes an input that is not
+/// stated.
 #[must_use]
 pub(crate) fn different_inputs(
     recordings: [&ResultsRecording; 2],
@@ -89,7 +89,7 @@ mod tests {
         assert_eq!(
             differing("", &[yaml_leaves("{"), yaml_leaves("a: 1")]).len(),
             2,
-            "a text that is no YAML is compared as a whole"
+            "invalid YAML is compared as a whole"
         );
     }
 }

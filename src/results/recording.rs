@@ -12,24 +12,24 @@ use crate::{
     },
 };
 
-/// Prefix of the topics with the ground truth of a simulated recording: no results.
+/// Prefix of the topics with the ground truth of a simulated recording, which are not results.
 const TRUTH: &str = "/truth/";
 
 /// An open results bag: one camera's topics, version, parameters and calibration.
 pub(crate) struct ResultsRecording {
     path: PathBuf,
     pub(super) bag: BagReader,
-    /// Prefix of the camera's topics, as in `/laser_profiler/`; none without results.
+    /// Prefix of the camera's topics, such as `/laser_profiler/`; `None` without results.
     prefix: Option<String>,
     provenance: Provenance,
 }
 
 impl ResultsRecording {
-    /// Opens a results bag and notes what is missing from it. Of several cameras, chooses the one whose point clouds are on
-    /// the topic of the selection, or the first.
+    /// Opens a results bag and notes missing contents. Of several cameras, chooses the one whose point clouds are on the
+    /// selected topic, or the first.
     ///
     /// # Errors
-    /// No bag, or one that cannot be read.
+    /// The bag is missing or cannot be read.
     pub(crate) fn open(selection: &ScanSelection, notes: &mut Notes) -> anyhow::Result<Self> {
         let bag = BagReader::open(&selection.bag, &read_options())?;
         bag.notes().iter().for_each(|note| notes.add(note));
@@ -59,20 +59,20 @@ impl ResultsRecording {
         &self.bag
     }
 
-    /// Returns the full name of a topic of the camera, as in `centerline`; none where the bag does not have it.
+    /// Returns the full name of a topic of the camera, such as `centerline`; `None` if the bag does not have it.
     #[must_use]
     pub(crate) fn topic(&self, name: &str) -> Option<String> {
         let name = format!("{}{name}", self.prefix.as_ref()?);
         self.bag.topics().iter().any(|topic| topic.name == name).then_some(name)
     }
 
-    /// Number of messages on a topic; none where the bag has no index.
+    /// Returns the number of messages on a topic; `None` if the bag has no index.
     #[must_use]
     pub(crate) fn num_messages(&self, topic: &str) -> Option<u64> {
         self.bag.message_counts()?.get(topic).copied()
     }
 
-    /// Calls `take` with every message on the topics. Notes and skips what cannot be read or `take` refuses.
+    /// Calls `take` with every message on the topics. Notes and skips messages that cannot be read or that `take` rejects.
     pub(crate) fn for_each_message(
         &self,
         topics: &[&String],
@@ -93,7 +93,7 @@ impl ResultsRecording {
         }
     }
 
-    /// Topics with images that are not results.
+    /// Returns the topics with images that are not results.
     #[must_use]
     pub(crate) fn image_topics(&self) -> Vec<String> {
         let own = |name: &str| self.prefix.as_ref().is_some_and(|prefix| name.starts_with(prefix));
@@ -107,12 +107,12 @@ impl ResultsRecording {
     }
 }
 
-/// Notes an error, as a loss where messages are missing because of it.
+/// Notes an error; as a loss if it costs messages.
 pub(crate) fn add_error(notes: &mut Notes, error: &BagError) {
     if error.is_loss() { notes.add_loss(error.to_string()) } else { notes.add(error.to_string()) }
 }
 
-/// Returns the prefix of a camera's topics: by the named cloud, else by the centrelines, else by the clouds.
+/// Returns the prefix of a camera's topics: from the named cloud, otherwise from the centrelines or the clouds.
 fn choose_prefix(bag: &BagReader, cloud: Option<&str>, notes: &mut Notes) -> Option<String> {
     if let Some(prefix) = cloud.and_then(|cloud| cloud.strip_suffix("points")) {
         return Some(prefix.to_owned());

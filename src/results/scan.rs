@@ -23,7 +23,7 @@ use crate::{
 
 /// Heights without limits, metres.
 pub(crate) const ANY_HEIGHT_M: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-/// Most points of a surface in memory: 1.5 GiB.
+/// Maximum number of points of a surface in memory: 1.5 GiB.
 const MAX_POINTS: usize = 1 << 26;
 
 /// One scan of an open results bag.
@@ -39,9 +39,9 @@ pub(crate) struct Results {
 /// The points of a region.
 #[derive(Clone, Debug)]
 pub(crate) struct Scanned {
-    /// Points row by row, a row a profile; profiles without a point in the region are left out.
+    /// One row of points per profile; profiles without a point in the region are omitted.
     pub(crate) surface: Surface,
-    /// Number of each row's profile in the scan, from 0.
+    /// Profile number of each row in the scan, from 0.
     pub(crate) profile_numbers: Vec<usize>,
     /// Profiles and clouds read.
     pub(crate) counts: ReadCounts,
@@ -60,7 +60,7 @@ impl Results {
     /// Opens a results bag and chooses topic and scan.
     ///
     /// # Errors
-    /// No bag, no clouds; [`SelectionError`](super::SelectionError) where topic or scan must be chosen.
+    /// No bag or no clouds; [`SelectionError`](super::SelectionError) if the topic or scan must be chosen.
     pub(crate) fn open(selection: &ScanSelection) -> anyhow::Result<Self> {
         let bag = BagReader::open(&selection.bag, &read_options())?;
         bag.notes().iter().for_each(|note| tracing::warn!("{note}"));
@@ -85,7 +85,7 @@ impl Results {
         &self.provenance
     }
 
-    /// Topic of the profiles beside the clouds; none without.
+    /// Returns the topic of the profiles beside the clouds; `None` if there is none.
     #[must_use]
     pub(crate) fn profile_topic(&self) -> Option<String> {
         self.topic_beside("profile")
@@ -96,10 +96,10 @@ impl Results {
         self.bag.topics().iter().any(|topic| topic.name == name).then_some(name)
     }
 
-    /// Returns the direction of the stripe, by the first centreline beside the clouds.
+    /// Returns the direction of the stripe, from the first centreline beside the clouds.
     ///
     /// # Errors
-    /// The reason why it is unknown: no centrelines, or those of a version that did not state it.
+    /// The reason why it is unknown: no centrelines, or centrelines of a version that did not state it.
     pub(crate) fn stripe_direction(&self) -> Result<StripeDirection, String> {
         let missing = "the recording has no centrelines, which state the direction of the stripe";
         let topic = self.topic_beside("centerline").ok_or(missing)?;
@@ -108,7 +108,7 @@ impl Results {
         stripe_direction(&line).map_err(|error| error.to_string())
     }
 
-    /// The scan's messages on a topic of its bag, in the order of time.
+    /// Returns the scan's messages on a topic of its bag, in time order.
     pub(crate) fn messages(&self, topic: &str) -> crate::bag::Messages {
         self.bag.messages(&Filter::topics([topic]))
     }
@@ -167,7 +167,7 @@ impl Results {
     /// Returns the points of a region whose heights lie from `low_m` to `high_m`, as a surface.
     ///
     /// # Errors
-    /// No such point, profiles of different lengths, more than 2^26 points.
+    /// No such point, profiles of different lengths, or more than 2^26 points.
     pub(crate) fn surface(
         &self,
         region: &Region,

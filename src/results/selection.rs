@@ -1,4 +1,4 @@
-//! Which scan of a results bag is read.
+//! Selection of a scan in a results bag.
 
 use std::{ops::Range, path::PathBuf};
 
@@ -14,9 +14,9 @@ use crate::{
 pub(crate) struct ScanSelection {
     /// A rosbag2 directory or an .mcap file.
     pub(crate) bag: PathBuf,
-    /// Topic of the point clouds; without it the only topic of organised clouds.
+    /// Topic of the point clouds; `None`: the only topic of organised clouds.
     pub(crate) topic: Option<String>,
-    /// Number of the scan, from 0; without it the only scan.
+    /// Number of the scan, from 0; `None`: the only scan.
     pub(crate) scan: Option<usize>,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct SelectionError(pub String);
 /// Chooses the topic of the point clouds.
 ///
 /// # Errors
-/// No point clouds; [`SelectionError`] for a topic that is not there or must be chosen.
+/// No point clouds; [`SelectionError`] for a missing topic, or if several match.
 pub(super) fn choose_topic(bag: &BagReader, selection: &ScanSelection) -> anyhow::Result<String> {
     let clouds: Vec<&str> = bag
         .topics()
@@ -45,7 +45,7 @@ pub(super) fn choose_topic(bag: &BagReader, selection: &ScanSelection) -> anyhow
         let text = format!("{path} has no point clouds on {wanted}, only on: {all}");
         return Err(SelectionError(text).into());
     }
-    // The dense twin of an organised cloud is for viewers.
+    // Dense copies of organised clouds are for viewers.
     let mut organised: Vec<&str> =
         clouds.iter().copied().filter(|topic| !topic.ends_with("/points_dense")).collect();
     organised.dedup();
@@ -64,7 +64,7 @@ pub(super) fn choose_topic(bag: &BagReader, selection: &ScanSelection) -> anyhow
 /// Returns the numbers of the slices of a scan. `ends` are the numbers of the last slice of each scan.
 ///
 /// # Errors
-/// A scan that is not there or must be chosen.
+/// A scan that does not exist, or several scans without a choice.
 pub(super) fn choose_scan(
     ends: &[u64],
     wanted: Option<usize>,

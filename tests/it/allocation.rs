@@ -8,7 +8,7 @@ use laser_profiler::{
         frame_index::FrameIndex,
         image::{Frame, Image, PixelFormat},
         motion::{
-            frames::{FrameTree, Stated},
+            frames::{FramePair, FrameTree, Stated},
             reading::Reading,
             track::{Limits, Track},
         },
@@ -73,7 +73,7 @@ fn no_selection_allocates() {
 /// Samples arrive and frames look up positions long after the first samples have been discarded.
 #[test]
 fn positions_allocate_nothing() {
-    const FRAMES: (&str, &str) = ("table", "camera");
+    const FRAMES: FramePair<'_> = FramePair { target: "table", source: "camera" };
     let limits = Limits { max_gap_ns: 0, max_step: 1.0 };
     let mut track = Track::new(limits, 100);
     let mut tree = FrameTree::new(limits);

@@ -1,4 +1,4 @@
-//! Generates the pages of the documentation that are made from the program.
+//! Generates pages of the documentation from the program.
 
 mod accuracy;
 mod parameters;

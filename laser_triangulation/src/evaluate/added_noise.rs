@@ -1,11 +1,9 @@
 //! The noise test of Yao et al. 2023, section 4.3: Gaussian noise on top of an image, as if the camera had been worse.
 
+use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use crate::{
-    scanner::channel::{AnyPlane, Plane},
-    simulate::noise::frame_rng,
-};
+use crate::scanner::channel::{AnyPlane, Plane};
 
 /// Standard deviations of the noise test, grey levels of an 8-bit scale.
 pub const GAMMAS: [f64; 5] = [10.0, 20.0, 30.0, 40.0, 50.0];
@@ -19,17 +17,16 @@ pub struct NoisyPlane {
 
 impl NoisyPlane {
     /// Returns `plane` plus Gaussian noise of standard deviation `sigma` in units of its samples, rounded and clipped
-    /// to 0 … `full_scale`. The same (seed, frame) gives the same noise.
+    /// to 0 … `full_scale`.
     pub fn add<'a>(
         &'a mut self,
         plane: &AnyPlane<'_>,
         sigma: f64,
         full_scale: u32,
-        (seed, frame): (u64, u64),
+        rng: &mut impl Rng,
     ) -> AnyPlane<'a> {
-        let mut rng = frame_rng(seed, frame);
         let mut noisy = |sample: u32| {
-            let deviation: f64 = StandardNormal.sample(&mut rng);
+            let deviation: f64 = StandardNormal.sample(rng);
             (f64::from(sample) + sigma * deviation).round().clamp(0.0, f64::from(full_scale))
         };
         match plane {
@@ -59,17 +56,20 @@ const fn packed<'a, S>(plane: &Plane<'_, S>, samples: &'a [S]) -> Plane<'a, S> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::noise::frame_rng;
 
     #[test]
     fn noise_has_the_stated_deviation_is_clipped_and_repeats() {
         let samples = vec![2000_u16; 200 * 101];
         let plane = Plane { width: 200, height: 100, stride: 202, samples: &samples };
         let mut buffer = NoisyPlane::default();
-        let mut draw =
-            |sigma, seed| match buffer.add(&AnyPlane::Sixteen(plane), sigma, 4095, (seed, 3)) {
+        let mut draw = |sigma, seed| {
+            let rng = &mut frame_rng(seed, 3);
+            match buffer.add(&AnyPlane::Sixteen(plane), sigma, 4095, rng) {
                 AnyPlane::Sixteen(plane) => plane.samples.to_vec(),
                 AnyPlane::Eight(_) => Vec::new(),
-            };
+            }
+        };
         let noisy = draw(50.0, 1);
         assert_eq!(noisy.len(), 20_000, "the padding is left out");
         let variance =

@@ -11,9 +11,22 @@ use super::{
 };
 use crate::simulate::stripe::StripeScene;
 
-/// Test cases: standard deviation of the stripe and height of the step, pixels. Blurring across a high step mixes two
+/// A stripe with a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// Standard deviation of the stripe, pixels.
+    pub sigma_px: f64,
+    /// Height of the step, pixels.
+    pub height_px: f64,
+}
+
+/// Test cases. Blurring across a high step mixes two
 /// separate stripes, across a low one it makes a ramp.
-pub const CASES: [(f64, f64); 3] = [(0.95, 7.0), (2.3, 7.0), (2.3, 2.0)];
+pub const CASES: [Step; 3] = [
+    Step { sigma_px: 0.95, height_px: 7.0 },
+    Step { sigma_px: 2.3, height_px: 7.0 },
+    Step { sigma_px: 2.3, height_px: 2.0 },
+];
 /// Error beyond which a column counts as spoilt, pixels.
 pub const SPOILT_PX: f64 = 0.5;
 /// Sub-pixel phases of the stripe to average over.
@@ -58,7 +71,8 @@ struct Sums {
 }
 
 /// Measures one combination of step height and stripe width.
-pub fn run(plan: &Plan, (sigma_px, step_px): (f64, f64)) -> Edge {
+pub fn run(plan: &Plan, step: Step) -> Edge {
+    let Step { sigma_px, height_px: step_px } = step;
     let nothing = Sums { spoilt: 0, missing: 0, response: vec![(0.0, 0); SEEN.len()] };
     let mut sums = vec![nothing; plan.methods.len()];
     for phase in 0..NUM_PHASES {
@@ -112,8 +126,8 @@ mod tests {
             params: ExtractionParams { blur_radius: 0, ..blurred.params },
             ..blurred.clone()
         };
-        let [blurred, alone] =
-            [blurred, alone].map(|plan| run(&plan, (2.3, 7.0)).methods.remove(0));
+        let [blurred, alone] = [blurred, alone]
+            .map(|plan| run(&plan, Step { sigma_px: 2.3, height_px: 7.0 }).methods.remove(0));
         assert!((alone.spoilt_columns, alone.missing_columns) == (0.0, 0.0), "{alone:?}");
         // The kernel reaches three columns to either side.
         assert!(blurred.spoilt_columns > 0.5 && blurred.spoilt_columns <= 6.0, "{blurred:?}");

@@ -13,8 +13,8 @@ use crate::scanner::params::ExtractionParams;
 pub const COLUMNS: [u32; 5] = [1, 3, 5, 9, 17];
 /// The reference scene on which noise is measured.
 pub const SCENE: &str = "noisy";
-/// Standard deviation of the stripe at the step and height of the step, pixels.
-pub const EDGE: (f64, f64) = (2.3, 2.0);
+/// The stripe and the step on which the response is measured.
+pub const EDGE: edge::Step = edge::Step { sigma_px: 2.3, height_px: 2.0 };
 
 /// All methods with one smoothing.
 #[derive(Clone, Debug, Serialize)]

@@ -255,8 +255,8 @@ parameter_group! {
         extraction: ExtractionParams = ExtractionParams::default() => group,
         /// Motion of the part and its source.
         motion: MotionParams = MotionParams::default() => group,
-        /// Profiles in one published slice of the point cloud, 100: some megabytes. Fewer profiles give less delay and
-        /// smaller messages; a slice never exceeds 2^26 points (1 GiB).
+        /// Profiles in one published slice of the point cloud; 100 profiles are some megabytes. Fewer give less delay
+        /// and smaller messages; a slice never exceeds 2^26 points (1 GiB).
         slice_profiles: u32 = 100 => ["slice.profiles", 1..=10_000, "profiles"],
         /// Largest number of points in a slice, missing ones included; a slice of one profile may have more. Computed,
         /// not set by a user.

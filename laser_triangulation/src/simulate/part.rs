@@ -194,14 +194,15 @@ impl Film {
         check_entries("part.film.bubbles", &self.bubbles)?;
         check_entries("part.film.pits", &self.pits)?;
         check_entries("part.film.folds", &self.folds)?;
-        let bubbles =
-            self.bubbles.iter().map(|b| ("height_m", b.x_m, b.y_m, b.radius_m, b.height_m));
-        for (index, cap) in bubbles.enumerate() {
-            check_cap(&format!("part.film.bubbles[{index}]"), cap)?;
+        for (index, bubble) in self.bubbles.iter().enumerate() {
+            let key = format!("part.film.bubbles[{index}]");
+            check_disc(&key, bubble.x_m, bubble.y_m, bubble.radius_m)?;
+            check_range(&format!("{key}.height_m"), bubble.height_m, 0.0, bubble.radius_m)?;
         }
-        let pits = self.pits.iter().map(|p| ("depth_m", p.x_m, p.y_m, p.radius_m, p.depth_m));
-        for (index, cap) in pits.enumerate() {
-            check_cap(&format!("part.film.pits[{index}]"), cap)?;
+        for (index, pit) in self.pits.iter().enumerate() {
+            let key = format!("part.film.pits[{index}]");
+            check_disc(&key, pit.x_m, pit.y_m, pit.radius_m)?;
+            check_range(&format!("{key}.depth_m"), pit.depth_m, 0.0, pit.radius_m)?;
         }
         for (index, fold) in self.folds.iter().enumerate() {
             let key = |name: &str| format!("part.film.folds[{index}].{name}");
@@ -248,13 +249,11 @@ fn distance_m(from: [f64; 2], to: [f64; 2]) -> f64 {
     libm::hypot(from[0] - to[0], from[1] - to[1])
 }
 
-/// Rejects a cap (name of its height, x, y, radius, height) that is more than half a sphere.
-fn check_cap(key: &str, cap: (&str, f64, f64, f64, f64)) -> Result<(), ScenarioError> {
-    let (height_name, x_m, y_m, radius_m, height_m) = cap;
+/// Checks the place and the radius of a spherical cap.
+fn check_disc(key: &str, x_m: f64, y_m: f64, radius_m: f64) -> Result<(), ScenarioError> {
     check_range(&format!("{key}.x_m"), x_m, -100.0, 100.0)?;
     check_range(&format!("{key}.y_m"), y_m, -100.0, 100.0)?;
-    check_range(&format!("{key}.radius_m"), radius_m, 1e-6, 1.0)?;
-    check_range(&format!("{key}.{height_name}"), height_m, 0.0, radius_m)
+    check_range(&format!("{key}.radius_m"), radius_m, 1e-6, 1.0)
 }
 
 #[cfg(test)]

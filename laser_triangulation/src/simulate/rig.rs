@@ -252,7 +252,7 @@ impl Scene for RigScenario {
             let world = geometry::World::new(&self.rig);
             let position_m = self.position_m(frame);
             out.truth.extend((0..).zip(&shares).map(|(line, share)| {
-                let mut section = gauge.cross_section(&self.rig, &world, (position_m, line));
+                let mut section = gauge.cross_section(&self.rig, &world, position_m, line);
                 section.sigma_px = laser.sigma_px;
                 section.amplitude *= share * laser.amplitude;
                 section

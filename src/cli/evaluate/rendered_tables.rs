@@ -318,8 +318,8 @@ fn smoothing_section(study: &Study) -> Section {
              on the scene \"{}\", columns averaged there, and columns beside a step of {} px that are more than {SPOILT_PX} px \
              off (s {} px).",
             smoothing::SCENE,
-            smoothing::EDGE.1,
-            smoothing::EDGE.0
+            smoothing::EDGE.height_px,
+            smoothing::EDGE.sigma_px
         )],
         tables: vec![
             table("RMS px", &|method| px(method.rms_px)),

@@ -37,23 +37,23 @@ function chart(place, options, data) {
 }
 
 /** Curves over the recording. */
-function seriesChart(told) {
-  const place = document.getElementById("chart-" + told.id);
-  const [, unit] = /\[(.*)\]/.exec(told.y_label) || [0, ""];
+function seriesChart(series) {
+  const place = document.getElementById("chart-" + series.id);
+  const [, unit] = /\[(.*)\]/.exec(series.y_label) || [0, ""];
   // A single value is a point, not a line.
-  const single = told.x.length === 1;
+  const single = series.x.length === 1;
   return chart(
     place,
     {
       scales: { x: { time: false } },
-      axes: [{ ...axis(told.x_label), size: 40 }, axis(told.y_label)],
+      axes: [{ ...axis(series.x_label), size: 40 }, axis(series.y_label)],
       series: [
-        { label: told.x_label },
-        ...told.curves.map(({ name }, at) => ({ ...curve(name, at, 3, " " + unit), points: { show: single } })),
+        { label: series.x_label },
+        ...series.curves.map(({ name }, at) => ({ ...curve(name, at, 3, " " + unit), points: { show: single } })),
       ],
-      cursor: { sync: { key: told.x_label }, drag: { x: true, y: false } },
+      cursor: { sync: { key: series.x_label }, drag: { x: true, y: false } },
     },
-    [told.x, ...told.curves.map(({ values }) => values)],
+    [series.x, ...series.curves.map(({ values }) => values)],
   );
 }
 

@@ -64,7 +64,7 @@ function ticks([low, high], count) {
   return found;
 }
 
-/** Points seen from above, in the colours of their heights. `select(row, column)` is told which point is pointed at. */
+/** Points seen from above, in the colours of their heights. `select(row, column)` receives the point under the pointer. */
 class HeightMap {
   constructor(canvas, map, values, select) {
     Object.assign(this, { canvas, map, values, select });

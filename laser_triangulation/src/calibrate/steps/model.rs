@@ -29,6 +29,24 @@ pub struct HeightModel {
     covariance: DMatrix<f64>,
 }
 
+/// `h = (p·v + q) / (r·v + 1 - r·v₀)` over v in pixels across the stripe.
+pub(super) struct AcrossModel {
+    /// p, q, r.
+    pub(super) values: [f64; 3],
+    /// Covariance of p, q, r.
+    pub(super) covariance: DMatrix<f64>,
+    /// v₀, pixels.
+    pub(super) middle_px: f64,
+}
+
+/// A position in the image and the height that belongs to it.
+#[derive(Clone, Copy)]
+struct PlaceHeight {
+    /// (along, across), pixels.
+    px: [f64; 2],
+    height_m: f64,
+}
+
 impl HeightModel {
     /// Returns the best fit with equal weights for all plateaus; `None` if the plateaus do not determine it.
     pub(super) fn fit(plateaus: &[Plateau], term: HeightTerms) -> Option<Self> {
@@ -44,12 +62,12 @@ impl HeightModel {
         let places: Vec<_> = equations(plateaus, term).collect();
         // z (r·v + 1) = p·v + q is linear in the parameters: the initial guess.
         let rows = DMatrix::from_fn(places.len(), num, |i, j| {
-            let (place, height_m) = places[i];
-            let [u, v] = blank.local(place);
+            let PlaceHeight { px, height_m } = places[i];
+            let [u, v] = blank.local(px);
             [v, 1.0, -height_m * v, u, -height_m * u][j]
         });
         let heights =
-            DVector::from_iterator(places.len(), places.iter().map(|(_, height)| *height));
+            DVector::from_iterator(places.len(), places.iter().map(|place| place.height_m));
         let mut model = Self { values: least_squares_scaled(&rows, &heights)?, ..blank };
         for _ in 0..MAX_ROUNDS {
             let (jacobian, residuals) = model.linearised(&places)?;
@@ -59,7 +77,7 @@ impl HeightModel {
                 break;
             }
         }
-        let is_sound = places.iter().all(|(place, _)| model.denominator(*place) > 0.0);
+        let is_sound = places.iter().all(|place| model.denominator(place.px) > 0.0);
         is_sound.then_some(model)
     }
 
@@ -135,20 +153,20 @@ impl HeightModel {
         &jacobian * &self.covariance * jacobian.transpose()
     }
 
-    /// Returns the three parameters of `h = (p·v + q) / (r·v + 1 - r·v₀)` over v in pixels across the stripe, at the
-    /// middle along it, with their covariance: their derivative with respect to the map's parameters is constant.
-    pub(super) fn across_numbers(&self) -> ([f64; 3], DMatrix<f64>, f64) {
+    /// Returns the map at the middle along the stripe. The derivative of its parameters with respect to those of the
+    /// whole map is constant.
+    pub(super) fn across(&self) -> AcrossModel {
         let unit = self.unit_px;
-        let numbers = [self.values[0] / unit, self.values[1], self.values[2] / unit];
+        let values = [self.values[0] / unit, self.values[1], self.values[2] / unit];
         let scale = DMatrix::from_diagonal(&DVector::from_vec(vec![1.0 / unit, 1.0, 1.0 / unit]));
         let covariance = &scale * self.covariance.view((0, 0), (3, 3)) * &scale;
-        (numbers, covariance, self.middle_px[1])
+        AcrossModel { values, covariance, middle_px: self.middle_px[1] }
     }
 
     /// Returns the sum of squared residuals over two positions per plateau, square metres.
     pub(super) fn squares(&self, plateaus: &[Plateau]) -> f64 {
-        let residual = |(place, height_m): ([f64; 2], f64)| {
-            self.height_m(place).map_or(f64::INFINITY, |measured_m| measured_m - height_m)
+        let residual = |place: PlaceHeight| {
+            self.height_m(place.px).map_or(f64::INFINITY, |measured_m| measured_m - place.height_m)
         };
         equations(plateaus, HeightTerms::Both).map(|equation| residual(equation).powi(2)).sum()
     }
@@ -178,24 +196,24 @@ impl HeightModel {
         Some(DVector::from_row_slice(&all[..self.values.len()]))
     }
 
-    fn linearised(&self, places: &[([f64; 2], f64)]) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    fn linearised(&self, places: &[PlaceHeight]) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let mut jacobian = DMatrix::zeros(places.len(), self.values.len());
         let mut residuals = DVector::zeros(places.len());
-        for (i, (place, height_m)) in places.iter().enumerate() {
-            jacobian.set_row(i, &self.gradient(*place)?.transpose());
-            residuals[i] = height_m - self.height_m(*place)?;
+        for (i, place) in places.iter().enumerate() {
+            jacobian.set_row(i, &self.gradient(place.px)?.transpose());
+            residuals[i] = place.height_m - self.height_m(place.px)?;
         }
         Some((jacobian, residuals))
     }
 }
 
 /// Returns positions and their heights: the middle of each plateau, or two positions if its inclination counts too.
-fn equations(plateaus: &[Plateau], term: HeightTerms) -> impl Iterator<Item = ([f64; 2], f64)> {
+fn equations(plateaus: &[Plateau], term: HeightTerms) -> impl Iterator<Item = PlaceHeight> {
     plateaus.iter().flat_map(move |plateau| {
         let middle = [plateau.middle_px(), plateau.across_px];
         let places =
             if term == HeightTerms::Both { plateau.places().to_vec() } else { vec![middle] };
-        places.into_iter().map(|place| (place, plateau.height_m))
+        places.into_iter().map(|px| PlaceHeight { px, height_m: plateau.height_m })
     })
 }
 

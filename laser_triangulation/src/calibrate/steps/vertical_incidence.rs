@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use thiserror::Error;
 
-use super::HeightModel;
+use super::{HeightModel, model::AcrossModel};
 
 /// The length that is known in addition to the heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,7 +67,7 @@ pub fn vertical_incidence(
     pixel_pitch_m: f64,
     known: KnownDistance,
 ) -> Result<VerticalGeometry, VerticalIncidenceError> {
-    let (numbers, covariance, middle_px) = model.across_numbers();
+    let AcrossModel { values: numbers, covariance, middle_px } = model.across();
     let of = |numbers: [f64; 3]| geometry(numbers, middle_px, pixel_pitch_m, known);
     let b_of = |[p, _, r]: [f64; 3]| r / p;
     let spread = |value: &dyn Fn([f64; 3]) -> f64| propagated(value, numbers, &covariance);

@@ -92,6 +92,15 @@ enum Pose {
     Moving(Box<Track<Isometry3<f64>>>),
 }
 
+/// The frames of a requested pose: that of `source` in `target`.
+#[derive(Clone, Copy, Debug)]
+pub struct FramePair<'a> {
+    /// The frame in which the pose is expressed.
+    pub target: &'a str,
+    /// The frame that has the pose.
+    pub source: &'a str,
+}
+
 /// All known frames.
 #[derive(Debug)]
 pub struct FrameTree {
@@ -151,21 +160,21 @@ impl FrameTree {
         Ok(())
     }
 
-    /// True if later poses cannot change the pose of `source` in `target` at `time_ns`.
-    pub fn has_reached(&self, (target, source): (&str, &str), time_ns: i64) -> bool {
+    /// True if later poses cannot change the requested pose at `time_ns`.
+    pub fn has_reached(&self, frames: FramePair<'_>, time_ns: i64) -> bool {
         let reached = |frame: usize| match &self.frames[frame].placed {
             Some((_, Pose::Moving(track))) => track.has_reached(time_ns),
             _ => true,
         };
-        self.way(target, source).is_ok_and(|(target, source, meeting)| {
+        self.way(frames).is_ok_and(|(target, source, meeting)| {
             self.up(target, meeting).chain(self.up(source, meeting)).all(reached)
         })
     }
 
     /// Returns the longest time without a pose that is no gap, nanoseconds, for the slowest frame on the path; `None`
     /// if not known yet.
-    pub fn gap_ns(&self, (target, source): (&str, &str)) -> Option<i64> {
-        let (target, source, meeting) = self.way(target, source).ok()?;
+    pub fn gap_ns(&self, frames: FramePair<'_>) -> Option<i64> {
+        let (target, source, meeting) = self.way(frames).ok()?;
         let moving = |frame: usize| match &self.frames[frame].placed {
             Some((_, Pose::Moving(track))) => track.gap_ns(),
             _ => None,
@@ -173,18 +182,18 @@ impl FrameTree {
         self.up(target, meeting).chain(self.up(source, meeting)).filter_map(moving).max()
     }
 
-    /// Returns the pose of `source` in `target` at `time_ns`, from the poses received until `until_ns`:
+    /// Returns the requested pose at `time_ns`, from the poses received until `until_ns`:
     /// `point_in_target = found * point_in_source`.
     ///
     /// # Errors
     /// A frame is unknown, the two are not connected, or a pose is not known at that time.
     pub fn at(
         &self,
-        (target, source): (&str, &str),
+        frames: FramePair<'_>,
         time_ns: i64,
         until_ns: i64,
     ) -> Result<Found<Isometry3<f64>>, NotFound> {
-        let (target, source, meeting) = self.way(target, source)?;
+        let (target, source, meeting) = self.way(frames)?;
         let meeting_from_source = self.climb(source, meeting, time_ns, until_ns)?;
         let meeting_from_target = self.climb(target, meeting, time_ns, until_ns)?;
         Ok(Found {
@@ -229,7 +238,8 @@ impl FrameTree {
     }
 
     /// Returns both frames and their first common ancestor.
-    fn way(&self, target: &str, source: &str) -> Result<(usize, usize, usize), NotFound> {
+    fn way(&self, frames: FramePair<'_>) -> Result<(usize, usize, usize), NotFound> {
+        let FramePair { target, source } = frames;
         let target = self.find(target).ok_or(NotFound::NoTarget)?;
         let source = self.find(source).ok_or(NotFound::NoSource)?;
         self.check_loop(source)?;

@@ -60,11 +60,11 @@ parameter_group! {
         /// stamps. Negative: against the scan axis.
         velocity_m_s: Option<f64> = None => ["motion.velocity", -100.0..=100.0, "m/s"],
         /// Type of the axis. auto: as calibrated, otherwise prismatic; prismatic: positions in metres; revolute:
-        /// positions in radians, continuous over several turns. A contradiction to the calibration is an error.
+        /// positions in radians, continuous over several turns. Contradicting the calibration is an error.
         axis: AxisChoice = AxisChoice::Auto => ["motion.axis"],
         /// Travel per unit of a joint or count of an encoder; negative reverses the axis. 0: the scale in the messages,
         /// 1 for joints. The calibrated scale of the axis applies in addition.
-        scale: Option<f64> = None => ["motion.scale", -1e6..=1e6, "m or rad a unit"],
+        scale: Option<f64> = None => ["motion.scale", -1e6..=1e6, "m or rad per unit"],
         /// Width of an encoder counter that wraps to 0; the axis must move less than half its range between two
         /// samples. 0: counts arrive unwrapped, as EncoderStamped specifies.
         encoder_bits: Option<u32> = None => ["motion.encoder_bits", 0..=63, "bits"],
@@ -80,8 +80,8 @@ parameter_group! {
         /// Longest time between two samples: frames in longer gaps are flagged STALE, and positions are extrapolated
         /// (EXTRAPOLATED) for at most this time. 0: four times the median interval.
         max_gap_s: Option<f64> = None => ["motion.max_gap", 0.0..=3600.0, "s"],
-        /// Largest number of frames that wait for the next position sample; the queue also holds at most 256 MiB. Raise
-        /// it if positions arrive much later than images.
+        /// Largest number of frames that wait for the next position sample, at most 256 MiB of them and for max_gap or
+        /// 1 s, whichever is longer. Raise it if positions arrive much later than images.
         max_wait_frames: u32 = 32 => ["motion.max_wait", 0..=1000, "frames"],
         /// Time from the stamp of a frame to the middle of its exposure. Typically half the exposure time, if the
         /// camera stamps its start.

@@ -29,9 +29,9 @@ fn alone(estimator: Estimator, raw: &[u32], first: usize, last: usize) -> (f32, 
     (centres.position_px[0], centres.sigma_px[0])
 }
 
-fn assert_honest(name: &str, raw: &[u32], (first, last): (usize, usize), point: (f32, f32)) {
+fn assert_honest(name: &str, estimator: Estimator, raw: &[u32], first: usize, last: usize) {
     let length = (last - first + 1) as f32;
-    let (position, sigma) = point;
+    let (position, sigma) = alone(estimator, raw, first, last);
     assert!((-1.0..=length).contains(&position), "{name}: {position} of {raw:?} {first} {last}");
     assert!(
         sigma > 0.0 && sigma <= 2.0 * length,
@@ -51,7 +51,7 @@ fn sections_without_a_flank_are_uncertain() {
             (&[255, 255, 255, 40, 0, 0, 0], 0, 3),
             (&[0, 0, 0, 60, 120, 190, 250], 3, 6),
         ] {
-            assert_honest(name, raw, (first, last), alone(estimator, raw, first, last));
+            assert_honest(name, estimator, raw, first, last);
         }
         // All saturated or all equal: the centre may be anywhere.
         for raw in [[255; 9], [77; 9]] {
@@ -70,7 +70,7 @@ proptest! {
         let (a, b) = (ends.0 % raw.len(), ends.1 % raw.len());
         let (first, last) = (a.min(b), a.max(b));
         for (name, estimator) in ESTIMATORS {
-            assert_honest(name, &raw, (first, last), alone(estimator, &raw, first, last));
+            assert_honest(name, estimator, &raw, first, last);
         }
     }
 }

@@ -68,7 +68,8 @@ pub(super) trait Sample:
     fn along<V: Simd>(
         vectors: V,
         weights: &[u16],
-        sums: (&[Self::Sum; PADDED], &[Self::Sum; PADDED]),
+        high: &[Self::Sum; PADDED],
+        low: &[Self::Sum; PADDED],
         blurred: &mut [Self::Sum; COLUMNS],
     );
     /// Returns a mask: bit i is set if blurred sample i exceeds the threshold.
@@ -83,7 +84,8 @@ macro_rules! along {
         fn along<V: Simd>(
             vectors: V,
             weights: &[u16],
-            (high, low): (&[$sum; PADDED], &[$sum; PADDED]),
+            high: &[$sum; PADDED],
+            low: &[$sum; PADDED],
             blurred: &mut [$sum; COLUMNS],
         ) {
             #[inline(always)]

@@ -15,10 +15,11 @@ pub(super) struct Broad {
 }
 
 impl Broad {
-    /// Computes the measurements from Σ G and Σ i·G. `raw_at` returns the unblurred sample at a position, or the last
+    /// Computes the measurements from `level`, Σ G, and `moment`, Σ i·G. `raw_at` returns the unblurred sample at a position, or the last
     /// one beyond the candidate.
     pub(super) fn from_sums(
-        (level, moment): (u64, u64),
+        level: u64,
+        moment: u64,
         brightest_raw: u32,
         raw_at: impl Fn(usize) -> u32,
     ) -> Self {
@@ -103,6 +104,6 @@ impl BroadRuns {
     /// Returns the measurements of candidate i. `raw_at` returns the unblurred sample at a position in it, or its last
     /// one beyond it.
     pub(super) fn broad(&self, i: usize, raw_at: impl Fn(usize) -> u32) -> Broad {
-        Broad::from_sums((self.level[i], self.moment[i]), self.brightest[i], raw_at)
+        Broad::from_sums(self.level[i], self.moment[i], self.brightest[i], raw_at)
     }
 }

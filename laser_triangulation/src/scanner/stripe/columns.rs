@@ -30,7 +30,8 @@ impl Columns {
     #[inline(always)]
     pub(super) fn add<T: Copy + Into<u32>>(
         &mut self,
-        (row, start): (u32, u32),
+        row: u32,
+        start: u32,
         samples: &[T],
         found: &mut Vec<LineCandidate>,
     ) {

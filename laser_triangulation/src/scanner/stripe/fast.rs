@@ -17,6 +17,7 @@ use super::{
     select::Selector,
     steger::Ridge,
     threshold::{NoiseThreshold, rounding_noise},
+    tile_blur::BlurInput,
     tiles::BlurredTiles,
     vectors::Vectors,
     work::{AddUp, Blur, Find, Load, Measure},
@@ -74,7 +75,7 @@ impl<S: Sample> FastExtractor<S> {
     /// Stores a frame without laser light for `background: reference`. It must have the size of the frames that follow.
     pub(super) fn set_ambient(&mut self, plane: &Plane<'_, S>) {
         let Self { kernel, tiles, background, vectors, .. } = self;
-        vectors.run(Blur { tiles, kernel, plane, threshold: None });
+        vectors.run(Blur { tiles, input: BlurInput { plane, kernel }, threshold: None });
         background.set_ambient(tiles.samples_mut());
     }
 
@@ -125,7 +126,8 @@ impl<S: Sample> FastExtractor<S> {
             noise.estimate(&picture, chosen, full_scale, &mut levels.noise);
         }
         let mut assembler = Assembler::new(centerline, *direction, offset, length);
-        let mut loader = Loader { plane, kernel, tiles, direction: *direction };
+        let mut loader =
+            Loader { input: BlurInput { plane, kernel }, tiles, direction: *direction };
         let mut rest = &chosen[..];
         while let Some(next) = rest.first() {
             let is_broad = next.candidate.is_broad();
@@ -139,7 +141,7 @@ impl<S: Sample> FastExtractor<S> {
             if is_broad {
                 vectors.run(AddUp { loader: &loader, batch, runs });
                 for (i, found) in batch.iter().enumerate() {
-                    assembler.push_broad(found, &loader.broad(found, (i, runs)), &levels);
+                    assembler.push_broad(found, &loader.broad(found, i, runs), &levels);
                 }
                 continue;
             }
@@ -152,7 +154,7 @@ impl<S: Sample> FastExtractor<S> {
                 sections,
                 refine: |centres: &mut Centres| {
                     if params.method == Method::Steger {
-                        ridge.refine(&picture, batch, (&levels.noise, full_scale), centres);
+                        ridge.refine(&picture, batch, levels, centres);
                     }
                 },
             });
@@ -168,10 +170,10 @@ impl<S: Sample> FastExtractor<S> {
         let mut adapt = |sample: &dyn Fn(usize, usize) -> u32| {
             let floor = rounding_noise() * kernel.noise_gain();
             let size = (plane.width, plane.height);
-            noise_threshold.find(size, sample, (params.threshold_sigmas, floor))
+            noise_threshold.find(size, sample, params.threshold_sigmas, floor)
         };
         if background.is_needed() {
-            vectors.run(Blur { tiles, kernel, plane, threshold: None });
+            vectors.run(Blur { tiles, input: BlurInput { plane, kernel }, threshold: None });
             background.subtract(tiles.samples_mut(), plane.width, *direction);
             if is_adaptive {
                 threshold = adapt(&|x, y| tiles.known(x, y));
@@ -180,7 +182,11 @@ impl<S: Sample> FastExtractor<S> {
             if is_adaptive {
                 threshold = adapt(&|x, y| blurred_at(plane, kernel, x, y));
             }
-            vectors.run(Blur { tiles, kernel, plane, threshold: Some(threshold) });
+            vectors.run(Blur {
+                tiles,
+                input: BlurInput { plane, kernel },
+                threshold: Some(threshold),
+            });
         }
         self.found.clear();
         self.vectors.run(Find { extractor: self, threshold });
@@ -220,7 +226,7 @@ impl<S: Sample> FastExtractor<S> {
         self.columns.clear(tiles.width());
         for run in regions.larger_than(params.min_segment_area) {
             let samples = &tiles.row(run.row as usize)[run.start as usize..run.end as usize];
-            self.columns.add((run.row, run.start), samples, found);
+            self.columns.add(run.row, run.start, samples, found);
         }
     }
 }

@@ -30,7 +30,7 @@ const CLIPPED_SHARE: f32 = 0.341;
 pub(super) fn fir_peak(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let start = Start::of(sections, noise, full_scale);
     let base: Lane = each(|lane| start.curve.centre_px[lane].floor());
-    let responses = Responses::of(sections, &start, &base, (noise, full_scale));
+    let responses = Responses::of(sections, &start, &base, noise, full_scale);
     let mut centres = Centres { position_px: start.curve.centre_px, sigma_px: [0.0; LANES] };
     for (lane, &base) in base.iter().enumerate() {
         let guess = start.curve.centre_px[lane] - base;
@@ -80,7 +80,8 @@ impl Responses {
         sections: &Sections,
         start: &Start,
         base: &Lane,
-        (noise, full_scale): (PixelNoise, f32),
+        noise: PixelNoise,
+        full_scale: f32,
     ) -> Self {
         let mut responses = Self { response: [[0.0; LANES]; PLACES], variance: [[0.0; LANES]; 2] };
         let rate = filter_rate(start, full_scale);

@@ -103,14 +103,14 @@ impl Integral {
         let (before, behind) = if whole.is_empty() {
             // If both ends lie in one row, it is checked for both.
             for i in reached {
-                sum.add_cut::<true, true>(sections, i, (low, high));
+                sum.add_cut::<true, true>(sections, i, low, high);
             }
             return sum;
         } else {
             (reached.start..whole.start, whole.end..reached.end)
         };
         for i in before {
-            sum.add_cut::<true, false>(sections, i, (low, high));
+            sum.add_cut::<true, false>(sections, i, low, high);
         }
         // A lane's whole triangle: area 1, lever 0, and no level at an end.
         for i in whole {
@@ -121,7 +121,7 @@ impl Integral {
             }
         }
         for i in behind {
-            sum.add_cut::<false, true>(sections, i, (low, high));
+            sum.add_cut::<false, true>(sections, i, low, high);
         }
         sum
     }
@@ -133,7 +133,8 @@ impl Integral {
         &mut self,
         sections: &Sections,
         i: usize,
-        (low, high): (&Lane, &Lane),
+        low: &Lane,
+        high: &Lane,
     ) {
         let (place, sample) = (sections.place(i), sections.blurred[i]);
         for lane in 0..LANES {

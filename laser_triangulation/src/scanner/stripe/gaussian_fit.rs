@@ -64,7 +64,7 @@ impl Fit {
                 let t = place[lane] - brightest[lane];
                 // Relative to the peak, so that equal samples give an exactly level parabola.
                 let logarithm = ln(if is_inside { level[lane] } else { 1.0 }) - ln_peak[lane];
-                sums.add(lane, weight, (t, logarithm));
+                sums.add(lane, weight, t, logarithm);
             }
         }
         Self::solve(&sums, brightest, &last)

@@ -43,7 +43,7 @@ pub(super) fn gaussian_ml(sections: &Sections, noise: PixelNoise, full_scale: f3
     let mut sigma_px = [0.0; LANES];
     let mut moving = sections.in_use();
     for _ in 0..MAX_ROUNDS {
-        let equations = NormalEquations::of(sections, &start, &curve, (noise, full_scale));
+        let equations = NormalEquations::of(sections, &start, &curve, noise, full_scale);
         for lane in 0..LANES {
             let solution = equations.solve(lane, &prior.of_lane(lane, &curve));
             let next = stepped(&curve, &solution, lane, sections.last[lane] - sections.first[lane]);

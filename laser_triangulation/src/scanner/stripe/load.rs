@@ -1,23 +1,22 @@
 //! Cross-sections about candidates, read from the plane and from the blurred tiles.
 
 use super::{
-    blur::{Kernel, Sample, UNITS},
+    blur::{Sample, UNITS},
     broad::{Broad, BroadRuns},
     lanes::{LANES, Sections, each},
     section::{Levels, LineCandidate},
+    tile_blur::BlurInput,
     tiles::BlurredTiles,
 };
-use crate::scanner::{channel::Plane, params::StripeDirection};
+use crate::scanner::params::StripeDirection;
 use fearless_simd::Simd;
 use std::ops::Range;
 
 /// Reads cross-sections from one frame.
 #[derive(Debug)]
 pub(super) struct Loader<'a, S: Sample> {
-    /// The frame.
-    pub(crate) plane: &'a Plane<'a, S>,
-    /// The blur.
-    pub(crate) kernel: &'a Kernel,
+    /// The frame and its blur.
+    pub(crate) input: BlurInput<'a, S>,
     /// The blurred part of the frame; extended where a section reaches beyond it.
     pub(crate) tiles: &'a mut BlurredTiles<S>,
     /// Direction of the stripe.
@@ -35,8 +34,8 @@ impl<S: Sample> Loader<'_, S> {
         sections: &mut Sections,
     ) {
         let length = match self.direction {
-            StripeDirection::Horizontal => self.plane.height,
-            StripeDirection::Vertical => self.plane.width,
+            StripeDirection::Horizontal => self.input.plane.height,
+            StripeDirection::Vertical => self.input.plane.width,
         };
         let mut ends: [Range<usize>; LANES] = std::array::from_fn(|_| 0..0);
         let held = |found: &LineCandidate| {
@@ -57,11 +56,7 @@ impl<S: Sample> Loader<'_, S> {
             && (0..).zip(batch).all(|(i, found)| found.line as usize == first + i);
         if is_side_by_side && high - low <= longest + LANES {
             sections.clear(batch.len(), high - low);
-            self.tiles.ensure(
-                vectors,
-                (self.plane, self.kernel),
-                (first..first + LANES, low..high),
-            );
+            self.tiles.ensure(vectors, self.input, first..first + LANES, low..high);
             for (lane, found) in batch.iter().enumerate() {
                 sections.place_lane(lane, ends[lane].start - low, &ends[lane], &found.candidate);
             }
@@ -72,7 +67,7 @@ impl<S: Sample> Loader<'_, S> {
                 let held = ends[lane].clone();
                 self.ensure(vectors, found.line as usize, held.clone());
                 sections.place_lane(lane, 0, &held, &found.candidate);
-                self.copy_lane(lane, (found.line as usize, held), sections);
+                self.copy_lane(lane, found.line as usize, held, sections);
             }
         }
     }
@@ -80,8 +75,9 @@ impl<S: Sample> Loader<'_, S> {
     /// Copies rows from `y` on of the columns from `x` on: consecutive samples are consecutive lanes.
     #[inline(always)]
     fn copy_rows(&self, x: usize, y: usize, sections: &mut Sections) {
-        let width = self.plane.width;
-        let raw_rows = self.plane.samples[y * self.plane.stride + x..].chunks(self.plane.stride);
+        let width = self.input.plane.width;
+        let raw_rows = self.input.plane.samples[y * self.input.plane.stride + x..]
+            .chunks(self.input.plane.stride);
         let rows = self.tiles.rows_from(y)[x..].chunks(width);
         let sections = sections.raw.iter_mut().zip(&mut sections.blurred);
         for ((raw, blurred), (raw_row, row)) in sections.zip(raw_rows.zip(rows)) {
@@ -97,7 +93,7 @@ impl<S: Sample> Loader<'_, S> {
 
     /// Copies the held positions of one line.
     #[inline(always)]
-    fn copy_lane(&self, lane: usize, (line, held): (usize, Range<usize>), sections: &mut Sections) {
+    fn copy_lane(&self, lane: usize, line: usize, held: Range<usize>, sections: &mut Sections) {
         let rows = sections.raw.iter_mut().zip(&mut sections.blurred);
         for (position, (raw, blurred)) in held.zip(rows) {
             let (raw_sample, sample) = self.sample(line, position);
@@ -116,27 +112,27 @@ impl<S: Sample> Loader<'_, S> {
             StripeDirection::Horizontal => {
                 for y in runs.positions() {
                     let row = y as usize;
-                    let (raw, sums) = (self.plane.row(row), self.tiles.row(row));
+                    let (raw, sums) = (self.input.plane.row(row), self.tiles.row(row));
                     runs.add_across(y, &raw[lines.clone()], &sums[lines.clone()]);
                 }
             }
             StripeDirection::Vertical => {
                 for (i, line) in lines.enumerate() {
-                    runs.add_along(i, self.plane.row(line), self.tiles.row(line));
+                    runs.add_along(i, self.input.plane.row(line), self.tiles.row(line));
                 }
             }
         }
     }
 
-    /// Returns the measurements of candidate i of those.
-    pub(super) fn broad(&self, found: &LineCandidate, (i, runs): (usize, &BroadRuns)) -> Broad {
+    /// Returns the measurements of `found`, candidate `i` of `runs`.
+    pub(super) fn broad(&self, found: &LineCandidate, i: usize, runs: &BroadRuns) -> Broad {
         let first = found.candidate.first as usize;
         let length = found.candidate.length() as usize;
         let raw_at = |place: usize| {
             let (line, position) = (found.line as usize, first + place.min(length - 1));
             match self.direction {
-                StripeDirection::Horizontal => self.plane.at(line, position),
-                StripeDirection::Vertical => self.plane.at(position, line),
+                StripeDirection::Horizontal => self.input.plane.at(line, position),
+                StripeDirection::Vertical => self.input.plane.at(position, line),
             }
             .into()
         };
@@ -146,11 +142,11 @@ impl<S: Sample> Loader<'_, S> {
     #[inline(always)]
     fn ensure<V: Simd>(&mut self, vectors: V, line: usize, held: Range<usize>) {
         let lines = line..line + 1;
-        let pixels = match self.direction {
+        let (xs, ys) = match self.direction {
             StripeDirection::Horizontal => (lines, held),
             StripeDirection::Vertical => (held, lines),
         };
-        self.tiles.ensure(vectors, (self.plane, self.kernel), pixels);
+        self.tiles.ensure(vectors, self.input, xs, ys);
     }
 
     /// Returns the raw and the blurred sample at a position of a line.
@@ -159,7 +155,7 @@ impl<S: Sample> Loader<'_, S> {
             StripeDirection::Horizontal => (line, position),
             StripeDirection::Vertical => (position, line),
         };
-        (self.plane.at(x, y).into(), self.tiles.known(x, y))
+        (self.input.plane.at(x, y).into(), self.tiles.known(x, y))
     }
 }
 

@@ -128,7 +128,7 @@ fn weighed(sections: &Sections, start: &Start, noise: PixelNoise, full_scale: f3
             // Noise may leave no positive value for the logarithm.
             let seen = (sample - curve.background[lane]).max(0.05 * level).max(1e-6);
             let logarithm = ln(seen * by_amplitude[lane]);
-            sums.add(lane, weight, (t, logarithm));
+            sums.add(lane, weight, t, logarithm);
         }
     }
     sums

@@ -50,6 +50,14 @@ struct Class {
     level: u64,
 }
 
+/// A straight line through variance over level, sample units.
+struct Line {
+    /// Variance without light.
+    constant: f64,
+    /// Increase of the variance per level.
+    per_level: f64,
+}
+
 impl Default for NoiseEstimator {
     fn default() -> Self {
         Self { classes: Box::new([Class::EMPTY; CLASSES]) }
@@ -81,7 +89,7 @@ impl NoiseEstimator {
                 self.add(three, full_scale);
             }
         }
-        if let Some((constant, per_level)) = self.line() {
+        if let Some(Line { constant, per_level }) = self.line() {
             noise.constant = constant;
             noise.per_level = per_level;
         }
@@ -101,8 +109,8 @@ impl NoiseEstimator {
         class.cells[cell((a + c).abs_diff(2 * b)).min(CELLS - 1)] += 1;
     }
 
-    /// Fits variance over level: constant and slope by weighted least squares, neither below its physical minimum.
-    fn line(&self) -> Option<(f64, f64)> {
+    /// Fits variance over level by weighted least squares, neither parameter below its physical minimum.
+    fn line(&self) -> Option<Line> {
         // Σ w, Σ wL, Σ wL², Σ wV, Σ wLV
         let mut sums = [0.0; 5];
         for class in self.classes.iter().filter(|class| class.is_sound()) {
@@ -120,15 +128,16 @@ impl NoiseEstimator {
             return None;
         }
         let spread = w * ll - l * l;
-        let slope = if spread > 1e-9 * w * ll { (w * lv - l * v) / spread } else { 0.0 };
-        if slope <= 0.0 {
-            return Some(((v / w).max(ROUNDING), 0.0));
+        let per_level = if spread > 1e-9 * w * ll { (w * lv - l * v) / spread } else { 0.0 };
+        if per_level <= 0.0 {
+            return Some(Line { constant: (v / w).max(ROUNDING), per_level: 0.0 });
         }
-        let constant = (v - slope * l) / w;
+        let constant = (v - per_level * l) / w;
         if constant < ROUNDING {
-            return Some((ROUNDING, ((lv - ROUNDING * l) / ll).max(0.0)));
+            let per_level = ((lv - ROUNDING * l) / ll).max(0.0);
+            return Some(Line { constant: ROUNDING, per_level });
         }
-        Some((constant, slope))
+        Some(Line { constant, per_level })
     }
 }
 

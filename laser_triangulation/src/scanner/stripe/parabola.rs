@@ -31,7 +31,7 @@ pub(super) struct Parabola {
 impl NormalSums {
     /// Adds a sample `y` at the place `t`.
     #[inline(always)]
-    pub(super) fn add(&mut self, lane: usize, weight: f32, (t, y): (f32, f32)) {
+    pub(super) fn add(&mut self, lane: usize, weight: f32, t: f32, y: f32) {
         let (first, second) = (weight * t, weight * t * t);
         self.powers[0][lane] += weight;
         self.powers[1][lane] += first;
@@ -73,7 +73,7 @@ mod tests {
     fn samples_of_a_parabola_give_it_back_whatever_their_weights() {
         let mut sums = NormalSums::default();
         for (t, weight) in [(-2.0_f32, 1.0), (-1.0, 4.0), (0.0, 0.5), (2.0, 3.0)] {
-            sums.add(LANES - 1, weight, (t, 3.0 + 2.0 * t - 0.5 * t * t));
+            sums.add(LANES - 1, weight, t, 3.0 + 2.0 * t - 0.5 * t * t);
         }
         let parabola = sums.solve(LANES - 1);
         for (solved, expected) in

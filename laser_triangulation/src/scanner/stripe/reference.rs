@@ -27,8 +27,8 @@ pub(super) fn extract<S: Sample>(
     full_scale: u32,
 ) -> Centerline {
     let mut selector = Selector::new(*params);
-    let frame = LitFrame { plane, ambient: None };
-    extract_next(&frame, offset, (params, &mut selector), direction, full_scale)
+    let frame = LitFrame { plane, ambient: None, full_scale };
+    extract_next(&frame, offset, params, &mut selector, direction)
 }
 
 /// A frame, and the same scene without laser.
@@ -38,25 +38,28 @@ pub(super) struct LitFrame<'a, S> {
     pub(crate) plane: &'a Plane<'a, S>,
     /// Without laser, same size; `None`: black.
     pub(crate) ambient: Option<&'a Plane<'a, S>>,
+    /// Full scale, sample units.
+    pub(crate) full_scale: u32,
 }
 
 /// The same for one frame of a sequence: `selector`, made with these parameters, has seen the earlier frames.
 pub(super) fn extract_next<S: Sample>(
-    &LitFrame { plane, ambient }: &LitFrame<'_, S>,
+    frame: &LitFrame<'_, S>,
     offset: Offset,
-    (params, selector): (&ExtractionParams, &mut Selector),
+    params: &ExtractionParams,
+    selector: &mut Selector,
     direction: StripeDirection,
-    full_scale: u32,
 ) -> Centerline {
+    let LitFrame { plane, full_scale, .. } = *frame;
     let kernel = Kernel::gaussian(params.blur_radius);
     let mut levels = Levels::new(params, &kernel, full_scale);
     let (width, height) = (plane.width, plane.height);
-    let blurred = without_background(&LitFrame { plane, ambient }, &kernel, params, direction);
+    let blurred = without_background(frame, &kernel, params, direction);
     if params.threshold == Threshold::Adaptive {
         let floor = rounding_noise() * kernel.noise_gain();
         let sample = |x: usize, y: usize| blurred[y * width + x];
-        let sigmas = (params.threshold_sigmas, floor);
-        let found = NoiseThreshold::default().find((width, height), sample, sigmas);
+        let found =
+            NoiseThreshold::default().find((width, height), sample, params.threshold_sigmas, floor);
         levels = levels.with_segment_threshold(found);
     }
     let mask: Vec<bool> = blurred.iter().map(|&sample| sample > levels.segment_threshold).collect();
@@ -110,7 +113,7 @@ pub(super) fn extract_next<S: Sample>(
             alone.load(std::iter::once(section));
             assembler.push(&[found], &alone, &levels, |centres| {
                 if params.method == Method::Steger {
-                    ridge.refine(&picture, &[found], (&levels.noise, full_scale), centres);
+                    ridge.refine(&picture, &[found], &levels, centres);
                 }
             });
         }
@@ -260,7 +263,7 @@ impl Broad {
         }
         let brightest_raw = section.raw.iter().copied().max().unwrap_or(0);
         let raw_at = |place: usize| section.raw[place.min(section.raw.len() - 1)];
-        Self::from_sums((level, moment), brightest_raw, raw_at)
+        Self::from_sums(level, moment, brightest_raw, raw_at)
     }
 }
 

@@ -2,6 +2,7 @@
 //! surface.
 
 use super::section::Candidate;
+use std::ops::RangeInclusive;
 
 /// Two maxima are separate candidates if the samples between them fall to half the smaller one or less. Two Gaussians
 /// 2.5 standard deviations apart are one candidate, 3.4 apart are two.
@@ -19,31 +20,41 @@ pub(super) struct Maximum {
     pub(crate) middle: u32,
 }
 
+/// A largest or smallest sample.
+#[derive(Clone, Copy)]
+struct Extreme {
+    level: u32,
+    /// First position of that level.
+    at: u32,
+}
+
 /// Calls `put` with every maximum of a run, in order; `sample` returns the sample at a position of the run.
 pub(super) fn split(run: &Candidate, sample: impl Fn(u32) -> u32, mut put: impl FnMut(Maximum)) {
     let mut first = run.first;
-    // The largest sample since `first`, and the smallest since that one, with their positions.
-    let mut peak = (0, first);
-    let mut valley = (u32::MAX, first);
+    // The largest sample since `first`, and the smallest since that one.
+    let mut peak = Extreme { level: 0, at: first };
+    let mut valley = Extreme { level: u32::MAX, at: first };
     for at in run.first..=run.last {
         let level = sample(at);
-        if valley.0 <= peak.0.min(level) / VALLEY {
-            put(about(peak, (first, valley.1 - 1), &sample));
-            first = valley.1;
-            peak = (level, at);
-            valley = (u32::MAX, at);
-        } else if level > peak.0 {
-            peak = (level, at);
-            valley = (u32::MAX, at);
-        } else if level < valley.0 {
-            valley = (level, at);
+        if valley.level <= peak.level.min(level) / VALLEY {
+            put(about(peak, first..=valley.at - 1, &sample));
+            first = valley.at;
+            peak = Extreme { level, at };
+            valley = Extreme { level: u32::MAX, at };
+        } else if level > peak.level {
+            peak = Extreme { level, at };
+            valley = Extreme { level: u32::MAX, at };
+        } else if level < valley.level {
+            valley = Extreme { level, at };
         }
     }
-    put(about(peak, (first, run.last), &sample));
+    put(about(peak, first..=run.last, &sample));
 }
 
-/// Returns the maximum with the given largest sample and its first position, within `from..=to`.
-fn about((peak, at): (u32, u32), (from, to): (u32, u32), sample: &impl Fn(u32) -> u32) -> Maximum {
+/// Returns the maximum whose largest sample is `peak`, limited to the positions `within`.
+fn about(peak: Extreme, within: RangeInclusive<u32>, sample: &impl Fn(u32) -> u32) -> Maximum {
+    let Extreme { level: peak, at } = peak;
+    let (from, to) = within.into_inner();
     let is_above = |&at: &u32| sample(at) >= peak.div_ceil(SKIRT);
     let first = (from..at).rev().take_while(is_above).last().unwrap_or(at);
     let last = (at + 1..=to).take_while(is_above).last().unwrap_or(at);

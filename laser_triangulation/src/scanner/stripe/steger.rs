@@ -16,7 +16,7 @@ use super::{
     blur::Sample,
     lanes::Centres,
     picture::Picture,
-    section::{LineCandidate, Noise},
+    section::{Levels, LineCandidate},
 };
 
 /// Half length of the masks, in standard deviations.
@@ -105,7 +105,7 @@ impl Ridge {
         &mut self,
         picture: &Picture<'_, S>,
         found: &[LineCandidate],
-        (noise, full_scale): (&Noise<'_>, u32),
+        levels: &Levels<'_>,
         centres: &mut Centres,
     ) {
         for (lane, found) in found.iter().enumerate() {
@@ -118,8 +118,7 @@ impl Ridge {
                 let position = start as f32 + offset + crossing.offset_px;
                 if position > -1.0 && position < length {
                     centres.position_px[lane] = position;
-                    centres.sigma_px[lane] =
-                        self.sigma_px(at, &crossing, noise, full_scale as f32).min(length);
+                    centres.sigma_px[lane] = self.sigma_px(at, &crossing, levels).min(length);
                 }
             }
         }
@@ -183,8 +182,8 @@ impl Ridge {
 
     /// Returns the noise of the derivative across the stripe divided by the slope of that derivative. Noise of the
     /// curvature hardly moves a zero near the pixel's centre.
-    /// the pixel's centre little.
-    fn sigma_px(&self, at: usize, crossing: &Crossing, noise: &Noise<'_>, full_scale: f32) -> f32 {
+    fn sigma_px(&self, at: usize, crossing: &Crossing, levels: &Levels<'_>) -> f32 {
+        let (noise, full_scale) = (&levels.noise, levels.full_scale as f32);
         let (nx, ny) = crossing.normal;
         let [smooth_energy, first_energy] = self.masks.energy;
         let of = |k: usize, at: usize| {

@@ -24,7 +24,8 @@ impl NoiseThreshold {
         &mut self,
         (width, height): (usize, usize),
         sample: impl Fn(usize, usize) -> u32,
-        (sigmas, floor): (f64, f64),
+        sigmas: f64,
+        floor: f64,
     ) -> u32 {
         let (step_x, step_y) = (width.div_ceil(GRID), height.div_ceil(GRID));
         self.samples.clear();
@@ -61,15 +62,14 @@ mod tests {
         // One row in a hundred is stripe.
         image[200 * width..205 * width].fill(60_000);
         let sample = |x: usize, y: usize| image[y * width + x];
-        let found = NoiseThreshold::default().find((width, height), sample, (8.0, 1.0));
+        let found = NoiseThreshold::default().find((width, height), sample, 8.0, 1.0);
         assert!((f64::from(found) - 5000.0 - 8.0 * 300.0).abs() < 250.0, "{found}");
     }
 
     #[test]
     fn a_black_image_has_the_noise_of_rounding() {
-        let find = |size, level| {
-            NoiseThreshold::default().find(size, |_, _| level, (8.0, rounding_noise()))
-        };
+        let find =
+            |size, level| NoiseThreshold::default().find(size, |_, _| level, 8.0, rounding_noise());
         assert_eq!(find((640, 480), 0), 591, "8 · 256 / √12");
         assert_eq!(find((1, 1), 1000), 1591);
     }

@@ -18,6 +18,15 @@ pub(super) const PADDED: usize = COLUMNS + 2 * MARGIN;
 /// Samples processed side by side.
 const STRIP: usize = 32;
 
+/// A frame and the blur to apply to it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BlurInput<'a, S> {
+    /// The frame.
+    pub(crate) plane: &'a Plane<'a, S>,
+    /// The blur.
+    pub(crate) kernel: &'a Kernel,
+}
+
 /// A tile and its surroundings under the kernel; scratch space kept between tiles.
 #[derive(Debug)]
 pub(super) struct TileBlur<S: Sample> {
@@ -47,14 +56,14 @@ impl<S: Sample> TileBlur<S> {
     pub(super) fn blur<V: Simd>(
         &mut self,
         vectors: V,
-        (plane, kernel): (&Plane<'_, S>, &Kernel),
+        input: BlurInput<'_, S>,
         (x, y): (usize, usize),
         out: &mut [S::Sum],
     ) {
-        match kernel.radius() {
+        match input.kernel.radius() {
             // The paper's radius: a fixed length unrolls.
-            3 => self.blur_by::<3, V>(vectors, (plane, kernel), (x, y), out),
-            _ => self.blur_by::<0, V>(vectors, (plane, kernel), (x, y), out),
+            3 => self.blur_by::<3, V>(vectors, input, (x, y), out),
+            _ => self.blur_by::<0, V>(vectors, input, (x, y), out),
         }
     }
 
@@ -63,10 +72,11 @@ impl<S: Sample> TileBlur<S> {
     fn blur_by<const R: usize, V: Simd>(
         &mut self,
         vectors: V,
-        (plane, kernel): (&Plane<'_, S>, &Kernel),
+        input: BlurInput<'_, S>,
         (x, y): (usize, usize),
         out: &mut [S::Sum],
     ) {
+        let BlurInput { plane, kernel } = input;
         let r = if R > 0 { R } else { kernel.radius() };
         let weights = &kernel.weights()[..=2 * r];
         let (width, height) = (COLUMNS.min(plane.width - x), ROWS.min(plane.height - y));
@@ -84,7 +94,7 @@ impl<S: Sample> TileBlur<S> {
         }
         for k in 0..height {
             let mut blurred = [S::Sum::default(); COLUMNS];
-            S::along(vectors, weights, (&high[k], &low[k]), &mut blurred);
+            S::along(vectors, weights, &high[k], &low[k], &mut blurred);
             let out = &mut out[(y + k) * plane.width + x..];
             match out.first_chunk_mut() {
                 Some(out) if width == COLUMNS => *out = blurred,
@@ -170,17 +180,17 @@ mod tests {
         vectors::{Vectors, Work},
     };
 
-    struct BlurTile<'a>(&'a Plane<'a, u16>, &'a Kernel, &'a mut [u32]);
+    struct BlurTile<'a>(BlurInput<'a, u16>, &'a mut [u32]);
 
     impl Work for BlurTile<'_> {
         type Output = ();
         fn run<V: Simd>(self, vectors: V) {
-            TileBlur::default().blur(vectors, (self.0, self.1), (0, 0), self.2);
+            TileBlur::default().blur(vectors, self.0, (0, 0), self.1);
         }
     }
 
     fn blur_tile(plane: &Plane<'_, u16>, kernel: &Kernel, out: &mut [u32]) {
-        Vectors::widest().run(BlurTile(plane, kernel, out));
+        Vectors::widest().run(BlurTile(BlurInput { plane, kernel }, out));
     }
 
     #[test]

@@ -5,9 +5,9 @@
 //! maxima reads the image once; everything after it grows with the stripe, not with the frame.
 
 use super::{
-    blur::{Kernel, Sample, UNITS},
+    blur::{Sample, UNITS},
     segment::Regions,
-    tile_blur::{COLUMNS, ROWS, TileBlur},
+    tile_blur::{BlurInput, COLUMNS, ROWS, TileBlur},
 };
 use crate::scanner::channel::Plane;
 use fearless_simd::Simd;
@@ -31,6 +31,15 @@ pub(super) struct BlurredTiles<S: Sample> {
     maxima: Vec<[S; COLUMNS]>,
 }
 
+/// A row of pixels and the tiles that it crosses.
+#[derive(Clone, Copy)]
+struct TileRow<'a> {
+    /// Row of the image.
+    y: usize,
+    /// True for each tile that has been blurred.
+    tiles: &'a [bool],
+}
+
 impl<S: Sample> Default for BlurredTiles<S> {
     fn default() -> Self {
         Self {
@@ -47,16 +56,16 @@ impl<S: Sample> Default for BlurredTiles<S> {
 }
 
 impl<S: Sample> BlurredTiles<S> {
-    /// Blurs every tile of `plane` that can contain a blurred sample above `threshold` (blurred units); without a
+    /// Blurs every tile of the frame that can contain a blurred sample above `threshold` (blurred units); without a
     /// threshold, every tile.
     #[inline(always)]
     pub(super) fn compute<V: Simd>(
         &mut self,
         vectors: V,
-        plane: &Plane<'_, S>,
-        kernel: &Kernel,
+        input: BlurInput<'_, S>,
         threshold: Option<u32>,
     ) {
+        let BlurInput { plane, kernel } = input;
         self.resize(plane.width, plane.height);
         if let Some(threshold) = threshold {
             self.find_hot(vectors, plane, threshold);
@@ -71,7 +80,7 @@ impl<S: Sample> BlurredTiles<S> {
             }
             for tile in row {
                 if self.blurred[tile] {
-                    self.blur(vectors, (plane, kernel), tile);
+                    self.blur(vectors, input, tile);
                 }
             }
         }
@@ -87,7 +96,7 @@ impl<S: Sample> BlurredTiles<S> {
             for y in tile_row * ROWS..((tile_row + 1) * ROWS).min(self.height) {
                 regions.start_row();
                 if some {
-                    self.segment_row(vectors, (y, tiles), threshold, regions);
+                    self.segment_row(vectors, TileRow { y, tiles }, threshold, regions);
                 }
             }
         }
@@ -97,7 +106,7 @@ impl<S: Sample> BlurredTiles<S> {
     fn segment_row<V: Simd>(
         &self,
         vectors: V,
-        (y, tiles): (usize, &[bool]),
+        TileRow { y, tiles }: TileRow<'_>,
         threshold: S::Sum,
         regions: &mut Regions,
     ) {
@@ -141,33 +150,29 @@ impl<S: Sample> BlurredTiles<S> {
         self.samples[y * self.width + x].into()
     }
 
-    /// Blurs the tiles that hold these pixels, unless they are already blurred.
+    /// Blurs the tiles that hold the pixels of these columns and rows, unless they are already blurred.
     #[inline(always)]
     pub(super) fn ensure<V: Simd>(
         &mut self,
         vectors: V,
-        (plane, kernel): (&Plane<'_, S>, &Kernel),
-        (xs, ys): (Range<usize>, Range<usize>),
+        input: BlurInput<'_, S>,
+        xs: Range<usize>,
+        ys: Range<usize>,
     ) {
         for tile_y in ys.start / ROWS..ys.end.div_ceil(ROWS) {
             for tile_x in xs.start / COLUMNS..xs.end.div_ceil(COLUMNS) {
                 let tile = tile_y * self.across + tile_x;
                 if !std::mem::replace(&mut self.blurred[tile], true) {
-                    self.blur(vectors, (plane, kernel), tile);
+                    self.blur(vectors, input, tile);
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn blur<V: Simd>(
-        &mut self,
-        vectors: V,
-        (plane, kernel): (&Plane<'_, S>, &Kernel),
-        tile: usize,
-    ) {
+    fn blur<V: Simd>(&mut self, vectors: V, input: BlurInput<'_, S>, tile: usize) {
         let origin = (tile % self.across * COLUMNS, tile / self.across * ROWS);
-        self.tile.blur(vectors, (plane, kernel), origin, &mut self.samples);
+        self.tile.blur(vectors, input, origin, &mut self.samples);
     }
 
     /// Returns the number of columns.

@@ -1,36 +1,34 @@
 //! The steps compiled once for every level of vector instructions.
 
 use super::{
-    blur::{Kernel, Sample},
+    blur::Sample,
     broad::BroadRuns,
     fast::FastExtractor,
     lanes::{Centres, Sections},
     load::Loader,
     measure::Assembler,
     section::{Levels, LineCandidate},
+    tile_blur::BlurInput,
     tiles::BlurredTiles,
     vectors::Work,
 };
-use crate::scanner::channel::Plane;
 use fearless_simd::Simd;
 
 /// Step 3: blurs where a blurred sample above the threshold can lie; without a threshold, everywhere.
-pub(super) struct Blur<'a, 'p, S: Sample> {
+pub(super) struct Blur<'a, S: Sample> {
     /// Receives the blurred samples.
     pub(crate) tiles: &'a mut BlurredTiles<S>,
-    /// The blur.
-    pub(crate) kernel: &'a Kernel,
-    /// The frame.
-    pub(crate) plane: &'a Plane<'p, S>,
+    /// The frame and its blur.
+    pub(crate) input: BlurInput<'a, S>,
     /// Segment threshold, blurred units.
     pub(crate) threshold: Option<u32>,
 }
 
-impl<S: Sample> Work for Blur<'_, '_, S> {
+impl<S: Sample> Work for Blur<'_, S> {
     type Output = ();
     #[inline(always)]
     fn run<V: Simd>(self, vectors: V) {
-        self.tiles.compute(vectors, self.plane, self.kernel, self.threshold);
+        self.tiles.compute(vectors, self.input, self.threshold);
     }
 }
 

@@ -84,16 +84,16 @@ impl Gauge {
         self.height_m + self.slope[0] * x_m + self.slope[1] * y_m + over
     }
 
-    /// Returns the light that one line of the image shows, for a laser of amplitude 1; `at` is the position of the axis
-    /// and the line.
+    /// Returns the light that `line` of the image shows with the axis at `position_m`, for a laser of amplitude 1.
     pub(super) fn cross_section(
         &self,
         rig: &Rig,
         world: &World,
-        (position_m, line): (f64, u32),
+        position_m: f64,
+        line: u32,
     ) -> CrossSection {
         let dark = CrossSection { center_px: f64::NAN, amplitude: 0.0, sigma_px: 1.0 };
-        let Some((x_m, z_m)) = self.lit_point(rig, world, (position_m, line)) else { return dark };
+        let Some((x_m, z_m)) = self.lit_point(rig, world, position_m, line) else { return dark };
         let Some([column, row]) = world.seen(rig, x_m, z_m) else { return dark };
         let (center_px, size_px) =
             if rig.is_vertical { (column, rig.width_px) } else { (row, rig.height_px) };
@@ -108,12 +108,13 @@ impl Gauge {
         &self,
         rig: &Rig,
         world: &World,
-        (position_m, line): (f64, u32),
+        position_m: f64,
+        line: u32,
     ) -> Option<(f64, f64)> {
         let mut z_m = self.ceiling_m();
         let mut x_m = 0.0;
         for _ in 0..MAX_ROUNDS {
-            x_m = along(rig, world, (x_m, z_m), f64::from(line))?;
+            x_m = along(rig, world, x_m, z_m, f64::from(line))?;
             let surface_m = self.height_m(x_m, position_m);
             if (surface_m - z_m).abs() < 1e-13 {
                 return self.sees(world, position_m, (x_m, z_m)).then_some((x_m, z_m));
@@ -179,7 +180,7 @@ impl Gauge {
 }
 
 /// Returns x of the point at height `z_m` that a line shows, from an initial guess, by the secant method.
-fn along(rig: &Rig, world: &World, (guess_m, z_m): (f64, f64), line: f64) -> Option<f64> {
+fn along(rig: &Rig, world: &World, guess_m: f64, z_m: f64, line: f64) -> Option<f64> {
     let miss = |x_m: f64| {
         world
             .seen(rig, x_m, z_m)

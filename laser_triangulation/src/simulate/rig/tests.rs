@@ -57,7 +57,7 @@ fn the_instrument_maps_the_truth_back_to_the_gauge() {
                 let position_m = scenario.position_m(frame);
                 let mut centerline = Centerline::default();
                 for line in 0..scenario.rig.length_px() {
-                    let section = gauge.cross_section(&scenario.rig, &world, (position_m, line));
+                    let section = gauge.cross_section(&scenario.rig, &world, position_m, line);
                     if section.center_px.is_finite() {
                         let (along, across) = (line as f32, section.center_px as f32);
                         let (u, v) = if is_vertical { (across, along) } else { (along, across) };
@@ -107,7 +107,7 @@ fn a_wall_hides_what_is_behind_it_on_the_side_away_from_the_lens() {
     assert!(lens_y_m.abs() > 0.05, "{lens_y_m}");
     // Just beside the ball, on its middle line: in front of it and behind it, as the lens sees it.
     let sees = |y_m: f64| {
-        let section = gauge.cross_section(&scenario.rig, &world, (y_m, 161));
+        let section = gauge.cross_section(&scenario.rig, &world, y_m, 161);
         section.center_px.is_finite()
     };
     assert!(sees(0.0101 * lens_y_m.signum()) && !sees(-0.0101 * lens_y_m.signum()));

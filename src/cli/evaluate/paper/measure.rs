@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use anyhow::{Context, ensure};
+use rand::Rng;
 
 use super::{
     super::{
@@ -24,6 +25,7 @@ use crate::{
         params::{ExtractionParams, Params, StripeDirection},
         stripe::{Centerline, Extractor},
     },
+    simulate::noise::frame_rng,
 };
 
 /// The part of a recording to use.
@@ -130,7 +132,7 @@ impl Run {
                 length: length as usize,
                 direction: params.stripe_direction,
             };
-            let found = step.extract(&input, (self.seed, number));
+            let found = step.extract(&input, &mut frame_rng(self.seed, number));
             step.compare(&found, own.as_ref().unwrap_or(&found), columns);
             own.get_or_insert(found);
         }
@@ -180,11 +182,11 @@ impl Step {
         }
     }
 
-    fn extract(&mut self, input: &Input<'_>, seed: (u64, u64)) -> [Vec<Option<Point>>; 3] {
+    fn extract(&mut self, input: &Input<'_>, rng: &mut impl Rng) -> [Vec<Option<Point>>; 3] {
         let sigma = self.gamma * f64::from(input.full_scale) / 255.0;
         let noisy;
         let plane = if self.gamma > 0.0 {
-            noisy = self.noisy.add(input.plane, sigma, input.full_scale, seed);
+            noisy = self.noisy.add(input.plane, sigma, input.full_scale, rng);
             &noisy
         } else {
             input.plane

@@ -151,9 +151,9 @@ fn check<S: Sample>(params: ExtractionParams, full_scale: u32, planes: &[OwnedPl
             // The previous frame serves as the frame without laser, if it has the same size.
             let ambient = previous.filter(|p| (p.width, p.height) == (*width, *height));
             let ambient = ambient.unwrap_or(plane);
-            let frame = LitFrame { plane: &plane, ambient: Some(&ambient) };
-            let state = (&params, &mut selector);
-            let expected = reference::extract_next(&frame, OFFSET, state, direction, full_scale);
+            let frame = LitFrame { plane: &plane, ambient: Some(&ambient), full_scale };
+            let expected =
+                reference::extract_next(&frame, OFFSET, &params, &mut selector, direction);
             for fast in &mut fast {
                 fast.set_ambient(&ambient);
                 fast.extract(&plane, OFFSET, full_scale, &mut centerline);

@@ -47,7 +47,8 @@ impl NormalEquations {
         sections: &Sections,
         start: &Start,
         curve: &Curve,
-        (noise, full_scale): (PixelNoise, f32),
+        noise: PixelNoise,
+        full_scale: f32,
     ) -> Self {
         let none = [0.0; LANES];
         let mut equations =

@@ -220,7 +220,7 @@ impl Sums {
                 let weight = if counts { relative * relative } else { 0.0 };
                 let logarithm = ln(relative);
                 let t = x - sums.middle[lane];
-                sums.parabola.add(lane, weight, (t, logarithm));
+                sums.parabola.add(lane, weight, t, logarithm);
             }
         }
         sums
