@@ -1,5 +1,5 @@
 //! Parameters that are declared once: [`parameter_group!`](crate::parameter_group) makes a struct, its `Default`, its
-//! table and its reader from one row a parameter.
+//! table and its reader from one row per parameter.
 
 mod group;
 mod setting;

@@ -103,6 +103,6 @@ fn write(report: &Report, output: &OutputArgs, out: &mut dyn Write) -> anyhow::R
 
 fn draw(plots: &[Plot], directory: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(directory)
-        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+        .with_context(|| format!("cannot create the directory {}", directory.display()))?;
     plots.iter().try_for_each(|plot| plot.save(directory))
 }

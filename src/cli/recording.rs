@@ -70,7 +70,7 @@ impl Recording {
         Ok(Self { bag, camera, topic })
     }
 
-    /// Number of images; none if the recording has no index.
+    /// Number of images; `None` if the recording has no index.
     pub(super) fn num_images(&self) -> Option<u64> {
         self.bag.message_counts()?.get(self.topic.name.as_str()).copied()
     }

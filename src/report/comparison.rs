@@ -45,12 +45,12 @@ impl<'a> Comparison<'a> {
         self.recordings[which].provenance().recorded(key).unwrap_or("–")
     }
 
-    /// Figures of the differences in the image, pixels; none without points in both.
+    /// Figures of the differences in the image, pixels; `None` without points in both.
     pub(crate) fn figures_px(&self) -> Option<Figures> {
         Some(self.differences.pixels.figures()).filter(|figures| figures.num > 0)
     }
 
-    /// Figures of the differences in height, micrometres; none without profiles in both.
+    /// Figures of the differences in height, micrometres; `None` without profiles in both.
     pub(crate) fn figures_um(&self) -> Option<Figures> {
         Some(self.differences.heights.figures()).filter(|figures| figures.num > 0)
     }

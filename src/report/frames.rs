@@ -18,7 +18,7 @@ const DEFAULT: u64 = 4;
 pub(crate) struct FrameSelection {
     /// Numbers of the frames, from 0; a few, evenly spaced, if empty.
     pub(crate) numbers: Vec<u64>,
-    /// Recording with the images; none: the results bag.
+    /// Recording with the images; `None`: the results bag.
     pub(crate) images: Option<PathBuf>,
 }
 

@@ -45,7 +45,7 @@ pub(crate) fn add(
     notes: &mut Notes,
 ) -> anyhow::Result<()> {
     let topic = choose(recording, input)?;
-    // Where each should be, by the time of its reception; then everywhere.
+    // First near the time of reception, then everywhere.
     let near = overlays.iter().map(|overlay| overlay.received_ns);
     let near: Vec<_> = near.map(|from_ns| [from_ns, from_ns.saturating_add(NEAR_NS)]).collect();
     for span_ns in near.into_iter().chain([[i64::MIN, i64::MAX]]) {

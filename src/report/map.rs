@@ -17,7 +17,7 @@ use crate::{
 pub(crate) struct Measured {
     pub(crate) map: Map,
     pub(crate) extent: Extent,
-    /// The scan; none if the map shows centrelines.
+    /// The scan; `None` if the map shows centrelines.
     pub(crate) results: Option<Results>,
     /// The middle profile, and the middle section along the motion.
     pub(crate) sections: [Vec<Place>; 2],

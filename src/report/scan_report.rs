@@ -28,7 +28,7 @@ pub(crate) struct ScanReport<'a> {
     gathered: Gathered,
     /// Frames with their centrelines.
     pub(crate) overlays: Vec<Overlay>,
-    /// The map; none without a point or a centreline.
+    /// The map; `None` without a point or a centreline.
     pub(crate) measured: Option<Measured>,
     /// Curves over frames and time.
     pub(crate) charts: Vec<Chart>,
@@ -59,7 +59,7 @@ impl<'a> ScanReport<'a> {
         &self.gathered.quality
     }
 
-    /// Extent of the map; none without a map.
+    /// Extent of the map; `None` without a map.
     pub(crate) fn extent(&self) -> Option<&Extent> {
         self.measured.as_ref().map(|measured| &measured.extent)
     }

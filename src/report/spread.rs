@@ -82,7 +82,7 @@ impl Spread {
             median: (middle as f64 - HALF as f64) * self.bin,
             rms: (self.squares / num).sqrt(),
             robust: NORMAL * bins(self.reach(middle, 0.5)),
-            // What lies beyond the last bin is at most the largest.
+            // Beyond the last bin only the largest magnitude is known.
             p95: match self.reach(HALF, 0.95) {
                 HALF => self.largest,
                 reach => bins(reach),

@@ -55,7 +55,7 @@ impl Status {
         ];
     }
 
-    /// Returns the table of the last counters; none without a message.
+    /// Returns the table of the last counters; `None` without a message.
     pub(crate) fn table(&self) -> Option<Table> {
         let row = |(name, value): &(&str, u64)| vec![(*name).to_owned(), value.to_string()];
         (!self.counters.is_empty()).then(|| Table {

@@ -1,4 +1,4 @@
-//! A recording without laser becomes the picture that is taken off.
+//! A recording without laser becomes the picture that is subtracted.
 
 use std::fs;
 

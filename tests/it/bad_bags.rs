@@ -71,7 +71,7 @@ fn the_image_topic_must_be_clear() {
     let none = bag("none", &[joints]);
     let ros1 = bag("ros1", &[Topic { message_encoding: "ros1".into(), ..left }]);
     let remap = ["--ros-args", "-r", "image_raw:=/middle/image_raw"];
-    for (input, arguments, code, told) in [
+    for (input, arguments, code, reported) in [
         (&two, &[] as &[&str], 2, ["image_raw:=/left/image_raw", "image_raw:=/right/image_raw"]),
         (&two, &remap, 2, ["/middle/image_raw", "/left/image_raw (sensor_msgs/msg/Image)"]),
         (&none, &[], 1, ["holds no images", "/joint_states (sensor_msgs/msg/JointState)"]),
@@ -81,7 +81,7 @@ fn the_image_topic_must_be_clear() {
         let mut command = laser_profiler(&["replay", input, "-o", &output]);
         let ended = end(command.args(arguments));
         assert_eq!(ended.code, Some(code), "{ended:?}");
-        for text in told {
+        for text in reported {
             assert!(ended.stderr.contains(text), "{text}: {ended:?}");
         }
     }

@@ -9,14 +9,14 @@ use laser_profiler::{
 
 use crate::{program::replay, recordings::real};
 
-/// A row shows the line where it is brighter than its surroundings by so much, grey levels.
+/// Minimum contrast of the line to its surroundings, grey levels.
 const CONTRAST: f32 = 40.0;
-/// Surroundings, pixels to either side.
+/// Extent of the surroundings on either side, pixels.
 const REACH: usize = 30;
-/// A point on the line is not further from it, pixels.
+/// Largest distance of a point on the line from it, pixels.
 const NEAR_PX: f32 = 3.0;
 
-/// Column of the largest contrast in a row, if it is enough: another way to find the line than the one under test.
+/// Returns the column of the largest contrast in a row, if it is sufficient. Independent of the extractor under test.
 fn line_in(row: &[u8]) -> Option<usize> {
     let sums: Vec<u32> = std::iter::once(0)
         .chain(row.iter().scan(0, |sum, &level| {
@@ -36,8 +36,8 @@ fn messages(bag: &Path, topic: &str) -> Vec<Vec<u8>> {
     reader.messages(&Filter::topics([topic])).map(|message| message.unwrap().data).collect()
 }
 
-/// Share of the points that lie on the line, and of the rows with a line that have a point on it; and how often the log
-/// said that the threshold is too low.
+/// Returns the share of points on the line, the share of rows with a line that have a point on it, and the number of
+/// warnings that the threshold is too low.
 fn shares(recording: &Path, parameters: &[&str]) -> (f64, f64, usize) {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("results");
@@ -84,8 +84,8 @@ const RAISED: [&str; 3] = [
 fn the_papers_threshold_takes_the_background_for_the_stripe() {
     let Some(recording) = real("turntable_empty") else { return };
     let (of_points, _, warnings) = shares(&recording, &[]);
-    assert!(of_points < 0.02, "{of_points}: better than the README says");
-    assert_eq!(warnings, 1, "told once");
+    assert!(of_points < 0.02, "{of_points}: better than the README states");
+    assert_eq!(warnings, 1, "one warning");
     let (of_points, of_rows, warnings) = shares(&recording, &RAISED);
     assert_eq!(warnings, 0);
     assert!(of_points > 0.95 && of_rows > 0.5, "{of_points}, {of_rows}");
@@ -95,13 +95,13 @@ fn the_papers_threshold_takes_the_background_for_the_stripe() {
 fn a_brighter_object_needs_a_higher_threshold_too() {
     let Some(recording) = real("turntable_object") else { return };
     let (of_points, ..) = shares(&recording, &[]);
-    assert!(of_points < 0.25, "{of_points}: better than the README says");
+    assert!(of_points < 0.25, "{of_points}: better than the README states");
     let (of_points, of_rows, _) = shares(&recording, &RAISED);
     assert!(of_points > 0.95 && of_rows > 0.85, "{of_points}, {of_rows}");
 }
 
 #[test]
-fn no_threshold_is_called_too_low_that_follows_the_scene() {
+fn an_adaptive_threshold_causes_no_warning() {
     let Some(recording) = real("turntable_empty") else { return };
     let directory = tempfile::tempdir().unwrap();
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/launch_configs/bright_ambient.yaml");

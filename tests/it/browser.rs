@@ -40,7 +40,7 @@ pub(crate) fn tools() -> Option<&'static Tools> {
     }
 }
 
-/// A program by the first of its names that is in `PATH`.
+/// Returns the first of the named programs that is in `PATH`.
 pub(crate) fn program(names: &[&str]) -> Result<PathBuf, String> {
     let path = env::var_os("PATH").unwrap_or_default();
     let directories: Vec<_> = env::split_paths(&path).collect();
@@ -77,7 +77,7 @@ fn install() -> Result<Tools, String> {
     Ok(tools)
 }
 
-/// Where pictures stay.
+/// Returns the path of a picture; creates its directory.
 pub(crate) fn picture(name: &str) -> PathBuf {
     let directory = Path::new(ROOT).join("target/browser");
     fs::create_dir_all(&directory).unwrap();
@@ -180,7 +180,7 @@ fn foxglove_reports_missing_images_and_shows_the_rest() {
     assert!(pixels(&seen, "3D!cloud", &[60, 90]) > 500, "{seen}");
 }
 
-/// The page that `report` writes: no complaint, nothing asked of the network, and the sections follow the pointer.
+/// The page of `report` has no errors, sends no network requests, and its sections follow the pointer.
 #[test]
 fn the_report_follows_the_pointer() {
     let Some(tools) = tools() else { return };
@@ -197,12 +197,12 @@ fn the_report_follows_the_pointer() {
     assert_eq!(seen["errors"], Json::Array(Vec::new()), "{seen}");
     assert_eq!((&seen["drawn"], &seen["requests"]), (&"yes".into(), &1.into()), "{seen}");
     let points = seen["points"].as_array().unwrap();
-    let told = |key: &str| {
+    let reported = |key: &str| {
         let all: HashSet<_> = points.iter().map(|point| point[key].to_string()).collect();
         all.len()
     };
-    assert!(told("readout") > points.len() / 2, "{seen}");
-    assert!(told("sections") > points.len() / 2, "{seen}");
+    assert!(reported("readout") > points.len() / 2, "{seen}");
+    assert!(reported("sections") > points.len() / 2, "{seen}");
     // The highest place is the bubble of 0.8 mm that the scenario puts at (-6, 17) mm; pointed at every 2 to 3 mm.
     let heights = points.iter().map(|point| millimetres(point["readout"].as_str().unwrap()));
     let [x, y, z] = heights.max_by(|a, b| a[2].total_cmp(&b[2])).unwrap();

@@ -27,12 +27,12 @@ fn run(arguments: &[&str], input: &Path, output: &Path) -> Ended {
     end(command.args(&arguments[1..]))
 }
 
-/// Runs `calibrate`; it must fail, write nothing and report all of `told`.
-fn refused(arguments: &[&str], input: &Path, output: &Path, told: &[&str]) {
+/// Runs `calibrate`; it must fail, write nothing and report all of `reported`.
+fn refused(arguments: &[&str], input: &Path, output: &Path, reported: &[&str]) {
     let ended = run(arguments, input, output);
     assert!(matches!(ended.code, Some(1 | 2)), "{ended:?}");
-    assert!(!output.exists(), "a calibration that is none");
-    for text in told {
+    assert!(!output.exists(), "no calibration is written");
+    for text in reported {
         assert!(ended.stderr.contains(text), "{text:?} in {}", ended.stderr);
     }
 }
@@ -45,7 +45,7 @@ fn vector(json: &Json, key: &str) -> nalgebra::Vector3<f64> {
     nalgebra::Vector3::from_fn(|i, _| json[key][i].as_f64().unwrap())
 }
 
-/// Why the view whose name contains `view` was not used.
+/// Returns the reason why the view whose name contains `view` was not used.
 fn reason(json: &Json, view: &str) -> String {
     let all = json["views_rejected"].as_array().unwrap();
     let found = all.iter().find(|one| one["view"].as_str().unwrap().contains(view));

@@ -35,10 +35,10 @@ const PLANE_SIGMA: [f64; 3] = [4e-4, 3e-4, 1.5e-4];
 const DIRECTION_SIGMA_RAD: f64 = 6e-4;
 const POINT_SIGMA_M: f64 = 3e-4;
 const SCALE_SIGMA: f64 = 4e-4;
-/// Of a, b, β and the base row.
+/// Standard deviations of a, b, β and the base row.
 const VERTICAL_SIGMA: [f64; 4] = [0.0, 4e-4, 2e-3, 0.4];
 
-/// A covariance of these standard deviations whose first two values go together.
+/// Returns a covariance of these standard deviations, with the first two values correlated.
 fn covariance(sigma: &[f64], correlation: f64) -> DMatrix<f64> {
     let mut all =
         DMatrix::from_fn(
@@ -68,7 +68,7 @@ fn between(random: &mut impl Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * random.random::<f64>()
 }
 
-/// Where a pixel is measured, x and z.
+/// Returns x and z of a pixel, metres.
 fn measured(calibration: &Calibration, [u, v]: [f64; 2]) -> [f64; 2] {
     let centerline = Centerline {
         u_px: vec![u as f32],
@@ -88,7 +88,7 @@ fn length(surface: &Surface) -> f64 {
     (surface.points[0] - surface.points[1]).norm()
 }
 
-/// Measured less true length, and the stated standard deviation, metres.
+/// Returns measured minus true length, and the stated standard deviation, metres.
 fn judged(
     calibration: &Calibration,
     points: [Point3<f64>; 2],

@@ -75,7 +75,7 @@ fn wrong_usage_is_exit_code_2_with_a_reason() {
         arguments.extend(rest);
         end(&mut laser_profiler(&arguments))
     };
-    for (arguments, told) in [
+    for (arguments, reported) in [
         (&["--bogus"] as &[_], &["--bogus"] as &[_]),
         (&["--rate", "0"], &["rate"]),
         (&["--ros-args", "--bogus"], &["--bogus"]),
@@ -90,7 +90,7 @@ fn wrong_usage_is_exit_code_2_with_a_reason() {
     ] {
         let ended = with(arguments);
         assert_eq!(ended.code, Some(2), "{arguments:?}: {ended:?}");
-        for text in told {
+        for text in reported {
             assert!(ended.stderr.contains(text), "{text}: {ended:?}");
         }
     }

@@ -36,7 +36,7 @@ fn scene(amplitude: f64, sigma_px: f64, read_noise: f64) -> StripeScene {
     }
 }
 
-/// Of issue-sized scenes: name, scene.
+/// Names and scenes.
 fn scenes() -> [(&'static str, StripeScene); 6] {
     [
         ("clean", scene(183.0, 2.3, 2.0)),
@@ -98,7 +98,7 @@ fn extract(scene: &StripeScene, params: ExtractionParams) -> Found {
     }
 }
 
-fn tell(method: Method, name: &str, found: &Found, bound_px: f64) {
+fn print(method: Method, name: &str, found: &Found, bound_px: f64) {
     let Found { rms_px, bias_px, within: [one, two] } = found;
     eprintln!(
         "{} {name}: RMS {rms_px:.4} px, {:.3} of the bound, bias {bias_px:+.4} px, within 1 sigma {:.1} %, 2 sigma {:.1} %",
@@ -114,7 +114,7 @@ fn gaussian_ml_reaches_the_bound_and_its_sigma_is_true() {
     for ((name, scene), limit) in scenes().into_iter().zip([1.06, 1.06, 1.06, 1.08, 1.10, 1.10]) {
         let bound_px = bound_px(&scene);
         let found = extract(&scene, params(Method::GaussianMl, &scene));
-        tell(Method::GaussianMl, name, &found, bound_px);
+        print(Method::GaussianMl, name, &found, bound_px);
         assert!(found.rms_px <= limit * bound_px, "{name}: {:.3}", found.rms_px / bound_px);
         assert!(found.rms_px >= 0.96 * bound_px, "{name}: below the bound");
         assert!((found.within[0] - 0.68).abs() <= 0.03, "{name}: {:?}", found.within);
@@ -141,7 +141,7 @@ fn gaussian_ml_holds_beyond_the_usual_scenes() {
     ] {
         let bound_px = bound_px(&scene);
         let found = extract(&scene, params(Method::GaussianMl, &scene));
-        tell(Method::GaussianMl, name, &found, bound_px);
+        print(Method::GaussianMl, name, &found, bound_px);
         assert!(found.rms_px <= 1.06 * bound_px, "{name}: {:.3}", found.rms_px / bound_px);
         assert!((found.within[0] - 0.68).abs() <= 0.03, "{name}: {:?}", found.within);
         assert!((found.within[1] - 0.95).abs() <= 0.015, "{name}: {:?}", found.within);
@@ -152,7 +152,7 @@ fn gaussian_ml_holds_beyond_the_usual_scenes() {
 fn meets(method: Method, limits_px: [f64; 6], unbiased: &[&str]) {
     for ((name, scene), limit_px) in scenes().into_iter().zip(limits_px) {
         let found = extract(&scene, params(method, &scene));
-        tell(method, name, &found, bound_px(&scene));
+        print(method, name, &found, bound_px(&scene));
         assert!(found.rms_px <= limit_px, "{name}: RMS {:.4} px", found.rms_px);
         if unbiased.contains(&name) {
             assert!((0.60..=0.76).contains(&found.within[0]), "{name}: {:?}", found.within);
@@ -166,7 +166,7 @@ fn log_gaussian_meets_its_limits() {
     meets(Method::LogGaussian, [0.019, 0.013, 0.026, 0.125, 0.30, 0.0125], &all);
 }
 
-/// Where the flanks are steep or the top is flat, whole pixels pull the crossing by some hundredths of a pixel.
+/// With steep flanks or a flat top, the pixel grid shifts the zero crossing by some hundredths of a pixel.
 #[test]
 fn fir_peak_meets_its_limits() {
     let smooth = ["clean", "wide", "noise 9", "noise 30"];
@@ -180,7 +180,7 @@ fn steger_meets_its_limits() {
     meets(Method::Steger, [0.0136, 0.015, 0.015, 0.050, 0.110, 0.024], &smooth);
 }
 
-/// Whatever noise is stated, the estimated one is taken: coverage shows that it is the frame's.
+/// The estimated noise replaces the stated one; the coverage of `sigma` shows that it is the frame's.
 #[test]
 fn estimated_noise_makes_uncertainties_true() {
     let lit = StripeScene { shot_gain: 0.3, background: 20.0, ..scene(183.0, 2.3, 2.0) };
@@ -195,7 +195,7 @@ fn estimated_noise_makes_uncertainties_true() {
         };
         let found = extract(&scene, params);
         let bound_px = bound_px(&scene);
-        tell(Method::GaussianMl, name, &found, bound_px);
+        print(Method::GaussianMl, name, &found, bound_px);
         assert!(found.rms_px <= 1.10 * bound_px, "{name}: {:.3}", found.rms_px / bound_px);
         assert!((found.within[0] - 0.68).abs() <= 0.04, "{name}: {:?}", found.within);
         assert!((found.within[1] - 0.95).abs() <= 0.02, "{name}: {:?}", found.within);

@@ -43,8 +43,8 @@ fn table_3_is_reproduced_with_its_errata() {
     assert_eq!(rounded("standard_error_px", 3), ["0.078", "0.063", "0.034"]);
     assert_eq!(rounded("without_root", 4), ["0.0273", "0.0175", "0.0051"]);
     let text = evaluate(&["paper"]).stdout;
-    for said in ["0.078", "0.0273", "square root", "10.3390/app13179831"] {
-        assert!(text.contains(said), "{said} in {text}");
+    for text_expected in ["0.078", "0.0273", "square root", "10.3390/app13179831"] {
+        assert!(text.contains(text_expected), "{text_expected} in {text}");
     }
 }
 
@@ -165,7 +165,7 @@ fn wrong_paper_arguments_are_errors() {
     record_images(&images, &good_images(2));
     record(&truths, &[topic("/truth/centerline", Centerline::TYPE)], &[]);
     let [images, truths] = [images, truths].map(|path| path.display().to_string());
-    for (arguments, code, told) in [
+    for (arguments, code, reported) in [
         (&["truth", "--methods", "magic"] as &[&str], 2, &["magic", "improved_gravity"] as &[&str]),
         (&["truth", "--methods", "gaussian_fit,gaussian_fit"], 2, &["twice"]),
         (&["truth", "--experiments", "luck"], 2, &["luck", "reference", "edge"]),
@@ -184,7 +184,7 @@ fn wrong_paper_arguments_are_errors() {
     ] {
         let ended = evaluate(arguments);
         assert_eq!(ended.code, Some(code), "{arguments:?}: {ended:?}");
-        for text in told {
+        for text in reported {
             assert!(ended.stderr.contains(text), "{text}: {ended:?}");
         }
         assert_eq!(ended.stdout, "", "{arguments:?}");

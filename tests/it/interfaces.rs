@@ -1,4 +1,4 @@
-//! The types that a live node speaks, held to ROS 2's by software that is not ours: see `tests/interop`.
+//! The types of a live node, compared with those of ROS 2 by third-party software: see `tests/interop`.
 
 use std::fs;
 
@@ -43,7 +43,7 @@ const SERVICES: [ServiceType; 7] = [
     GET_AVAILABLE_TRANSITIONS,
 ];
 
-/// Runs the check over all types; the hash of the first service as given. `None` after saying why it cannot run.
+/// Runs the check over all types; the hash of the first service as given. `None` after reporting why it cannot run.
 fn check(first_hash: &str) -> Option<Ended> {
     let python = python()?;
     let entry =

@@ -25,7 +25,7 @@ use crate::{
 
 const NOTHING: &[(&str, u64)] = &[];
 
-/// Python with the pinned readers, made once and kept for the next run; `None` after saying why there is none.
+/// Python with the pinned readers, installed once and kept for the next run; `None` after reporting the reason if there is none.
 pub(crate) fn python() -> Option<&'static Path> {
     static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     match PYTHON.get_or_init(virtual_environment) {

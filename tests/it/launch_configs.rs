@@ -1,4 +1,4 @@
-//! Every parameter file in `launch_configs/` is one that the node takes, its calibration too.
+//! The node accepts every parameter file in `launch_configs/` and its calibration.
 
 use std::{
     fs,
@@ -102,9 +102,9 @@ fn two_cameras_are_two() {
         sees_the_cell(camera);
         (camera.name.clone(), calibration(camera).frame_id)
     });
-    let told = |name: &str, frame: &str| (name.to_owned(), frame.to_owned());
+    let pair = |name: &str, frame: &str| (name.to_owned(), frame.to_owned());
     assert_eq!(
         frames.collect::<Vec<_>>(),
-        [told("left", "left_laser_plane"), told("right", "right_laser_plane")]
+        [pair("left", "left_laser_plane"), pair("right", "right_laser_plane")]
     );
 }

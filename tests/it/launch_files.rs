@@ -70,7 +70,7 @@ fn node(command: &[String]) -> (NodeNames, NodeParams, Vec<String>) {
     let (ros, own) = arguments::split(&command[1..]).unwrap();
     let names = NodeNames::new("laser_profiler", &ros.remaps).unwrap();
     let parameters = Parameters::load(&names, &ros).unwrap();
-    assert_ne!(parameters, Parameters::default(), "the file speaks of this node");
+    assert_ne!(parameters, Parameters::default(), "the file applies to this node");
     let params = NodeParams::new(&parameters).unwrap();
     (names, params, own)
 }

@@ -1,5 +1,5 @@
 //! A scanned flat: its tilt, the repeatability of its height, the calibration's share of its uncertainty, and the
-//! part's frame laid on it. Rendered, and on the disk of a real turntable.
+//! part's frame levelled on it. Rendered, and on the disk of a real turntable.
 
 use std::{fs, path::Path};
 
@@ -40,7 +40,7 @@ fn json(arguments: &[&str]) -> Json {
     serde_json::from_str(&ended.stdout).unwrap()
 }
 
-/// The empty disk, scanned with a calibration: where the results are.
+/// Scans the empty disk with a calibration; returns the path of the results.
 fn disk(recording: &Path, place: &Path, calibration: &Path) -> String {
     let chosen = format!("calibration_file:={}", calibration.display());
     let files = ["launch_configs/bright_ambient.yaml", "launch_configs/turntable.yaml"];
@@ -96,22 +96,22 @@ fn the_calibrations_share_matches_a_shifted_calibration() {
 }
 
 #[test]
-fn a_table_is_laid_level_and_stays_so() {
+fn a_table_is_levelled_and_stays_level() {
     let Some(recording) = real("turntable_empty") else { return };
     let place = tempfile::tempdir().unwrap();
     let [rig, level] = ["rig.yaml", "level.yaml"].map(|name| place.path().join(name));
     fs::write(&rig, turntable(0.1667)).unwrap();
     let results = disk(&recording, place.path(), &rig);
     let region = "--region=-20mm,-20mm,20mm,20mm";
-    let told = json(&["calibrate", "level", &results, "-o", level.to_str().unwrap(), region]);
-    assert!(told["height_m"].as_f64().unwrap().abs() > 0.01, "{told}");
+    let reported = json(&["calibrate", "level", &results, "-o", level.to_str().unwrap(), region]);
+    assert!(reported["height_m"].as_f64().unwrap().abs() > 0.01, "{reported}");
     let results = disk(&recording, place.path(), &level);
     let seen = json(&["measure", "plane", &results, region]);
     assert!(value(&seen, "height_m").abs() < 2e-5 && value(&seen, "tilt_rad") < 1e-3, "{seen}");
 }
 
 #[test]
-fn a_rendered_flat_is_as_inclined_as_it_is_and_then_level() {
+fn the_tilt_of_a_rendered_flat_is_measured_and_removed() {
     let place = tempfile::tempdir().unwrap();
     let path = |name: &str| place.path().join(name).display().to_string();
     let scenario = "tests/data/metrology/flat.scenario.yaml";
@@ -125,18 +125,19 @@ fn a_rendered_flat_is_as_inclined_as_it_is_and_then_level() {
         path("results")
     };
     let results = scan(&format!("{}/calibration.yaml", path("flat")));
-    let told = json(&["calibrate", "level", &results, "-o", &path("level.yaml")]);
+    let reported = json(&["calibrate", "level", &results, "-o", &path("level.yaml")]);
     // Slopes of 0.02 along and 0.01 across the stripe.
     let truth = 0.02_f64.hypot(0.01).atan();
-    let [tilt, sigma] = ["tilt_rad", "tilt_sigma_rad"].map(|key| told[key].as_f64().unwrap());
-    assert!((tilt - truth).abs() < (4.0 * sigma).max(1e-6), "{told}");
+    let [tilt, sigma] = ["tilt_rad", "tilt_sigma_rad"].map(|key| reported[key].as_f64().unwrap());
+    assert!((tilt - truth).abs() < (4.0 * sigma).max(1e-6), "{reported}");
     let results = scan(&path("level.yaml"));
     let seen = json(&["measure", "plane", &results]);
     assert!(value(&seen, "tilt_rad") < 1e-6 && value(&seen, "height_m").abs() < 1e-8, "{seen}");
     // Once more changes nothing.
     let again = json(&["calibrate", "level", &results, "-o", &path("again.yaml")]);
-    let [before, after] = [&told, &again].map(|told| told["part"]["origin_m"][2].as_f64().unwrap());
-    assert!((before - after).abs() < 1e-8, "{told} {again}");
+    let [before, after] =
+        [&reported, &again].map(|reported| reported["part"]["origin_m"][2].as_f64().unwrap());
+    assert!((before - after).abs() < 1e-8, "{reported} {again}");
     let refused = run(&["calibrate", "level", &results, "-o", &path("level.yaml")]);
     assert!(refused.code == Some(1) && refused.stderr.contains("--force"), "{refused:?}");
 }

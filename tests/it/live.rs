@@ -53,7 +53,7 @@ impl Node {
             match self.lines.recv_timeout(left) {
                 Ok(line) if line.contains(text) => return line,
                 Ok(line) => seen.push(line),
-                Err(error) => panic!("{error}: the node never said {text:?}, but {seen:#?}"),
+                Err(error) => panic!("{error}: the node never logged {text:?}, only {seen:#?}"),
             }
         }
     }
@@ -87,7 +87,7 @@ impl Drop for Node {
     }
 }
 
-/// The counters of the last words: received, processed, rejected, dropped, lost. They must add up.
+/// Returns the counters of the summary: received, processed, rejected, dropped, lost. They must add up.
 pub(crate) fn frames(words: &Json) -> [u64; 5] {
     let of = |bin: &str| words["frames"][bin].as_u64().unwrap();
     let bins = ["received", "processed", "rejected", "dropped", "lost"].map(of);

@@ -2,7 +2,7 @@
 #![allow(
     clippy::unwrap_used,
     clippy::print_stderr,
-    reason = "tests fail by panicking and say on stderr what they skip"
+    reason = "tests fail by panicking and report skips on stderr"
 )]
 
 mod opencv;

@@ -107,17 +107,17 @@ fn planes_and_steps_have_their_height() {
         0.01 * y + if (8e-3..12e-3).contains(&x) { 1e-4 } else { 0.0 }
     });
     let bag = bag.display().to_string();
-    let told = json(&["measure", "step", &bag]);
-    holds(&told["height_m"], 1e-4, 1e-7);
-    assert_eq!(told["profiles_used"], 150);
+    let reported = json(&["measure", "step", &bag]);
+    holds(&reported["height_m"], 1e-4, 1e-7);
+    assert_eq!(reported["profiles_used"], 150);
     let given = json(&["measure", "step", &bag, "--edges", "8mm,12mm", "--region", "0,1mm,1,2mm"]);
     holds(&given["height_m"], 1e-4, 3e-7);
-    let told = json(&["measure", "plane", &bag, "--region", "0,0,7.9mm,1"]);
-    holds(&told["tilt_rad"], 0.01_f64.atan(), 1e-5);
-    let scatter = told["scatter_m"].as_f64().unwrap();
-    assert!((scatter / SIGMA_M - 1.0).abs() < 0.05, "{told}");
-    let flatness = told["flatness_d95_m"]["value"].as_f64().unwrap();
-    assert!((flatness / (3.92 * SIGMA_M) - 1.0).abs() < 0.05, "{told}");
+    let reported = json(&["measure", "plane", &bag, "--region", "0,0,7.9mm,1"]);
+    holds(&reported["tilt_rad"], 0.01_f64.atan(), 1e-5);
+    let scatter = reported["scatter_m"].as_f64().unwrap();
+    assert!((scatter / SIGMA_M - 1.0).abs() < 0.05, "{reported}");
+    let flatness = reported["flatness_d95_m"]["value"].as_f64().unwrap();
+    assert!((flatness / (3.92 * SIGMA_M) - 1.0).abs() < 0.05, "{reported}");
     let text = run(&["measure", "plane", &bag]).stdout;
     assert!(text.contains("flatness D95 %") && text.contains("µm"), "{text}");
 }
@@ -135,11 +135,11 @@ fn spheres_have_their_size_and_distance() {
     });
     let bag = bag.display().to_string();
     let regions = ["--region", "0,0,9.5mm,20mm", "--region", "9.6mm,0,20mm,20mm"];
-    let told = json(&[&["measure", "spheres", &bag], &regions[..]].concat());
-    holds(&told["distance_m"], 1e-2, 3e-7);
-    holds(&told["spheres"][0]["radius_m"], 5e-3, 5e-7);
-    let told = json(&["measure", "sphere", &bag, "--region", "0,0,9.5mm,20mm"]);
-    holds(&told["center_x_m"], 4.5e-3, 3e-7);
+    let reported = json(&[&["measure", "spheres", &bag], &regions[..]].concat());
+    holds(&reported["distance_m"], 1e-2, 3e-7);
+    holds(&reported["spheres"][0]["radius_m"], 5e-3, 5e-7);
+    let reported = json(&["measure", "sphere", &bag, "--region", "0,0,9.5mm,20mm"]);
+    holds(&reported["center_x_m"], 4.5e-3, 3e-7);
     let once = run(&["measure", "spheres", &bag, "--region", "0,0,1,1"]);
     assert_eq!(once.code, Some(2), "{once:?}");
 }
@@ -152,15 +152,15 @@ fn a_volume_is_measured_above_its_reference() {
         0.02 * x + if square < 4e-6 { 1e-4 * (1.0 - square / 4e-6) } else { 0.0 }
     });
     let bag = bag.display().to_string();
-    let told = json(&["measure", "volume", &bag, "--region", "7mm,4mm,13mm,10mm"]);
+    let reported = json(&["measure", "volume", &bag, "--region", "7mm,4mm,13mm,10mm"]);
     // A paraboloid has half the volume of its cylinder.
     let truth = 0.5 * 1e-4 * std::f64::consts::PI * 4e-6;
-    let [value, sigma] = ["value", "sigma"].map(|key| told["volume_m3"][key].as_f64().unwrap());
-    assert!((value - truth).abs() < 4.0 * sigma + 0.005 * truth, "{told} {truth}");
-    assert!(sigma < 0.01 * truth, "{told}");
+    let [value, sigma] = ["value", "sigma"].map(|key| reported["volume_m3"][key].as_f64().unwrap());
+    assert!((value - truth).abs() < 4.0 * sigma + 0.005 * truth, "{reported} {truth}");
+    assert!(sigma < 0.01 * truth, "{reported}");
 }
 
-/// Heights whose scale is known to a percent: so is a step.
+/// Heights and a step whose scale has an uncertainty of 1 %.
 #[test]
 fn the_calibration_has_its_share_in_the_uncertainty() {
     let directory = tempfile::tempdir().unwrap();
@@ -176,15 +176,18 @@ fn the_calibration_has_its_share_in_the_uncertainty() {
     }));
     let step = |x: f64, _| if (8e-3..12e-3).contains(&x) { 1e-4 } else { 0.0 };
     let bag = record_with(directory.path(), Some(&calibration), step).display().to_string();
-    let told = json(&["measure", "step", &bag]);
-    let figure = |key: &str| told["height_m"][key].as_f64().unwrap();
-    assert!((figure("sigma_calibration") / 1e-6 - 1.0).abs() < 1e-3, "{told}");
-    assert!(figure("sigma") > 1e-6 && figure("u95") > 1.95e-6, "{told}");
+    let reported = json(&["measure", "step", &bag]);
+    let figure = |key: &str| reported["height_m"][key].as_f64().unwrap();
+    assert!((figure("sigma_calibration") / 1e-6 - 1.0).abs() < 1e-3, "{reported}");
+    assert!(figure("sigma") > 1e-6 && figure("u95") > 1.95e-6, "{reported}");
     assert!(run(&["measure", "step", &bag]).stdout.contains("calibration 1.000"));
     let without = record(&directory.path().join("without"), step).display().to_string();
-    let told = json(&["measure", "step", &without]);
-    assert!(told["height_m"]["sigma_calibration"].is_null(), "{told}");
-    assert!(told["calibration_unknown"].as_str().unwrap().contains("no calibration"), "{told}");
+    let reported = json(&["measure", "step", &without]);
+    assert!(reported["height_m"]["sigma_calibration"].is_null(), "{reported}");
+    assert!(
+        reported["calibration_unknown"].as_str().unwrap().contains("no calibration"),
+        "{reported}"
+    );
 }
 
 #[test]
@@ -194,7 +197,7 @@ fn unmeasurable_input_is_an_error() {
     let bag = bag.display().to_string();
     let film = bundled("film_defects").display().to_string();
     let out = |name: &str| directory.path().join(name).display().to_string();
-    for (arguments, code, told) in [
+    for (arguments, code, reported) in [
         (vec!["measure", "plane", &film], 1, "no point clouds"),
         (
             vec!["measure", "plane", &bag, "--region", "1,1,2,2"],
@@ -214,8 +217,8 @@ fn unmeasurable_input_is_an_error() {
         (vec!["export", &bag, "-o", "/nowhere/a.ply"], 1, "/nowhere/a.ply"),
     ] {
         let ended = run(&arguments);
-        assert_eq!(ended.code, Some(code), "{told}: {ended:?}");
-        assert!(ended.stderr.contains(told), "{told}: {ended:?}");
+        assert_eq!(ended.code, Some(code), "{reported}: {ended:?}");
+        assert!(ended.stderr.contains(reported), "{reported}: {ended:?}");
     }
     assert!(!Path::new(&out("a.ply")).exists() && !Path::new(&out("a.png")).exists());
 }
@@ -229,9 +232,9 @@ fn a_truncated_recording_is_measured_and_reported() {
     std::fs::write(&file, &bytes[..bytes.len() * 9 / 10]).unwrap();
     let ended = run(&["measure", "plane", &bag.display().to_string(), "--json"]);
     assert!(matches!(ended.code, Some(0 | 3)), "{ended:?}");
-    let told: Json = serde_json::from_str(&ended.stdout).unwrap();
-    assert!(told["profiles"].as_u64().unwrap() < 150, "{told}");
-    holds(&told["tilt_rad"], 0.02_f64.atan(), 1e-5);
+    let reported: Json = serde_json::from_str(&ended.stdout).unwrap();
+    assert!(reported["profiles"].as_u64().unwrap() < 150, "{reported}");
+    holds(&reported["tilt_rad"], 0.02_f64.atan(), 1e-5);
 }
 
 /// Exported files of a real chain of results, opened by third-party readers.
@@ -268,17 +271,17 @@ fn filled_cells_are_flagged_and_a_level_scan_has_height_0() {
     });
     let file = directory.path().join("map.png");
     let (bag, output) = (bag.display().to_string(), file.display().to_string());
-    let told = json(&["export", &bag, "-o", &output, "--fill", "6", "--level"]);
-    assert!(told["files"][0]["filled"].as_u64().unwrap() > 100, "{told}");
+    let reported = json(&["export", &bag, "-o", &output, "--fill", "6", "--level"]);
+    assert!(reported["files"][0]["filled"].as_u64().unwrap() > 100, "{reported}");
     let mask = image::open(directory.path().join("map.png.mask.png")).unwrap().to_luma8();
     let count = |state: u8| mask.pixels().filter(|pixel| pixel.0[0] == state).count() as u64;
-    assert_eq!(told["files"][0]["filled"], count(2));
-    assert_eq!(told["files"][0]["measured"], count(1));
-    let [low, high] = ["from_m", "to_m"].map(|key| told[key][2].as_f64().unwrap());
-    assert!(low > -20e-6 && high < 20e-6, "{told}");
+    assert_eq!(reported["files"][0]["filled"], count(2));
+    assert_eq!(reported["files"][0]["measured"], count(1));
+    let [low, high] = ["from_m", "to_m"].map(|key| reported[key][2].as_f64().unwrap());
+    assert!(low > -20e-6 && high < 20e-6, "{reported}");
     let flat = ["--level-on", "0,0,5mm,5mm", "--force"];
-    let told = json(&[&["export", &bag, "-o", &output][..], &flat].concat());
-    assert!(told["to_m"][2].as_f64().unwrap().abs() < 40e-6, "{told}");
+    let reported = json(&[&["export", &bag, "-o", &output][..], &flat].concat());
+    assert!(reported["to_m"][2].as_f64().unwrap().abs() < 40e-6, "{reported}");
     let again = run(&["export", &bag, "-o", &output]);
     assert!(again.code == Some(1) && again.stderr.contains("--force"), "{again:?}");
 }

@@ -12,8 +12,8 @@ const HEIGHT: u32 = 96;
 /// Allowance for the index of the longer files; the long recording is 80 MB larger than the short one.
 const SLACK_KIB: u64 = 8 * 1024;
 
-/// Largest resident memory of a replay, KiB, as Linux counts it. Polled, since it is gone with the process: what grows
-/// with the recording shows all the same.
+/// Largest resident memory of a replay, KiB, as Linux counts it. Polled, because it is
+/// lost when the process ends; polling detects growth with the recording nevertheless.
 fn peak_kib(input: &Path, output: &Path) -> u64 {
     let mut command = laser_profiler(&["replay", "-o"]);
     let mut child =

@@ -21,7 +21,7 @@ fn data(name: &str) -> String {
     format!("tests/data/metrology/{name}")
 }
 
-/// Runs a command that must end well; its standard output.
+/// Runs a command, which must succeed; returns its standard output.
 fn run(arguments: &[&str]) -> String {
     let ended = end(&mut laser_profiler(arguments));
     assert_eq!(ended.code, Some(0), "{arguments:?}: {ended:?}");
@@ -32,7 +32,7 @@ fn path(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Renders a scenario into a directory; where the recording is.
+/// Renders a scenario into a directory; returns the path of the recording.
 fn simulate(directory: &Path, name: &str) -> PathBuf {
     let bag = directory.join(name);
     run(&["simulate", &data(&format!("{name}.scenario.yaml")), "-o", path(&bag)]);

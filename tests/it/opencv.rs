@@ -6,7 +6,7 @@ use laser_profiler::{
 };
 use nalgebra::{Point2, Point3};
 
-/// A line of the table: the camera, a point, and where OpenCV sees it.
+/// Returns the lines of the table: the camera, a point, and its projection by OpenCV.
 fn projections() -> Vec<(Camera, Point3<f64>, Point2<f64>)> {
     let table = include_str!("../data/opencv/projections.csv");
     let lines = table.lines().filter(|line| !line.starts_with(['#', 'c']));
@@ -39,7 +39,7 @@ fn points_are_seen_where_opencv_sees_them() {
     assert_eq!(projections.len(), 240);
     for (camera, point, expected) in projections {
         let DistortedPixel(seen) = camera.project(point).unwrap();
-        assert!((seen - expected).norm() < 1e-8, "{camera:?}: {seen}, OpenCV says {expected}");
+        assert!((seen - expected).norm() < 1e-8, "{camera:?}: {seen}, OpenCV states {expected}");
     }
 }
 
@@ -66,6 +66,6 @@ fn the_simulated_lens_is_that_of_opencv() {
             tilt_rad: camera.tilt_rad,
         };
         let seen = Point2::from(lens.project(point.into()).unwrap());
-        assert!((seen - expected).norm() < 1e-8, "{lens:?}: {seen}, OpenCV says {expected}");
+        assert!((seen - expected).norm() < 1e-8, "{lens:?}: {seen}, OpenCV states {expected}");
     }
 }

@@ -26,7 +26,7 @@ pub(crate) fn installed(prefix: &Path) {
     assert_eq!(ended.code, Some(0), "{ended:?}");
 }
 
-/// A Python with Debian's ament modules; `None` after saying that there is none.
+/// A Python with Debian's ament modules; `None` after reporting that there is none.
 fn ament_python() -> Option<&'static str> {
     const MODULES: &str = "import ament_index_python, ament_package, catkin_pkg";
     let has_modules = |python: &&str| {

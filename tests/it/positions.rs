@@ -154,17 +154,17 @@ fn two_passes_over_the_same_place_agree_and_with_the_axis_turned_round_they_do_n
 }
 
 #[test]
-fn between_two_samples_the_table_is_thought_to_turn_evenly() {
+fn positions_are_interpolated_linearly_between_two_samples() {
     let Some(recording) = real("turntable_object") else { return };
     let place = tempfile::tempdir().unwrap();
     // Not where its positions were taken, but at the stamps, 20 ms later: a fiftieth of a step further.
-    let (summary, told) =
+    let (summary, reported) =
         scanned(&recording, place.path(), RIG, 0, &["motion.exposure_offset:=0.0"]);
     assert_eq!(
         summary["positions"]["doubtful"], 1,
         "only behind the last frame there is no sample"
     );
-    assert!(told.contains("set motion.exposure_offset to -0.0200"), "{told}");
+    assert!(reported.contains("set motion.exposure_offset to -0.0200"), "{reported}");
     let traces = traces(place.path());
     for (trace, number) in traces.iter().zip(1..) {
         let angle_rad = (f64::from(number) + 0.02) * std::f64::consts::TAU / 320.0;
@@ -178,9 +178,12 @@ fn between_two_samples_the_table_is_thought_to_turn_evenly() {
 fn a_missing_joint_is_reported_and_nothing_is_scanned() {
     let Some(recording) = real("turntable_empty") else { return };
     let place = tempfile::tempdir().unwrap();
-    let (summary, told) = scanned(&recording, place.path(), RIG, 3, &["motion.joint:=spindle"]);
+    let (summary, reported) = scanned(&recording, place.path(), RIG, 3, &["motion.joint:=spindle"]);
     assert_eq!((&summary["positions"]["unknown"], &summary["slices"]), (&40.into(), &0.into()));
-    assert!(told.contains("\"spindle\"") && told.contains("received are turntable"), "{told}");
+    assert!(
+        reported.contains("\"spindle\"") && reported.contains("received are turntable"),
+        "{reported}"
+    );
     let shift = RIG.replace("revolute, point_m: [0.0185, 0.0551, 0.4263]", "prismatic");
     let calibration = place.path().join("shift.yaml");
     fs::write(&calibration, shift).unwrap();

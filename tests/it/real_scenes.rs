@@ -15,7 +15,7 @@ use laser_profiler::{
 
 use crate::{program::replay, recordings::real};
 
-/// A point on the line is not further from it, pixels.
+/// Largest distance of a point on the line from it, pixels.
 const NEAR_PX: f64 = 3.0;
 
 /// Grey levels, or how much redder than grey; `rows` across the stripe, `lines` along it.
@@ -63,8 +63,8 @@ impl Picture {
         sum / count as f32
     }
 
-    /// Where three rows are brightest against the brighter one of the two sides, 6 to 16 rows away, if that is more than
-    /// `least` and goes on to either side: the line as a person sees it, found without any part of the extractor.
+    /// Returns the row with the highest contrast of three rows to the brighter side, 6 to 16 rows away, if it exceeds `least`
+    /// and the line continues on both sides. Independent of the extractor.
     fn line(&self, least: f32) -> Vec<Option<f64>> {
         let places: Vec<Option<f64>> = (0..self.lines)
             .map(|line| {
@@ -102,7 +102,7 @@ fn messages(bag: &Path, topic: &str) -> Vec<Vec<u8>> {
     reader.messages(&Filter::topics([topic])).map(|message| message.unwrap().data).collect()
 }
 
-/// The place of the stripe in every line of every frame of the results.
+/// Returns the position of the stripe in every line of every frame of the results.
 fn found(results: &Path, direction: StripeDirection, lines: usize) -> Vec<Vec<Option<f64>>> {
     let places = |message: Vec<u8>| {
         let centerline: Centerline<'_> = cdr::decode(&message).unwrap();
@@ -192,7 +192,7 @@ fn a_thin_line_in_a_bright_room() {
     assert!(found.right > 0.965 && found.wrong < 0.015, "{found:?}");
     assert!(found.roughness_px < 0.12 && found.jumps < 3.0, "{found:?}");
     let plain = measure(&recording, &["--ros-args", "-p", "stripe_direction:=vertical"], &truth);
-    assert!(plain.right < 0.1, "the measure tells good from bad: {plain:?}");
+    assert!(plain.right < 0.1, "the measure distinguishes good from bad: {plain:?}");
 }
 
 #[test]

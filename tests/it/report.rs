@@ -120,7 +120,7 @@ fn messages(bag: &Path, topic: &str) -> Vec<RawMessage> {
 fn the_page_holds_the_heights_of_the_recording() {
     let directory = tempfile::tempdir().unwrap();
     let results = results(directory.path(), &[]);
-    let (html, told) = report(&results, 0, &[]);
+    let (html, reported) = report(&results, 0, &[]);
     for id in ["height-map", "section-across", "section-along", "readout"] {
         assert_eq!(all(&html, &format!("#{id}")).len(), 1, "{id}");
     }
@@ -145,8 +145,8 @@ fn the_page_holds_the_heights_of_the_recording() {
         }
     }
     assert_eq!(at, axes[2].len(), "all of them");
-    assert_eq!((told["rows"].as_u64(), told["frames"].as_u64()), (Some(147), Some(147)));
-    assert_eq!(told["lost_frames"], 3);
+    assert_eq!((reported["rows"].as_u64(), reported["frames"].as_u64()), (Some(147), Some(147)));
+    assert_eq!(reported["lost_frames"], 3);
     assert!(text(&html, "#documents").contains("min_segment_area"), "the parameters");
     assert!(
         text(&html, "#documents").contains("of_laser")
@@ -162,8 +162,8 @@ fn frames_lie_under_their_centrelines() {
     let results = results(directory.path(), &[]);
     let images = bundled("film_defects").display().to_string();
     let more = ["--images", &images, "--frames", "0,70,9999"];
-    let (html, told) = report(&results, 0, &more);
-    let notes = told["notes"].to_string();
+    let (html, reported) = report(&results, 0, &more);
+    let notes = reported["notes"].to_string();
     assert!(notes.contains("9999") && notes.contains("0 to 146"), "{notes}");
     let frames = all(&html, "#frames figure");
     assert_eq!(frames.len(), 2);
@@ -199,13 +199,13 @@ fn missing_parts_are_named_and_the_rest_is_shown() {
     let directory = tempfile::tempdir().unwrap();
     // No images: the frames are shown without.
     let results = results(directory.path(), &[]);
-    let (html, told) = report(&results, 0, &[]);
-    assert!(told["notes"].to_string().contains("--images"), "{told}");
+    let (html, reported) = report(&results, 0, &[]);
+    assert!(reported["notes"].to_string().contains("--images"), "{reported}");
     assert_eq!(all(&html, "#frames figure").len(), 4);
     assert!(all(&html, "#frames image").is_empty() && text(&html, "#notes").contains("--images"));
     // No results at all.
-    let (html, told) = report(&bundled("film_defects"), 0, &[]);
-    let notes = told["notes"].to_string();
+    let (html, reported) = report(&bundled("film_defects"), 0, &[]);
+    let notes = reported["notes"].to_string();
     for missing in ["no centrelines", "no height map"] {
         assert!(notes.contains(missing), "{notes}");
     }
@@ -214,8 +214,8 @@ fn missing_parts_are_named_and_the_rest_is_shown() {
     let [input, plain] = ["in", "plain"].map(|name| directory.path().join(name));
     record_images(&input, &good_images(5));
     replay(&input, &plain, 0, &[]);
-    let (html, told) = report(&plain, 0, &[]);
-    assert!(told["notes"].to_string().contains("no height map"), "{told}");
+    let (html, reported) = report(&plain, 0, &[]);
+    assert!(reported["notes"].to_string().contains("no height map"), "{reported}");
     let (columns, [_, frames, rows]) = unpacked(&html);
     assert_eq!((columns, rows.len()), (160, 800));
     assert!(rows.iter().all(|row| (row - 10.0).abs() < 1e-3), "the row of the stripe");
@@ -229,9 +229,9 @@ fn lost_frames_are_counted_and_the_rest_is_shown() {
     let bytes = std::fs::read(whole).unwrap();
     let cut = directory.path().join("cut.mcap");
     std::fs::write(&cut, &bytes[..bytes.len() * 6 / 10]).unwrap();
-    let (html, told) = report(&cut, 3, &[]);
-    let frames = told["frames"].as_u64().unwrap();
-    assert!((20..147).contains(&frames) && told["lost"].as_u64().unwrap() > 0, "{told}");
+    let (html, reported) = report(&cut, 3, &[]);
+    let frames = reported["frames"].as_u64().unwrap();
+    assert!((20..147).contains(&frames) && reported["lost"].as_u64().unwrap() > 0, "{reported}");
     assert!(text(&html, "#notes").contains("cut.mcap"));
     assert!(!all(&html, "#chart-sigma").is_empty(), "the quality of what is left");
     let text_file = directory.path().join("text.mcap");
@@ -259,7 +259,7 @@ fn figures_are_files_too_and_nothing_is_replaced_unasked() {
     let again = run("report", &[&results], &["-o", &page]);
     assert!(again.code == Some(1) && again.stderr.contains("--force"), "{again:?}");
     assert_eq!(run("report", &[&results], &["-o", &page, "--force"]).code, Some(0));
-    assert_eq!(run("report", &[&results], &[]).code, Some(2), "nothing is asked for");
+    assert_eq!(run("report", &[&results], &[]).code, Some(2), "no output is requested");
 }
 
 /// 20 mm of height in steps of 0.3 µm, noise of 10 µm: no profile is like the one before.
@@ -291,8 +291,8 @@ fn a_page_of_a_thousand_wide_profiles_is_small() {
     let page = directory.path().join("page.html");
     let ended = run("report", &[&bag], &["-o", page.to_str().unwrap(), "--json"]);
     assert_eq!(ended.code, Some(0), "{ended:?}");
-    let told: Json = serde_json::from_str(&ended.stdout).unwrap();
-    assert_eq!((&told["rows"], &told["columns"]), (&Json::from(1000), &Json::from(2592)));
+    let reported: Json = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!((&reported["rows"], &reported["columns"]), (&Json::from(1000), &Json::from(2592)));
     let bytes = std::fs::metadata(page).unwrap().len();
     eprintln!("a page of 1000 profiles of 2592 points: {bytes} bytes");
     assert!(bytes < 10_000_000, "{bytes}");

@@ -58,8 +58,10 @@ fn rerun_shows_a_results_bag() {
     let heights = ["--heights", "5.2", "7"].map(Path::new);
     let ended = recipe(python, &[&[&*bag, Path::new("-o"), &film] as &[_], &heights].concat());
     assert_eq!(ended.code, Some(0), "{ended:?}");
-    for told in ["147 image", "147 centerline", "147 profile", "3 points_dense", "1 height_map"] {
-        assert!(ended.stdout.contains(told), "{told}: {ended:?}");
+    for expected_text in
+        ["147 image", "147 centerline", "147 profile", "3 points_dense", "1 height_map"]
+    {
+        assert!(ended.stdout.contains(expected_text), "{expected_text}: {ended:?}");
     }
 
     let mut command = Command::new(python);

@@ -100,11 +100,11 @@ fn four_pictures_calibrate_heights_and_with_a_scale_the_profile() {
     let file = directory.path().join("calibration.yaml");
     let lateral = format!("{}", OBJECT_DISTANCE_M / FOCAL_PX);
     let output = file.display().to_string();
-    let told = json(&calibrate(&sources, &["--lateral", &lateral, "-o", &output, "--json"]));
-    assert!(told["rms_m"].as_f64().unwrap() < 1e-6, "{told}");
-    assert!(told["rms_left_out_m"].as_f64().unwrap() < 4e-6, "{told}");
-    assert!(told["linearity"].as_f64().unwrap() < 2e-4, "{told}");
-    assert_eq!(told["heights"].as_array().unwrap().len(), 4);
+    let reported = json(&calibrate(&sources, &["--lateral", &lateral, "-o", &output, "--json"]));
+    assert!(reported["rms_m"].as_f64().unwrap() < 1e-6, "{reported}");
+    assert!(reported["rms_left_out_m"].as_f64().unwrap() < 4e-6, "{reported}");
+    assert!(reported["linearity"].as_f64().unwrap() < 2e-4, "{reported}");
+    assert_eq!(reported["heights"].as_array().unwrap().len(), 4);
     // A pixel is some 0.17 mm of height: a hundredth of it.
     for height_m in [0.001, 0.0035, 0.007] {
         let (row, lateral_m) = seen(height_m);
@@ -130,8 +130,8 @@ fn recordings_and_pictures_of_heights_agree() {
         .collect();
     let [of_pictures, of_bags] =
         [&pictures, &bags].map(|sources| json(&calibrate(sources, &["--json"])));
-    let heights = |told: &Json| -> Vec<f64> {
-        let all = told["heights"].as_array().unwrap();
+    let heights = |reported: &Json| -> Vec<f64> {
+        let all = reported["heights"].as_array().unwrap();
         all.iter().map(|height| height["measured_m"].as_f64().unwrap()).collect()
     };
     assert_eq!(heights(&of_pictures), heights(&of_bags));
@@ -149,8 +149,8 @@ fn known_optics_reproduce_formula_6() {
     let (output, distance) = (file.display().to_string(), (FOCAL_PX * PITCH_M).to_string());
     let arguments =
         ["--pixel-pitch", "6um", "--image-distance", &distance, "-o", &output, "--json"];
-    let told = json(&calibrate(&sources, &arguments));
-    let geometry = &told["geometry"];
+    let reported = json(&calibrate(&sources, &arguments));
+    let geometry = &reported["geometry"];
     for (key, truth) in [("object_distance_m", OBJECT_DISTANCE_M), ("beta_rad", BETA_RAD)] {
         let value = geometry[key]["value"].as_f64().unwrap();
         assert!((value / truth - 1.0).abs() < 0.02, "{key}: {value}");
@@ -174,9 +174,9 @@ fn one_picture_of_a_stair_gauge_gives_heights_and_scale() {
     stair[6].1 = WIDTH;
     let path = save(directory.path(), "stair.png", &picture(&stair, 9));
     let sources = [format!("{}=0mm,1mm,2mm,3mm,4mm,5mm,6mm", path.display())];
-    let told = json(&calibrate(&sources, &["--pitch", "8mm", "--json"]));
-    assert!(told["rms_m"].as_f64().unwrap() < 2e-6, "{told}");
-    let lateral_m = told["lateral_m_per_px"].as_f64().unwrap();
+    let reported = json(&calibrate(&sources, &["--pitch", "8mm", "--json"]));
+    assert!(reported["rms_m"].as_f64().unwrap() < 2e-6, "{reported}");
+    let lateral_m = reported["lateral_m_per_px"].as_f64().unwrap();
     assert!((lateral_m * FOCAL_PX / OBJECT_DISTANCE_M - 1.0).abs() < 0.01, "{lateral_m}");
 }
 
@@ -193,7 +193,7 @@ fn unsuitable_heights_are_errors() {
         .unwrap();
     let with = |more: &str| [&sources[..3], &[more.to_owned()]].concat();
     let three = sources[..2].to_vec();
-    for (sources, arguments, code, told) in [
+    for (sources, arguments, code, reported) in [
         (three, &[] as &[&str], 2, "2 different heights"),
         (sources.clone(), &["-o", "x.yaml"], 2, "--lateral"),
         (with(&format!("{two}=4mm")), &[], 2, "2 plateaus"),
@@ -206,7 +206,7 @@ fn unsuitable_heights_are_errors() {
         (with(&sources[3].replace("=9mm", "=1mm")), &[], 2, "order"),
     ] {
         let ended = calibrate(&sources, arguments);
-        assert_eq!(ended.code, Some(code), "{told}: {ended:?}");
-        assert!(ended.stderr.contains(told), "{told}: {ended:?}");
+        assert_eq!(ended.code, Some(code), "{reported}: {ended:?}");
+        assert!(ended.stderr.contains(reported), "{reported}: {ended:?}");
     }
 }

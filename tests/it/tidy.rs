@@ -254,7 +254,7 @@ fn every_file_is_a_module_of_its_parent() {
         let parents = inside.into_iter().chain([home.with_extension("rs")]);
         let mut parents = parents.filter(|parent| Path::new(ROOT).join(parent).exists());
         if !parents.any(|parent| text(&parent).contains(&format!("mod {name};"))) {
-            complaints.push(format!("{}: nothing says `mod {name};`", path.display()));
+            complaints.push(format!("{}: `mod {name};` is missing", path.display()));
         }
     }
     complain(&complaints);

@@ -36,17 +36,17 @@ impl Viewed {
         let piped = command.stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut process = piped.spawn().unwrap();
         let mut lines = BufReader::new(process.stderr.take().unwrap());
-        let mut told = String::new();
+        let mut output = String::new();
         let url = loop {
-            let start = told.len();
-            assert!(lines.read_line(&mut told).unwrap() > 0, "it ended without a view: {told}");
-            if let Some((_, rest)) = told[start..].split_once("live view at ") {
+            let start = output.len();
+            assert!(lines.read_line(&mut output).unwrap() > 0, "it ended without a view: {output}");
+            if let Some((_, rest)) = output[start..].split_once("live view at ") {
                 break rest.split(": ").next().unwrap().to_owned();
             }
         };
         let rest = move || {
-            lines.read_to_string(&mut told).unwrap();
-            told
+            lines.read_to_string(&mut output).unwrap();
+            output
         };
         Self { process, url, stderr: Some(thread::spawn(rest)) }
     }

@@ -13,8 +13,8 @@ pub(crate) fn on_part(surface: &Surface) -> Vec<bool> {
     surface.points.iter().map(|point| point.z > limit_m).collect()
 }
 
-/// Returns the surface with NaN in place of every point that has another than the part, or nothing measured, within
-/// `reach` columns of its row: a filter of that reach along the stripe mixes such a point with its surroundings.
+/// Returns the surface without points near the edge of the part: a point is NaN unless all points within `reach` columns of
+/// its row lie on the part. A filter of that reach along the stripe mixes such a point with its surroundings.
 #[must_use]
 pub fn inside_part(surface: &Surface, reach: usize) -> Surface {
     let (width, on_part) = (surface.width, on_part(surface));

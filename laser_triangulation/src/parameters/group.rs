@@ -1,6 +1,6 @@
 //! The macro that declares a group of parameters.
 
-/// Declares a struct of parameters, one row a parameter: description, field, type, default, name, range, unit.
+/// Declares a struct of parameters, one row per parameter: description, field, type, default, name, range, unit.
 ///
 /// The description is the field's documentation. The struct gets `Default`, `parameters()` (its table) and
 /// `from_values()` (its reader). After `=>` stands one of
@@ -44,7 +44,7 @@ macro_rules! parameter_group {
         }
 
         impl $group {
-            /// Returns the table: one row a parameter, in order of declaration.
+            /// Returns the table: one row per parameter, in order of declaration.
             #[allow(clippy::vec_init_then_push, reason = "a row may add any number of entries")]
             pub fn parameters() -> Vec<$crate::parameters::Parameter> {
                 let default = Self::default();

@@ -49,7 +49,7 @@ pub enum AmbientError {
 }
 
 impl Ambient {
-    /// This frame without laser, or none.
+    /// Stores the frame without laser; `None` if there is none.
     pub(super) fn new(image: Option<OwnedImage>) -> Self {
         Self { image, ..Self::default() }
     }
@@ -59,10 +59,10 @@ impl Ambient {
         self.prepared = None;
     }
 
-    /// Gives the extractor the searched part, once, when the parameters want it taken off.
+    /// Passes the searched part of the stored frame to the extractor, once, if the parameters subtract a reference.
     ///
     /// # Errors
-    /// There is none, or it does not fit the image.
+    /// There is no stored frame, or it does not fit the image.
     pub(super) fn prepare(
         &mut self,
         image: &Image<'_>,

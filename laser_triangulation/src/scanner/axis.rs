@@ -5,9 +5,9 @@ use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 /// Kind of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisKind {
-    /// It shifts the part.
+    /// Shifts the part.
     Prismatic,
-    /// It turns the part.
+    /// Turns the part.
     Revolute,
 }
 

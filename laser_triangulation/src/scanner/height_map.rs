@@ -1,6 +1,7 @@
 //! Heights of a whole scan as an image.
 
-/// One row a profile, one column a point of a profile. Not resampled: rows follow the frames, not the metres.
+/// One row per profile, one column per point of a profile. Not resampled: rows follow the frames, and their distances may
+/// differ.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HeightMap {
     /// Stamp of the first profile, nanoseconds.

@@ -16,8 +16,8 @@ pub(crate) fn perpendicular_basis(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
 }
 
 impl Calibration {
-    /// The pose of the laser plane's frame in the camera's: `point_in_camera = camera_from_laser * point_in_laser`, metres.
-    /// `None` where the calibration knows no camera.
+    /// Returns the pose of the laser plane's frame in the camera's: `point_in_camera = camera_from_laser * point_in_laser`, metres.
+    /// `None` if the calibration has no camera.
     ///
     /// The laser plane's frame: x along the stripe, towards larger columns (rows, for a vertical stripe), z up, towards the
     /// camera, y normal to the plane. The camera's, as ROS has optical frames: x right, y down, z forward. By formula 6

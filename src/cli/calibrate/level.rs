@@ -87,7 +87,7 @@ pub(super) fn run(args: &LevelArgs, out: &mut dyn Write) -> anyhow::Result<Outco
 fn geometry(results: &Results) -> anyhow::Result<CameraAndPlane> {
     let provenance = results.provenance();
     let text = provenance.calibration.as_ref().context(
-        "the results contain no calibration: replay with a calibration_file, which is then laid level",
+        "the results contain no calibration: replay with a calibration_file, which can then be levelled",
     )?;
     if provenance.is_posed() {
         bail!("profiles were placed by poses (motion.source: tf): their frame is that of tf");
@@ -96,7 +96,7 @@ fn geometry(results: &Results) -> anyhow::Result<CameraAndPlane> {
         Calibration::CameraAndPlane(geometry) => Ok(*geometry),
         _ => bail!(
             "the results were measured by known heights or formula 6: a level needs a calibration of type camera_and_plane; \
-             `export --level` lays a single scan level"
+             `export --level` levels a single scan"
         ),
     }
 }
@@ -121,7 +121,7 @@ fn summary(args: &LevelArgs, id: &str, flat: &PlaneFit, part: PartPose) -> Strin
         return format!("{object}\n");
     }
     format!(
-        "{output}: laid on a flat of {} points, {} of them outliers\n  it was inclined by {:.3} ± {:.3} mrad and lay at {:.4} ± \
+        "{output}: levelled on a flat of {} points, {} of them outliers\n  it was inclined by {:.3} ± {:.3} mrad and lay at {:.4} ± \
          {:.4} mm (one standard deviation)\n",
         flat.num_points,
         flat.num_outliers,

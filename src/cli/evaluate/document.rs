@@ -126,7 +126,7 @@ fn wrapped(paragraph: &str) -> String {
 }
 
 fn push(text: &mut String, what: std::fmt::Arguments<'_>) {
-    text.write_fmt(what).unwrap_or_else(|_| unreachable!("text takes every text"));
+    text.write_fmt(what).unwrap_or_else(|_| unreachable!("writing to a string cannot fail"));
 }
 
 /// Formats a length with four decimals; a dash if it is not finite.

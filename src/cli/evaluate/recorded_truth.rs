@@ -55,7 +55,7 @@ pub(super) fn measure(recording: &Recording, methods: &[Method]) -> anyhow::Resu
     let has_truth = recording.bag.topics().iter().any(|topic| topic.name == TRUTH_TOPIC);
     ensure!(
         has_truth,
-        "the recording has no topic {TRUTH_TOPIC}: `laser_profiler simulate` makes recordings that carry their truth"
+        "the recording has no topic {TRUTH_TOPIC}: `laser_profiler simulate` makes recordings with ground truth"
     );
     let mut judge = Judge::new(&recording.camera.scanner, methods);
     let bar = progress_bar(recording.num_images(), "frames");
@@ -74,7 +74,7 @@ pub(super) fn measure(recording: &Recording, methods: &[Method]) -> anyhow::Resu
         Ok(Wanted::More)
     });
     bar.finish_and_clear();
-    ensure!(judge.frames > 0, "no frame of {} has its truth", recording.topic.name);
+    ensure!(judge.frames > 0, "no frame of {} has ground truth", recording.topic.name);
     let unpaired = judge.unpaired + judge.measured.len() as u64;
     let named = judge.methods.iter().zip(&judge.tallies);
     let methods = named

@@ -314,7 +314,7 @@ fn smoothing_section(study: &Study) -> Section {
     Section {
         title: "Smoothing along the stripe".to_owned(),
         paragraphs: vec![format!(
-            "The parameter extraction.smoothing_columns from 1 (none, as in all figures above unless they say otherwise) to 17: RMS \
+            "The parameter extraction.smoothing_columns from 1 (none, as in all figures above unless stated otherwise) to 17: RMS \
              on the scene \"{}\", columns averaged there, and columns beside a step of {} px that are more than {SPOILT_PX} px \
              off (s {} px).",
             smoothing::SCENE,

@@ -17,7 +17,7 @@ pub(super) enum CloudFormat {
 /// Writer of one point cloud.
 pub(super) struct CloudWriter<W> {
     file: W,
-    /// Colour scale of heights, metres; none without colours.
+    /// Colour scale of heights, metres; `None` without colours.
     scale_m: Option<[f32; 2]>,
     left: u64,
     written: u64,

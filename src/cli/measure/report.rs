@@ -13,7 +13,7 @@ pub(super) struct Figure {
     value: f64,
     sigma: f64,
     u95: f64,
-    /// Standard deviation due to the calibration, included in `sigma`; none if unknown.
+    /// Standard deviation due to the calibration, included in `sigma`; `None` if unknown.
     calibration: Option<f64>,
 }
 

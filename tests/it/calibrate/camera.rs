@@ -130,9 +130,9 @@ fn damaged_pictures_are_data_lost() {
     assert!(ended.stdout.contains("cut.png"), "{ended:?}");
 }
 
-fn refused_views(views: &[([f64; 3], [f64; 3])], told: &[&str]) {
+fn refused_views(views: &[([f64; 3], [f64; 3])], reported: &[&str]) {
     let pictures = rendered(views);
-    refused(&CAMERA, pictures.path(), &pictures.path().join("camera.yaml"), told);
+    refused(&CAMERA, pictures.path(), &pictures.path().join("camera.yaml"), reported);
 }
 
 #[test]
@@ -159,11 +159,11 @@ fn boards_in_one_part_of_the_image_are_refused() {
 }
 
 #[test]
-fn another_board_than_was_said_is_refused() {
+fn a_board_other_than_the_target_is_refused() {
     let pictures = rendered(&VIEWS[..6]);
     let output = pictures.path().join("camera.yaml");
-    let with = |target: &str, told: &[&str]| {
-        refused(&["camera", "--target", target], pictures.path(), &output, told);
+    let with = |target: &str, reported: &[&str]| {
+        refused(&["camera", "--target", target], pictures.path(), &output, reported);
     };
     with("checkerboard:7x5:0.030", &["larger board", "8 x 5"]);
     with("checkerboard:9x6:0.030", &["no picture shows the whole board", "8 x 5"]);

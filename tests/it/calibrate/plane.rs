@@ -82,10 +82,10 @@ impl Scene {
         own.into_iter().chain(TARGET.into_iter().chain(VERTICAL).map(str::to_owned)).collect()
     }
 
-    fn refused(&self, told: &[&str]) {
+    fn refused(&self, reported: &[&str]) {
         let arguments = self.arguments();
         let arguments: Vec<_> = arguments.iter().map(String::as_str).collect();
-        refused(&arguments, &self.pictures(), &self.output(), told);
+        refused(&arguments, &self.pictures(), &self.output(), reported);
     }
 }
 

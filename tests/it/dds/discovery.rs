@@ -105,15 +105,15 @@ fn a_static_peer_is_found_where_multicast_does_not_reach() {
     let Some(_peer) = hidden_peer(&domain) else { return };
     let topic = image_topic("/x", QosProfile::reliable(5));
     let apart = open(&domain, "apart");
-    let not_told = apart.advertise(&topic).unwrap();
-    let told = DdsSettings { static_peers: vec!["127.0.0.1".to_owned()], ..settings(&domain) };
-    let node = open_with(&told, "node");
+    let without_peer = apart.advertise(&topic).unwrap();
+    let with_peer = DdsSettings { static_peers: vec!["127.0.0.1".to_owned()], ..settings(&domain) };
+    let node = open_with(&with_peer, "node");
     let publication = node.advertise(&topic).unwrap();
     wait_for_subscribers(&*publication, 1);
-    assert_eq!(not_told.num_matched(), 0, "who does not name the peer does not find it");
+    assert_eq!(without_peer.num_matched(), 0, "without naming the peer it is not discovered");
     drop((publication, node));
     // The peer also receives the farewell, so it discovers a second node like the first.
-    let again = open_with(&told, "again");
+    let again = open_with(&with_peer, "again");
     let publication = again.advertise(&topic).unwrap();
     eventually("it is found again", || publication.num_matched() == 1);
 }

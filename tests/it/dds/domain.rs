@@ -11,7 +11,7 @@ use std::{
 
 /// Ports of higher domains overlap the ephemeral range.
 const NUM_DOMAINS: u32 = 100;
-/// Where claims are made: TCP, so that they are not in the way of DDS.
+/// First TCP port of the claims; TCP does not interfere with DDS.
 const CLAIMS_FROM: u32 = 21_700;
 
 static NEXT: AtomicU32 = AtomicU32::new(0);

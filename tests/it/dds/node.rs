@@ -75,7 +75,7 @@ impl Inbox {
         Self { subscription, arrivals }
     }
 
-    /// Lets a peer publish once it is heard here.
+    /// Releases a peer's publisher once it is matched here.
     pub(crate) fn release(&self, peer: &mut Peer) {
         eventually("a publisher comes", || self.subscription.num_matched() == 1);
         peer.release();

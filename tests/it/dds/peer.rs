@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(40);
 /// Lines that may wait for the test.
 const MAX_LINES: usize = 1024;
 
-/// Which implementation a peer is.
+/// DDS implementation of a peer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Vendor {
     Cyclone,
@@ -36,7 +36,7 @@ pub(crate) struct Peer {
 }
 
 impl Peer {
-    /// Starts `tests/peers`' program; `None` after saying why there is none.
+    /// Starts `tests/peers`' program; `None` after reporting the reason if it cannot.
     pub(crate) fn start(vendor: Vendor, domain: &Domain, arguments: &[&str]) -> Option<Self> {
         Self::start_with(vendor, domain, arguments, &[])
     }
@@ -68,14 +68,14 @@ impl Peer {
         Self { child, lines }
     }
 
-    /// Starts `tests/interop/dds_peer.py`; `None` after saying why there is no Python.
+    /// Starts `tests/interop/dds_peer.py`; `None` after reporting the reason if there is no Python.
     pub(crate) fn python(verb: &str, domain: &Domain, arguments: &[&str]) -> Option<Self> {
         let mut command = Command::new(interop::python()?);
         command.arg(interop::interop("dds_peer.py")).arg(verb).arg(domain.id.to_string());
         Some(Self::spawn(command.args(arguments)))
     }
 
-    /// Lets a publisher begin that is held: a match is known at the one end before it is at the other.
+    /// Releases a held publisher after its match: one end detects a match before the other.
     pub(crate) fn release(&mut self) {
         self.wait_for("matched");
         self.child.stdin.as_mut().unwrap().write_all(b"\n").unwrap();
@@ -97,7 +97,7 @@ impl Peer {
             }
             seen.push(line);
         }
-        panic!("the peer said only {seen:?}");
+        panic!("the peer printed only {seen:?}");
     }
 }
 
@@ -127,7 +127,7 @@ fn compiled(vendor: Vendor) -> Option<&'static Path> {
     }
 }
 
-/// Compiles one of `tests/peers`, unless that was done since the source was changed.
+/// Compiles one of `tests/peers` unless the compiled program is up to date.
 fn compile(compiler: &str, source: &str, libraries: &[&str]) -> Result<PathBuf, String> {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peers");
     let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join(source).with_extension("peer");

@@ -61,7 +61,7 @@ fn each_is_answered_in_its_own_mapping() {
 }
 
 #[test]
-fn the_mapping_can_be_said() {
+fn the_mapping_can_be_configured() {
     is_answered(Vendor::Cyclone, ServiceMapping::Cyclone);
     is_answered(Vendor::FastDds, ServiceMapping::Enhanced);
 }

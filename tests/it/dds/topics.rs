@@ -91,7 +91,7 @@ fn between_our_own_nodes_nothing_is_lost_and_matches_are_counted() {
     let inboxes = [QosProfile::reliable(100), QosProfile::best_effort(100)]
         .map(|qos| Inbox::open(&receiver, &image_topic("/blob", qos), LIMIT_BYTES));
     wait_for_subscribers(&*publication, 2);
-    eventually("both hear one", || {
+    eventually("both are matched", || {
         inboxes.iter().all(|inbox| inbox.subscription.num_matched() == 1)
     });
     let message = image(20_000, 5);

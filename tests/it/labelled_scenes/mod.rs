@@ -1,4 +1,4 @@
-//! Scenes like those of real cameras, rendered by the project itself: which of the labelled lines are found.
+//! Scenes like those of real cameras, rendered by the project itself: the share of the labelled lines that is found.
 //!
 //! The pictures lie in `tests/data/scenes`, each beside its labels and its parameter file. To write them anew:
 //! `LABELLED_SCENES=write cargo test --no-default-features --test it labelled_scenes::pictures`.

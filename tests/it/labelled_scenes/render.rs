@@ -31,7 +31,7 @@ pub(crate) struct Colour {
     pub(crate) laser: f64,
 }
 
-/// A picture in words. Grey levels of 8 bits.
+/// Description of a scene. Grey levels of 8 bits.
 pub(crate) struct Scene {
     pub(crate) name: &'static str,
     pub(crate) direction: StripeDirection,
@@ -47,7 +47,7 @@ pub(crate) struct Scene {
     pub(crate) speckle: (f64, f64),
     pub(crate) read_noise: f64,
     pub(crate) shot_gain: f64,
-    /// Of the camera's JPEG; none: uncompressed.
+    /// Quality of the camera's JPEG; `None`: uncompressed.
     pub(crate) jpeg_quality: Option<u8>,
     pub(crate) seed: u64,
 }

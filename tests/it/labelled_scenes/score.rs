@@ -17,7 +17,7 @@ use laser_profiler::{
 
 use super::path;
 
-/// Points further from every label of their line are on none.
+/// Distance from every label of its line beyond which a point is an outlier, pixels.
 const OUTLIER_PX: f64 = 3.0;
 
 /// A stored picture with its labels and its parameters.
@@ -31,11 +31,11 @@ pub(crate) struct Labelled {
 /// Shares from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Score {
-    /// Of the labelled lines, those with a point within 1 px of a label.
+    /// Share of the labelled lines with a point within 1 px of a label.
     pub(crate) found_1px: f64,
     /// The same within 3 px.
     pub(crate) found_3px: f64,
-    /// Of the points, those farther than 3 px from every label of their line.
+    /// Share of the points farther than 3 px from every label of their line.
     pub(crate) outliers: f64,
     pub(crate) num_points: usize,
 }
@@ -104,7 +104,7 @@ fn params(name: &str) -> CameraParams {
 }
 
 impl Score {
-    /// Of labels and points (line, position across the stripe).
+    /// Returns the score of points against labels, both (line, position across the stripe).
     pub(crate) fn of(labels: &[(u32, f64)], points: &[(u32, f64)]) -> Self {
         let distance = |line: u32, position_px: f64| {
             let of_line = labels.iter().filter(|label| label.0 == line && label.1.is_finite());

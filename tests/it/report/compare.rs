@@ -24,7 +24,7 @@ use crate::recordings::{stamp_ns, topic};
 const FRAMES: usize = 40;
 const COLUMNS: usize = 200;
 
-/// Results of a recording: centrelines and profiles after `edit`, which is given the frame's number.
+/// Results of a recording: centrelines and profiles after `edit`, which receives the frame's number.
 fn record(
     directory: &Path,
     input: &str,
@@ -105,21 +105,24 @@ fn compare_finds_a_known_shift() {
             line.sigma.to_mut().truncate(keep);
         }
     });
-    let told = compared(&a, &b);
+    let reported = compared(&a, &b);
     let points = FRAMES * COLUMNS - 10;
-    assert_eq!((told["frames"].as_u64(), told["points"].as_u64()), (Some(40), Some(points as u64)));
-    near(&told["px"]["bias"], 0.25 + 4.0 / points as f64, 1e-6);
-    near(&told["px"]["median"], 0.25, 1.0 / 4096.0);
-    near(&told["px"]["p95"], 0.25, 1.0 / 4096.0);
-    near(&told["px"]["robust"], 0.0, 1.0 / 2048.0);
-    near(&told["px"]["largest"], 4.25, 1e-5);
-    near(&told["um"]["bias"], 10.0, 0.1);
-    assert_eq!(told["a"]["points_only"], 10);
-    assert_eq!(told["b"]["points_only"], 0);
-    assert_eq!(told["flags"]["saturated"], serde_json::json!([0, 1]));
-    let worst = &told["frames_worst"][0];
+    assert_eq!(
+        (reported["frames"].as_u64(), reported["points"].as_u64()),
+        (Some(40), Some(points as u64))
+    );
+    near(&reported["px"]["bias"], 0.25 + 4.0 / points as f64, 1e-6);
+    near(&reported["px"]["median"], 0.25, 1.0 / 4096.0);
+    near(&reported["px"]["p95"], 0.25, 1.0 / 4096.0);
+    near(&reported["px"]["robust"], 0.0, 1.0 / 2048.0);
+    near(&reported["px"]["largest"], 4.25, 1e-5);
+    near(&reported["um"]["bias"], 10.0, 0.1);
+    assert_eq!(reported["a"]["points_only"], 10);
+    assert_eq!(reported["b"]["points_only"], 0);
+    assert_eq!(reported["flags"]["saturated"], serde_json::json!([0, 1]));
+    let worst = &reported["frames_worst"][0];
     assert_eq!((&worst["frame"], &worst["worst_section"]), (&Json::from(17), &Json::from(120)));
-    assert_eq!(told["sections_worst"][0]["section"], 120);
+    assert_eq!(reported["sections_worst"][0]["section"], 120);
     let same = compared(&a, &a);
     assert_eq!(same["px"]["largest"], 0.0);
     assert!(same["frames_worst"].as_array().unwrap().is_empty());
@@ -165,8 +168,8 @@ fn the_page_lists_differing_parameters() {
     let more = ["-o", page.to_str().unwrap(), "--json"];
     let ended = run("compare", &[&a, &b], &more);
     assert_eq!(ended.code, Some(0), "{ended:?}");
-    let told: Json = serde_json::from_str(&ended.stdout).unwrap();
-    let reasons: Vec<_> = told["reasons"]
+    let reported: Json = serde_json::from_str(&ended.stdout).unwrap();
+    let reasons: Vec<_> = reported["reasons"]
         .as_array()
         .unwrap()
         .iter()
@@ -180,7 +183,8 @@ fn the_page_lists_differing_parameters() {
         .collect();
     assert!(reasons.contains(&("extraction.blur_radius", "3", "5")), "{reasons:?}");
     assert!(
-        told["px"]["rms"].as_f64().unwrap() > 0.0 && told["um"]["num"].as_u64().unwrap() > 1000
+        reported["px"]["rms"].as_f64().unwrap() > 0.0
+            && reported["um"]["num"].as_u64().unwrap() > 1000
     );
     let html = std::fs::read_to_string(page).unwrap();
     needs_no_network(&html);
@@ -190,9 +194,9 @@ fn the_page_lists_differing_parameters() {
     // The map is that of the differences: its mean square is that of the answer.
     let (_, [_, _, differences]) = unpacked(&html);
     let known: Vec<f64> = differences.into_iter().filter(|d| d.is_finite()).collect();
-    assert_eq!(known.len() as u64, told["points"].as_u64().unwrap());
+    assert_eq!(known.len() as u64, reported["points"].as_u64().unwrap());
     let rms = (known.iter().map(|d| d * d).sum::<f64>() / known.len() as f64).sqrt();
-    near(&told["px"]["rms"], rms, 1e-4);
+    near(&reported["px"]["rms"], rms, 1e-4);
     let colors = &data(&html)["map"]["grid"]["colors"];
     near(&colors[0], -colors[1].as_f64().unwrap(), 1e-12);
     // And a result is no result of its own recording.

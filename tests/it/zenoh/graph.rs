@@ -26,10 +26,10 @@ fn topics_of_all_nodes_are_known() {
     let late = network.header_peer("listen", &[]);
     late.event("ready");
     let expected = [on_topic(Image::TYPE.name, 0, 1), on_topic(Header::TYPE.name, 1, 2)];
-    wait_until("everybody", || node.topics() == expected);
+    wait_until("all endpoints", || node.topics() == expected);
     drop((early, late));
     let expected = [on_topic(Image::TYPE.name, 0, 1), on_topic(Header::TYPE.name, 1, 0)];
-    wait_until("nobody but ourselves", || node.topics() == expected);
+    wait_until("only our own endpoints", || node.topics() == expected);
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn others_see_us() {
     let gid = listener.event("message")["gid"].clone();
 
     let mut watcher = network.header_peer("graph", &["--node", "laser_profiler"]);
-    watcher.tell("3");
+    watcher.send_line("3");
     let seen = watcher.event("tokens");
     let tokens = seen["tokens"].as_object().unwrap();
     let ours: Vec<_> =
@@ -83,6 +83,6 @@ fn others_see_us() {
     assert_eq!(*publisher.1, gid, "XXH3-128 of the token");
 
     drop((inbox, publication, node));
-    watcher.tell("0");
+    watcher.send_line("0");
     watcher.event("tokens");
 }

@@ -85,7 +85,7 @@ fn our_subscribers_receive_latched_messages_of_peers() {
     let node = network.node();
     let inbox = Inbox::open(&node, &headers(QosProfile::latched(1)), NO_LIMIT);
     assert_eq!(inbox.next().unwrap().sequence, Some(3));
-    // One more publisher that comes later is asked, too.
+    // The subscriber also queries a publisher that comes later.
     let late = network.header_peer("talk", &["--latched", "1", "--count", "2"]);
     late.event("sent");
     wait_until("the last of the other", || {
@@ -93,7 +93,7 @@ fn our_subscribers_receive_latched_messages_of_peers() {
     });
 }
 
-/// A publisher of Lyrical sends images to a key of its own when every subscriber is of the group.
+/// A publisher of Lyrical sends images to a separate key if every subscriber belongs to the group.
 #[test]
 fn the_cpu_buffer_group_is_listened_to() {
     let Some((network, _router)) = Network::start() else { return };

@@ -1,5 +1,5 @@
-//! The Zenoh transport against other people's software: Python's zenoh and zenoh-ros2-sdk, each in its own process, in a
-//! network of the test's own.
+//! The Zenoh transport against third-party software: Python's zenoh and zenoh-ros2-sdk, each in its own process, in a
+//! separate network for each test.
 
 mod peer;
 mod network;

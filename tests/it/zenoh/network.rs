@@ -28,7 +28,7 @@ use laser_profiler::{
 use super::peer::{DEADLINE, Peer};
 use crate::interop::python;
 
-/// A domain of its own on a port of its own.
+/// A separate domain on a separate port.
 pub(super) struct Network {
     pub(super) python: &'static Path,
     pub(super) port: u16,
@@ -38,14 +38,14 @@ pub(super) struct Network {
 pub(super) const TOPIC: &str = "/cell/topic";
 
 impl Network {
-    /// Without a router; `None` after saying that there are no peers.
+    /// Without a router; `None` after reporting that there are no peers.
     pub(super) fn without_router() -> Option<Self> {
         let python = python()?;
         let port = free_port();
         Some(Self { python, port, domain: (port % 200).to_string() })
     }
 
-    /// With its router, which must live as long as it is needed.
+    /// Starts the network with its router, which must outlive its use.
     pub(super) fn start() -> Option<(Self, Peer)> {
         let network = Self::without_router()?;
         let router = network.router();
@@ -75,7 +75,7 @@ impl Network {
         ZenohSettings::from_environment(&variable, role).unwrap()
     }
 
-    /// A node of ours.
+    /// Opens one of our nodes.
     pub(super) fn node(&self) -> ZenohTransport {
         open(&self.settings(Role::Node, ""))
     }
@@ -95,7 +95,7 @@ impl Network {
         Peer::start(self.python, script, &arguments)
     }
 
-    /// A peer that speaks of headers, the smallest of our types.
+    /// Starts a peer for headers, the smallest of our types.
     pub(super) fn header_peer(&self, command: &str, arguments: &[&str]) -> Peer {
         let kind = Header::TYPE;
         let arguments: Vec<_> =

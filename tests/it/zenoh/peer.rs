@@ -11,7 +11,7 @@ use std::{
 
 use serde_json::Value as Json;
 
-/// Nothing here takes so long unless it never happens; a busy machine may take its time.
+/// Deadline for any event, with a margin for busy machines.
 pub(super) const DEADLINE: Duration = Duration::from_mins(1);
 
 /// Ended with the test.
@@ -41,7 +41,7 @@ impl Peer {
         Self { process, stdin, events }
     }
 
-    /// The next event, which must be of this name.
+    /// Returns the next event, which must have this name.
     pub(super) fn event(&self, name: &str) -> Json {
         let event = self.any_event();
         assert_eq!(event["event"], name, "{event}");
@@ -58,8 +58,8 @@ impl Peer {
         self.events.try_recv().ok()
     }
 
-    /// A line on its standard input.
-    pub(super) fn tell(&mut self, line: &str) {
+    /// Sends a line to its standard input.
+    pub(super) fn send_line(&mut self, line: &str) {
         writeln!(self.stdin, "{line}").unwrap();
     }
 
@@ -79,7 +79,7 @@ impl Drop for Peer {
     }
 }
 
-/// Until `condition` holds; panics with `what` at the deadline.
+/// Waits until `condition` holds; panics with `what` at the deadline.
 pub(super) fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
     let deadline = Instant::now() + DEADLINE;
     while !condition() {

@@ -1,4 +1,4 @@
-//! `zenoh-ros2-sdk`, which others wrote from `rmw_zenoh`'s rules.
+//! `zenoh-ros2-sdk`, an independent implementation of `rmw_zenoh`'s conventions.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ fn its_images_arrive_here() {
     let mut publisher = sdk(&network, "publish");
     publisher.event("ready");
     wait_until("its publisher", || inbox.subscription.num_matched() == 1);
-    publisher.tell("send");
+    publisher.send_line("send");
     for sequence in 0..3 {
         let arrival = inbox.next().unwrap();
         // It counts from 0, rmw_zenoh from 1.

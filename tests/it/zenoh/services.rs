@@ -44,14 +44,14 @@ fn answers_carry_the_number_of_their_request() {
         }),
     );
     let mut client = client(&network, &[]);
-    client.tell("3");
+    client.send_line("3");
     for expected in ["0a0b01", "0a0b02", "0a0b03"] {
         let answer = client.event("answer");
         assert_eq!((&answer["payload"], &answer["is_echo"]), (&expected.into(), &true.into()));
     }
     client.event("done");
     drop(server);
-    client.tell("1");
+    client.send_line("1");
     client.event("done");
 }
 
@@ -61,11 +61,11 @@ fn malformed_requests_are_rejected_with_a_reason() {
     let node = network.node();
     let _server = serve(&node, Box::new(|_| None));
     let mut good = client(&network, &[]);
-    good.tell("1");
+    good.send_line("1");
     assert_eq!(good.event("refused")["reason"], "the request is malformed");
     for (format, reason) in [("none", "no attachment"), ("old", "before 0.2.5")] {
         let mut bad = client(&network, &["--attachment", format]);
-        bad.tell("1");
+        bad.send_line("1");
         let refused = bad.event("refused");
         assert!(refused["reason"].as_str().unwrap().contains(reason), "{refused}");
     }
@@ -88,7 +88,7 @@ fn a_slow_service_holds_nothing_else_up() {
     );
     let inbox = Inbox::open(&node, &headers(QosProfile::reliable(10)), usize::MAX);
     let mut client = client(&network, &[]);
-    client.tell("1");
+    client.send_line("1");
     has_started.recv_timeout(DEADLINE).unwrap();
     let talker = network.header_peer("talk", &["--count", "3"]);
     talker.event("sent");

@@ -30,7 +30,7 @@ pub struct CameraAndPlane {
     pub plane_quality: Option<PlaneQuality>,
     /// Origin of the profiles, if not where the optical axis meets the plane.
     pub alignment: Option<Alignment>,
-    /// Frame of the part, if laid on a flat instead of placed by axis and laser plane.
+    /// Frame of the part, if defined by a flat instead of by axis and laser plane.
     pub part: Option<PartPose>,
     /// The axis that moves the part.
     pub axis: Option<Axis>,

@@ -36,10 +36,11 @@ pub enum Distortion {
 }
 
 impl Distortion {
-    /// The model of those names and coefficients, in ROS's order: k1, k2, p1, p2, k3, k4, k5, k6.
+    /// Returns the model `name` with the coefficients `d` in ROS's order: k1, k2, p1, p2, k3, k4, k5, k6. Coefficients that are
+    /// all zero give no distortion.
     ///
     /// # Errors
-    /// `None` for a model that is not known; how many coefficients the model has, when they are not so many.
+    /// `None` for an unknown model; a description of the model's coefficients if `d` has another length.
     pub fn from_coefficients(name: &str, d: &[f64]) -> Result<Self, Option<&'static str>> {
         if !matches!(name, "plumb_bob" | "rational_polynomial") {
             return Err(None);

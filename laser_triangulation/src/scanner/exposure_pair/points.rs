@@ -52,11 +52,12 @@ impl<'a> Points<'a> {
     }
 }
 
-/// Visits every line in which either has a point, surface after surface, with the surface and the points of both.
+/// Calls `on_pair` for every line in which `a` or `b` has a point, surface by surface: with the surface and the indices of
+/// both points.
 pub(super) fn join(
     a: Points<'_>,
     b: Points<'_>,
-    mut tell: impl FnMut(usize, (Option<usize>, Option<usize>)),
+    mut on_pair: impl FnMut(usize, (Option<usize>, Option<usize>)),
 ) {
     let (mut from_a, mut from_b) = (0, 0);
     let mut surface = 0;
@@ -70,7 +71,7 @@ pub(super) fn join(
             let (line_a, line_b) = (line(a, &on_a), line(b, &on_b));
             let at_a = if line_a <= line_b { on_a.next() } else { None };
             let at_b = if line_b <= line_a { on_b.next() } else { None };
-            tell(surface, (at_a, at_b));
+            on_pair(surface, (at_a, at_b));
         }
         surface += 1;
     }

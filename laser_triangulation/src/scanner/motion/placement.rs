@@ -13,7 +13,6 @@ use crate::scanner::axis::{Axis, AxisKind, AxisTravel, RawPosition};
 /// axis nearest to the origin of the laser plane's frame, and x points from the axis towards that origin at position 0.
 /// If the calibration defines the part's frame by a flat, that frame is used instead. Measured poses have their own
 /// frame.
-/// frame on a flat, it is moved there. Poses that were measured bring their own frame.
 #[derive(Clone, Debug)]
 pub struct Placement {
     axis: Option<Axis>,

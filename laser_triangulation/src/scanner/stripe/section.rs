@@ -46,7 +46,7 @@ impl Candidate {
 pub(super) struct LineCandidate {
     /// Column of the searched region for a horizontal stripe, row for a vertical one.
     pub(crate) line: u32,
-    /// Where it lies in that line.
+    /// The candidate in that line.
     pub(crate) candidate: Candidate,
 }
 

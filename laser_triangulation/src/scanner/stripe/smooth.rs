@@ -105,7 +105,7 @@ impl Smoother {
 
     /// Smooths positions and reduces their σ accordingly; everything else is unchanged.
     ///
-    /// Where the points scatter more than their σ (speckle, a rough surface, noise stated too low), all σ are first
+    /// If the points scatter more than their σ (speckle, a rough surface, noise stated too low), all σ are first
     /// increased to match the scatter.
     pub(super) fn smooth(&mut self, centerline: &mut Centerline) {
         if self.half == 0 || centerline.is_empty() {

@@ -46,7 +46,7 @@ pub(super) fn print(
     writeln!(out, "  distance {:.3} ± {:.3} mm", 1e3 * distance_m, 1e3 * sigmas[2])?;
     writeln!(
         out,
-        "  ± one standard deviation, from leaving out one board at a time; the camera's own is not in it"
+        "  ± one standard deviation, from leaving out one board at a time; the camera's uncertainty is not included"
     )?;
     writeln!(out, "  the laser was found in {}", lines.light.name())?;
     if !boards.rejected.is_empty() {
