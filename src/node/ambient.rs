@@ -1,4 +1,4 @@
-//! The mean of a recording's frames: the scene without laser, when the laser was off.
+//! Computes the mean of a recording's frames. With the laser off, it is the scene without laser.
 
 use std::path::Path;
 
@@ -32,13 +32,13 @@ pub(crate) enum AmbientError {
     /// The recording cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
-    /// It has no image topic, or several.
+    /// The recording has no image topic, or several.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// The node's name.
+    /// The node's name is invalid.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// An image message that cannot be decoded.
+    /// An image message cannot be decoded.
     #[error("message {number}: {source}")]
     Message {
         /// Its number, from 0.
@@ -46,7 +46,7 @@ pub(crate) enum AmbientError {
         /// The decoding error.
         source: cdr::CdrError,
     },
-    /// An image that cannot be used.
+    /// An image cannot be used.
     #[error("frame {number}: {source}")]
     Frame {
         /// Its number, from 0.
@@ -54,7 +54,7 @@ pub(crate) enum AmbientError {
         /// The reason.
         source: FrameRejected,
     },
-    /// Frames of different size or bit depth.
+    /// The frames differ in size or bit depth.
     #[error("frame {number} is {found}, but the first one is {expected}: all must be alike")]
     Mixed {
         /// Its number, from 0.
@@ -65,11 +65,11 @@ pub(crate) enum AmbientError {
         expected: String,
     },
     /// The recording contains no frames.
-    #[error("there are no frames in it")]
+    #[error("the recording holds no frames")]
     NoFrames,
 }
 
-/// The mean of frames, one grey level a pixel.
+/// The mean of frames, one grey level per pixel.
 #[derive(Debug, Default)]
 pub(crate) struct Mean {
     /// Columns.

@@ -50,7 +50,7 @@ fn read(path: &Path, max_frame_bytes: u64) -> Result<OwnedImage, AmbientFileErro
     let size = fs::metadata(path).map_err(io)?.len();
     // The file of an incompressible image is slightly longer than its pixels.
     if size > max_frame_bytes.saturating_add(max_frame_bytes / 8 + 4096) {
-        let reason = format!("{size} bytes are more than a picture of max_frame_bytes has");
+        let reason = format!("{size} bytes are more than an image of max_frame_bytes takes");
         return Err(io(io::Error::other(reason)));
     }
     let data = fs::read(path).map_err(io)?;

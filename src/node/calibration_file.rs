@@ -41,7 +41,7 @@ pub(crate) fn load(path: &Path) -> Result<(Calibration, String), CalibrationFile
     let content = |source| CalibrationFileError::Content { path: path.to_owned(), source };
     let size = fs::metadata(path).map_err(io)?.len();
     if size > MAX_BYTES {
-        let reason = format!("{size} bytes are more than the {MAX_BYTES} allowed");
+        let reason = format!("{size} bytes exceed the limit of {MAX_BYTES}");
         return Err(content(CalibrationError::Syntax(reason)));
     }
     let text = fs::read_to_string(path).map_err(io)?;

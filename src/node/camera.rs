@@ -36,7 +36,7 @@ pub(crate) enum CameraError {
 
 fn list(cameras: &[String]) -> String {
     match cameras.join(", ") {
-        names if names.is_empty() => "the parameter `cameras` names none".to_owned(),
+        names if names.is_empty() => "the parameter `cameras` is empty".to_owned(),
         names => format!("the cameras are {names}"),
     }
 }

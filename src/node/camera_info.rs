@@ -21,7 +21,7 @@ const CAPACITY: usize = 32;
 pub(crate) enum Conflict {
     /// Their frames differ.
     #[error(
-        "camera_info is of frame {info:?}, the image of {image:?}: the driver must give both the same frame_id"
+        "camera_info has frame {info:?}, but the image has {image:?}: the driver must give both the same frame_id"
     )]
     Frame {
         /// Frame of the message.
@@ -31,7 +31,7 @@ pub(crate) enum Conflict {
     },
     /// Their sizes differ.
     #[error(
-        "camera_info describes images of {} x {} pixels, the image has {} x {}: calibrate at this size, or state binning and roi",
+        "camera_info describes images of {} x {} pixels, but the image has {} x {}: calibrate at this size, or state binning and roi",
         .info.0, .info.1, .image.0, .image.1
     )]
     Size {
@@ -134,8 +134,8 @@ impl CameraInfos {
         }
     }
 
-    /// As above, but falls back to the last message received if none has the image's stamp: drivers send it before or
-    /// after the image.
+    /// Like [`pair`](Self::pair), but falls back to the last message received if none has the image's stamp: drivers
+    /// send it before or after the image.
     pub(crate) fn pair_or_last(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         match (self.pair(image), self.waiting.len().checked_sub(1)) {
             (CameraMatch::NoneYet, Some(last)) => self.compare(last, image),
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_same_stamp_is_a_pair() {
+    fn only_equal_stamps_match() {
         let mut infos = CameraInfos::default();
         assert_eq!(infos.pair(&image(7)), CameraMatch::NoneYet);
         infos.insert(&info(7));
@@ -238,12 +238,12 @@ mod tests {
         else {
             panic!("other frame");
         };
-        assert!(conflict.to_string().contains(r#"of frame "camera", the image of "left""#));
+        assert!(conflict.to_string().contains(r#"frame "camera", but the image has "left""#));
         let CameraMatch::Conflict(conflict) = infos.pair(&ImageHeader { width: 320, ..image(7) })
         else {
             panic!("other size");
         };
-        assert!(conflict.to_string().contains("640 x 480 pixels, the image has 320 x 480"));
+        assert!(conflict.to_string().contains("640 x 480 pixels, but the image has 320 x 480"));
     }
 
     #[test]
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_message_of_its_stamp_an_image_has_the_last() {
+    fn an_image_without_a_message_of_its_stamp_uses_the_last_one() {
         let mut infos = CameraInfos::default();
         assert_eq!(infos.pair_or_last(&image(7)), CameraMatch::NoneYet);
         infos.insert(&info(6));

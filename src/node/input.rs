@@ -91,7 +91,7 @@ pub(crate) fn choose(
         (names.remapped(IMAGE_TOPIC)?, String::new())
     } else {
         // Images of one camera must not be used for another.
-        let flag = format!(" (--ros-args -r {camera}/{IMAGE_TOPIC}:=TOPIC names another)");
+        let flag = format!(" (--ros-args -r {camera}/{IMAGE_TOPIC}:=TOPIC selects another)");
         (Some(image_topic_of(camera, names)?), flag)
     };
     if let Some(base) = named {
@@ -130,7 +130,7 @@ fn image_topic((name, type_name): &(String, String)) -> Option<ImageTopic> {
 
 fn list(topics: &[(String, String)]) -> String {
     if topics.is_empty() {
-        return "no topics at all".to_owned();
+        return "no topics".to_owned();
     }
     let mut named: Vec<_> =
         topics.iter().take(MAX_LISTED).map(|(name, kind)| format!("{name} ({kind})")).collect();

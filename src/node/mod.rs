@@ -1,7 +1,7 @@
 //! The node: threads, bounds and counters around the pure pipeline.
 //!
-//! A source yields raw image messages; a `queue` hands them to the one worker of the camera, which owns the
-//! pipeline; the fan-out gives every sink the same bytes through a queue of its own. run ties them together.
+//! A source yields raw image messages. A `queue` passes them to the camera's only worker, which owns the pipeline. The
+//! fan-out sends the same bytes to every sink, directly or through a queue. `run` connects them.
 
 pub(crate) mod queue;
 mod named;

@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counting_writer_shows_its_gaps() {
+    fn gaps_of_a_counting_publisher_are_detected() {
         let expected = [(0, None), (1, Some(0)), (4, Some(2)), (5, Some(0))];
         assert_eq!(places(&[7, 8, 11, 12]), expected);
         assert_eq!(places(&[u32::MAX, 0, 2]), [(0, None), (1, Some(0)), (3, Some(1))]);
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn zero_stamps_are_no_duplicates() {
+    fn zero_stamps_are_not_duplicates() {
         assert_eq!(judged(&[0, 0, 10, 0, 10, 20]), "++++=+");
     }
 

@@ -1,7 +1,7 @@
 //! Positions of frames along the axis at their exposure, from messages about the axis.
 //!
-//! A replay and a node on a network give the same positions: only stamps and times of reception decide which samples count,
-//! never the time at which a thread ran.
+//! A replay and a live node give the same positions: the samples used depend only on stamps and times of reception, not
+//! on thread timing.
 
 mod decode;
 mod constant_lag;
@@ -30,11 +30,11 @@ use crate::{
 use constant_lag::ConstantLag;
 
 /// Minimum time that a frame waits for the next sample, nanoseconds: covers network jitter.
-const MIN_PATIENCE_NS: i64 = 1_000_000_000;
+const MIN_TIMEOUT_NS: i64 = 1_000_000_000;
 /// Maximum number of names in a log message.
 const MAX_NAMED: usize = 20;
 
-/// A contradiction between motion parameters and calibration.
+/// Contradiction between motion parameters and calibration.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub(crate) enum AxisError {
     /// Parameter and calibration disagree.
@@ -55,7 +55,7 @@ pub(crate) enum AxisError {
     NoAxis,
     /// The frame of the camera is unknown.
     #[error(
-        "motion.source is tf, but the calibration knows no camera whose frame could be looked up: set motion.sensor_frame to its \
+        "motion.source is tf, but the calibration has no camera frame to look up: set motion.sensor_frame to its \
          frame_id, {0}, and publish where that is"
     )]
     NoCamera(String),
@@ -69,7 +69,7 @@ enum Known {
     Frames(FrameTree),
 }
 
-/// The positions of one camera's frames.
+/// Positions of one camera's frames.
 pub(crate) struct Positions {
     params: MotionParams,
     moved: Moved,
@@ -78,7 +78,7 @@ pub(crate) struct Positions {
     axis: Option<Axis>,
     known: Known,
     counter: Counter,
-    /// Scale of the first encoder sample, metres a count.
+    /// Scale of the first encoder sample, metres per count.
     scale: Option<f64>,
     /// Frame of the images.
     camera_frame: String,
@@ -92,7 +92,7 @@ pub(crate) struct Positions {
     has_warned_late: bool,
 }
 
-/// The kind of axis that positions refer to.
+/// Returns the kind of axis that positions refer to.
 ///
 /// # Errors
 /// Parameter and calibration disagree, or a revolute axis is not calibrated.
@@ -119,7 +119,7 @@ pub(crate) fn axis_kind(
     }
 }
 
-/// The positions of a camera's frames, where they are measured.
+/// Creates the store for a camera; `None` if its positions are not measured.
 ///
 /// # Errors
 /// As [`axis_kind`]; or the source is tf and the calibration has no camera frame.
@@ -143,7 +143,7 @@ pub(crate) fn of_camera(
 }
 
 impl Positions {
-    /// Creates a store without samples on an axis without scale; `None` where positions are not measured.
+    /// Creates a store without samples for an uncalibrated axis; `None` if positions are not measured.
     pub(crate) fn new(params: &MotionParams, moved: &Moved, kind: AxisKind) -> Option<Self> {
         let known = match params.source {
             MotionSource::None | MotionSource::Constant => return None,
@@ -257,19 +257,19 @@ impl Positions {
     }
 
     /// Time after reception at which a frame stops waiting, nanoseconds; `None`: only when the queue is full.
-    pub(crate) fn patience_ns(&self) -> Option<i64> {
+    pub(crate) fn timeout_ns(&self) -> Option<i64> {
         let gap_ns = match &self.known {
             Known::Axis(track) => track.gap_ns(),
             Known::Frames(tree) => tree.gap_ns(self.frames()),
         };
-        gap_ns.map(|gap_ns| gap_ns.max(MIN_PATIENCE_NS))
+        gap_ns.map(|gap_ns| gap_ns.max(MIN_TIMEOUT_NS))
     }
 
-    /// The position of a frame of that stamp, received at `received_ns`; `None` if it is unknown.
+    /// Returns the position of a frame with that stamp, received at `received_ns`; `None` if it is unknown.
     pub(crate) fn at(&mut self, stamp_ns: i64, received_ns: i64) -> Option<Position> {
         let time_ns = self.exposed_ns(stamp_ns);
-        let patience_ns = self.patience_ns().unwrap_or(i64::MAX);
-        let until_ns = received_ns.saturating_add(patience_ns);
+        let timeout_ns = self.timeout_ns().unwrap_or(i64::MAX);
+        let until_ns = received_ns.saturating_add(timeout_ns);
         if !self.has_reached(stamp_ns) {
             self.given_up = Some((time_ns, received_ns));
         }
@@ -318,7 +318,7 @@ impl Positions {
         if !std::mem::replace(&mut self.has_warned_late, true) {
             let lag_s = received_ns.saturating_sub(frame_ns) as f64 * 1e-9;
             tracing::warn!(
-                "positions lag the images: the one for {time_ns} ns came {lag_s:.3} s after its frame, which did not wait so \
+                "positions lag the images: the one for {time_ns} ns arrived {lag_s:.3} s after its frame, which did not wait that \
                  long; raise motion.max_wait or motion.max_gap, or publish positions more often; not reported again"
             );
         }
@@ -328,7 +328,7 @@ impl Positions {
         stamp_ns.saturating_add((self.params.exposure_offset_s * 1e9).round() as i64)
     }
 
-    /// Target and source frame.
+    /// Returns the target and source frames.
     fn frames(&self) -> FramePair<'_> {
         let Moved { part_frame, sensor_frame, .. } = &self.moved;
         let sensor = if sensor_frame.is_empty() { &self.camera_frame } else { sensor_frame };
@@ -346,16 +346,18 @@ impl Positions {
                 let seen = tree.names();
                 match reason {
                     NotFound::NoTarget => {
-                        format!("motion.part_frame {part:?} is not in tf; seen were {seen}")
+                        format!("motion.part_frame {part:?} is not in tf; received were {seen}")
                     }
                     NotFound::NoSource => {
-                        format!("frame {sensor:?} is not in tf; seen were {seen}")
+                        format!("frame {sensor:?} is not in tf; received were {seen}")
                     }
                     NotFound::Apart => {
-                        format!("tf does not connect {sensor:?} with {part:?}; seen were {seen}")
+                        format!(
+                            "tf does not connect {sensor:?} with {part:?}; received were {seen}"
+                        )
                     }
                     NotFound::Loop => format!(
-                        "tf runs in a loop above {sensor:?} or {part:?}: a frame has a parent that is its child"
+                        "tf has a cycle above {sensor:?} or {part:?}: a frame is its own ancestor"
                     ),
                     NotFound::NoPose => {
                         format!("the pose of {sensor:?} in {part:?} is not known at its stamp")
@@ -363,10 +365,10 @@ impl Positions {
                 }
             }
             (Known::Axis(track), _) if track.last().is_none() => self.why_no_sample(),
-            _ => "its stamp lies before the first sample, or long after the last".to_owned(),
+            _ => "its stamp is before the first sample or too long after the last".to_owned(),
         };
         tracing::warn!(
-            "a frame has no position: {why}; its profile is published, but is not in the scan; further ones are only counted"
+            "a frame has no position: {why}; its profile is published but is not part of the scan; further ones are only counted"
         );
     }
 

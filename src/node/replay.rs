@@ -63,19 +63,19 @@ pub struct ReplayRequest {
 /// The reason that a replay cannot start or complete.
 #[derive(Debug, Error)]
 pub(crate) enum ReplayError {
-    /// A name or remap rule.
+    /// A name or remap rule is invalid.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// A parameter or parameter file.
+    /// A parameter or parameter file is invalid.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// The choice of the camera.
+    /// No camera can be chosen.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The rate.
+    /// The rate is invalid.
     #[error(transparent)]
     Rate(#[from] RateError),
-    /// The choice of the image topic.
+    /// No image topic can be chosen.
     #[error("{}: {source}", bag.display())]
     Input {
         /// The recording.
@@ -83,8 +83,8 @@ pub(crate) enum ReplayError {
         /// The reason that no topic can be chosen.
         source: InputError,
     },
-    /// Recordings with different image topics.
-    #[error("{} has its images on {found}, but the recording before on {expected}: replay them one by one", bag.display())]
+    /// The recordings have different image topics.
+    #[error("{} has its images on {found}, but the recordings before it on {expected}: replay them one by one", bag.display())]
     Mixed {
         /// The recording.
         bag: PathBuf,
@@ -93,7 +93,7 @@ pub(crate) enum ReplayError {
         /// Image topic of the preceding recordings.
         expected: String,
     },
-    /// Cameras that take the same images.
+    /// Two cameras use the same images.
     #[error(
         "the cameras {first} and {second} both take {topic}: replay them one by one, with --camera NAME"
     )]
@@ -105,16 +105,16 @@ pub(crate) enum ReplayError {
         /// The image topic of both.
         topic: String,
     },
-    /// Results would replace their own input.
+    /// The results would replace their own input.
     #[error("{0}; choose another output")]
     OutputIsInput(io::Error),
-    /// The calibration.
+    /// The calibration cannot be loaded.
     #[error(transparent)]
     Calibration(#[from] CalibrationFileError),
-    /// The axis of the motion.
+    /// Motion parameters and calibration contradict each other.
     #[error(transparent)]
     Axis(#[from] AxisError),
-    /// The choice of the position topic.
+    /// No position topic can be chosen.
     #[error("{}: {source}", bag.display())]
     Positions {
         /// The recording.
@@ -122,7 +122,7 @@ pub(crate) enum ReplayError {
         /// The reason that no topic can be chosen.
         source: PositionTopicError,
     },
-    /// The frame without laser.
+    /// The frame without laser cannot be loaded.
     #[error(transparent)]
     Ambient(#[from] AmbientFileError),
     /// A recording cannot be read.

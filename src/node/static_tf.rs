@@ -17,7 +17,7 @@ use super::endpoints::{self, SendError};
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub(crate) enum StaticFrameError {
     /// The images have no `frame_id`.
-    #[error("images have no frame_id: the laser plane {child:?} cannot be placed in it")]
+    #[error("images have no frame_id, so the laser plane {child:?} cannot be placed")]
     Empty {
         /// The laser plane's frame.
         child: String,

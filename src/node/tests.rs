@@ -1,4 +1,4 @@
-//! The node from source to sink, with a source and sinks in memory.
+//! Tests the node from source to sink, with a source and sinks in memory.
 
 mod positions;
 mod streams;
@@ -41,10 +41,10 @@ use crate::{
 
 const WIDTH: u32 = 64;
 const HEIGHT: u32 = 32;
-/// The stripe is symmetrical about this row, so its centre is there whatever the estimator.
+/// The stripe is symmetrical about this row, so every estimator finds its centre there.
 const CENTER_ROW: u32 = 10;
 const MS: i64 = 1_000_000;
-/// 2020-01-01, so that times have their real size.
+/// 2020-01-01, so that times have a realistic magnitude.
 const START_NS: i64 = 1_577_836_800_000_000_000;
 
 fn picture() -> Vec<u8> {
@@ -57,7 +57,7 @@ fn picture() -> Vec<u8> {
     (0..HEIGHT).flat_map(|row| vec![level(row); WIDTH as usize]).collect()
 }
 
-/// Times in milliseconds after the start.
+/// An image message; times are milliseconds after the start.
 fn frame(sequence: u32, log_ms: i64, stamp_ms: i64, edit: impl FnOnce(&mut Image<'_>)) -> Input {
     let picture = picture();
     let mut image = Image {
@@ -103,7 +103,7 @@ impl Source for Listed {
     }
 }
 
-/// Keeps what it gets until it is full.
+/// Keeps messages until it is full.
 struct Memory {
     kept: Arc<Mutex<Vec<Outgoing>>>,
     room: usize,
@@ -222,8 +222,8 @@ fn on(messages: &[Outgoing], output: Output) -> Vec<&Outgoing> {
     messages.iter().filter(|message| message.topic == output as usize).collect()
 }
 
-/// Every kind of trouble between good frames.
-fn troubled() -> Vec<Input> {
+/// Every kind of fault between good frames.
+fn faulty_stream() -> Vec<Input> {
     vec![
         good(1, 0),
         frame(2, 100, 100, |image| image.step = WIDTH - 1),
@@ -242,7 +242,7 @@ fn troubled() -> Vec<Input> {
             (image.width, image.height, image.step, image.data) = (0, 0, 0, &[]);
         }),
         Input::Damage("a chunk".into()),
-        // Another size: the stream goes on.
+        // Another size: the stream continues.
         frame(14, 1300, 1300, |image| {
             (image.height, image.data) = (HEIGHT / 2, &image.data[..(HEIGHT / 2 * WIDTH) as usize]);
         }),
@@ -251,8 +251,8 @@ fn troubled() -> Vec<Input> {
 }
 
 #[test]
-fn every_frame_lands_in_exactly_one_bin() {
-    let (summary, messages) = run(&Setup::default(), troubled());
+fn every_frame_is_counted_in_exactly_one_bin() {
+    let (summary, messages) = run(&Setup::default(), faulty_stream());
     let summary = summary.unwrap();
     let counts = summary.counts;
     assert_eq!((counts.received, counts.processed), (13, 6));
@@ -266,7 +266,7 @@ fn every_frame_lands_in_exactly_one_bin() {
 
 #[test]
 fn a_result_repeats_its_frame_and_the_gap_before_it() {
-    let (_, messages) = run(&Setup::default(), troubled());
+    let (_, messages) = run(&Setup::default(), faulty_stream());
     let traces: Vec<_> = on(&messages, Output::Centerline)
         .iter()
         .map(|message| {
@@ -288,7 +288,7 @@ fn a_result_repeats_its_frame_and_the_gap_before_it() {
 #[test]
 fn the_same_frames_give_the_same_bytes() {
     let setup = || Setup { calibrated: true, ..Setup::default() };
-    let [first, second] = [(); 2].map(|()| run(&setup(), troubled()).1);
+    let [first, second] = [(); 2].map(|()| run(&setup(), faulty_stream()).1);
     assert!(first.len() > 20);
     assert_eq!(first.len(), second.len());
     for (a, b) in first.iter().zip(&second) {
@@ -329,7 +329,7 @@ fn slices_account_for_every_frame() {
 }
 
 #[test]
-fn status_comes_each_second_of_the_recording_and_at_the_end() {
+fn status_is_published_every_second_of_the_recording_and_at_the_end() {
     let inputs = (0..35).map(|n| good(n, i64::from(n) * 100)).collect();
     let (_, messages) = run(&Setup::default(), inputs);
     let reports = on(&messages, Output::StreamStatus);
@@ -344,7 +344,7 @@ fn status_comes_each_second_of_the_recording_and_at_the_end() {
         cdr::decode(&on(&messages, Output::Diagnostics)[0].data).unwrap();
     assert_eq!(diagnostics.status[0].level, 0);
 
-    let (_, messages) = run(&Setup::default(), troubled());
+    let (_, messages) = run(&Setup::default(), faulty_stream());
     let report = &on(&messages, Output::StreamStatus)[0];
     assert_eq!((report.log_time_ns - START_NS) / MS, 100, "at the first fault");
     let diagnostics: DiagnosticArray<'_> =
@@ -353,7 +353,7 @@ fn status_comes_each_second_of_the_recording_and_at_the_end() {
 }
 
 #[test]
-fn a_writer_that_does_not_count_leaves_gaps_unknown() {
+fn gaps_are_unknown_if_the_publisher_does_not_count() {
     let inputs = (0..3).map(|n| good(0, n * 100)).collect();
     let (summary, messages) = run(&Setup::default(), inputs);
     assert!(summary.unwrap().is_complete());
@@ -365,7 +365,7 @@ fn a_writer_that_does_not_count_leaves_gaps_unknown() {
 }
 
 #[test]
-fn images_are_sent_on_unchanged() {
+fn images_are_forwarded_unchanged() {
     let setup = Setup { sends_images: true, ..Setup::default() };
     let (_, messages) = run(&setup, vec![good(5, 0)]);
     let Input::Message(original, _) = good(5, 0) else { unreachable!() };
@@ -375,10 +375,10 @@ fn images_are_sent_on_unchanged() {
 }
 
 #[test]
-fn a_full_sink_ends_the_run_and_says_so() {
+fn a_full_sink_ends_the_run_with_an_error() {
     let setup = Setup { room: 5, ..Setup::default() };
     let inputs = (0..2000).map(|n| good(n, i64::from(n))).collect();
     let (summary, messages) = run(&setup, inputs);
     assert_eq!(summary.unwrap_err().to_string(), "memory: no space left");
-    assert_eq!(messages.len(), 5, "what was taken is kept");
+    assert_eq!(messages.len(), 5, "accepted messages are kept");
 }

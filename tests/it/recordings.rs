@@ -31,8 +31,8 @@ pub(crate) fn bundled(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("bags").join(name)
 }
 
-/// A recording from a real camera, stored beside the repository because it has no licence to ship it. Reports the
-/// skip if it is missing.
+/// Returns a recording from a real camera, stored beside the repository because no licence allows shipping it. Reports
+/// the skip if it is missing.
 pub(crate) fn real(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
     if path.exists() {

@@ -21,7 +21,7 @@ const GRID: u32 = 8;
 pub(crate) enum Misfit {
     /// The resolutions differ.
     #[error(
-        "camera_info is of a camera of {} x {} pixels, the calibration of one of {} x {}: it is another camera, or was \
+        "camera_info describes a camera of {} x {} pixels, but the calibration one of {} x {}: it is another camera, or was \
          calibrated in another mode", .info.0, .info.1, .calibrated.0, .calibrated.1
     )]
     Size {
@@ -56,8 +56,8 @@ pub(crate) enum Misfit {
     },
     /// The projections differ too much: it is another camera.
     #[error(
-        "K and D of camera_info project points up to {difference_px:.1} px from where the calibration does, more than 1 % \
-         of its side: it is another camera, or its images are rectified (image_rect), which are not measured"
+        "K and D of camera_info project points up to {difference_px:.1} px from where the calibration does, more than 1 % of \
+         the image's longer side: it is another camera, or its images are rectified (image_rect), which cannot be measured"
     )]
     Camera {
         /// Largest distance in the image, pixels, rounded to a tenth.

@@ -40,7 +40,7 @@ impl State {
         self as u8
     }
 
-    /// Its name.
+    /// Returns its name.
     pub(crate) const fn label(self) -> &'static str {
         match self {
             Self::Unknown => "unknown",
@@ -143,7 +143,7 @@ impl Wanted<'_> {
 
 /// The requested transition cannot begin in this state.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("transition {wanted} cannot begin in state {}: possible is {possible}", .state.label())]
+#[error("transition {wanted} cannot begin in state {}: allowed: {possible}", .state.label())]
 pub(crate) struct Impossible {
     /// The requested transition.
     pub(crate) wanted: String,
@@ -193,7 +193,7 @@ impl Machine {
         let Some(transition) = found.filter(|_| self.0.is_primary()) else {
             let labels: Vec<_> = self.available().map(|transition| transition.label).collect();
             let possible = match (self.0.is_primary(), labels.is_empty()) {
-                (false, _) => "waiting for its end".to_owned(),
+                (false, _) => "none until the running transition ends".to_owned(),
                 (true, true) => "none".to_owned(),
                 (true, false) => labels.join(", "),
             };

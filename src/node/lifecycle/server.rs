@@ -31,7 +31,7 @@ pub(crate) enum ChangeError {
     #[error(transparent)]
     Impossible(#[from] Impossible),
     /// Another one is running.
-    #[error("the node is changing its state ({}): wait for its end", .0.label())]
+    #[error("another transition is running ({}): try again when it has ended", .0.label())]
     Busy(State),
     /// The callback failed.
     #[error("{label} failed, the node is {}: {failure}", .state.label())]

@@ -176,7 +176,7 @@ fn an_impossible_transition_changes_nothing_and_the_error_lists_possible_ones() 
     let error = rig.lifecycle.change(Wanted::Id(3)).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "transition activate (3) cannot begin in state unconfigured: possible is configure, shutdown"
+        "transition activate (3) cannot begin in state unconfigured: allowed: configure, shutdown"
     );
 }
 

@@ -33,7 +33,7 @@ use crate::{
 };
 
 /// Time that a service waits for a camera to carry out a command.
-pub(super) const PATIENCE: Duration = Duration::from_secs(1);
+pub(super) const REPLY_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Maximum size of a `camera_info` message, bytes: distortion models have few coefficients.
 const INFO_LIMIT_BYTES: usize = 64 << 10;

@@ -15,31 +15,31 @@ use crate::{
 /// The reason that a node cannot start or continue.
 #[derive(Debug, Error)]
 pub(crate) enum LiveError {
-    /// A name or remap rule.
+    /// A name or remap rule is invalid.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// A parameter or parameter file.
+    /// A parameter or parameter file is invalid.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// The calibration of a camera.
+    /// A calibration cannot be loaded.
     #[error(transparent)]
     Calibration(#[from] CalibrationFileError),
-    /// The frame without laser of a camera.
+    /// A frame without laser cannot be loaded.
     #[error(transparent)]
     Ambient(#[from] AmbientFileError),
-    /// The axis of a camera's motion.
+    /// Motion parameters and calibration contradict each other.
     #[error(transparent)]
     Axis(#[from] AxisError),
-    /// The middleware.
+    /// The middleware rejects a resource.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// The log on `/rosout`.
+    /// `/rosout` cannot be started.
     #[error(transparent)]
     Rosout(#[from] RosoutError),
     /// A lifecycle transition failed.
     #[error(transparent)]
     Lifecycle(#[from] ChangeError),
-    /// The system gives no thread.
+    /// A thread cannot be started.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] io::Error),
     /// A camera's worker ended early.

@@ -6,7 +6,7 @@ use std::{
 };
 
 use super::{
-    camera::{Camera, PATIENCE},
+    camera::{Camera, REPLY_TIMEOUT},
     error::LiveError,
     services::refusal,
     session::{CameraSummary, Session},
@@ -44,7 +44,7 @@ struct State {
 
 impl NodeState {
     /// # Errors
-    /// Values that contradict one another.
+    /// The values contradict one another.
     pub(super) fn new(context: Context, values: Parameters) -> Result<Self, ParameterError> {
         let (values, params) = context.effective(values)?;
         let summaries = values.cameras().iter().map(|name| CameraSummary::new(name)).collect();
@@ -92,7 +92,7 @@ impl NodeState {
         }
     }
 
-    /// The recorders of the named camera, or of all of them.
+    /// Returns the recorders of the named camera, or of all cameras if the name is empty.
     pub(super) fn recorders(&self, camera: &str) -> Vec<RecordingControl> {
         let state = self.lock();
         let cameras = state.session.iter().flat_map(Session::cameras);
@@ -100,7 +100,7 @@ impl NodeState {
         meant.map(|of| of.recording.clone()).collect()
     }
 
-    /// The cameras that are configured.
+    /// Returns the configured cameras.
     pub(super) fn cameras(&self) -> Vec<Camera> {
         self.lock().session.iter().flat_map(Session::cameras).cloned().collect()
     }
@@ -170,8 +170,8 @@ impl NodeState {
         };
         // Without the lock, because a worker answers between two frames.
         let ordered: Vec<_> = cameras.iter().map(|of| of.order(&command)).collect();
-        let deadline = Instant::now() + PATIENCE;
-        let late = || refusal("not carried out within a second: the camera is busy");
+        let deadline = Instant::now() + REPLY_TIMEOUT;
+        let late = || refusal("the camera is busy: no reply within a second");
         let answers: Vec<_> = ordered
             .into_iter()
             .map(|ordered| ordered.answer(deadline).unwrap_or_else(late))
@@ -226,7 +226,7 @@ pub(super) struct Handle(pub(super) Weak<NodeState>);
 
 impl Handle {
     fn with<T>(&self, act: impl FnOnce(&NodeState) -> Result<T, LiveError>) -> Result<T, Failure> {
-        let node = self.0.upgrade().ok_or_else(|| Failure("the node is gone".to_owned()))?;
+        let node = self.0.upgrade().ok_or_else(|| Failure("the node has ended".to_owned()))?;
         act(&node).map_err(|error| Failure(error.to_string()))
     }
 }

@@ -1,9 +1,9 @@
-//! The cameras, which exist between configure and cleanup and measure while the node is active.
+//! The cameras of a configured node, which measure while the node is active.
 
 use std::time::Instant;
 
 use super::{
-    camera::{Camera, Measuring, PATIENCE},
+    camera::{Camera, Measuring, REPLY_TIMEOUT},
     error::LiveError,
     recording,
     setup::{Context, sends_images},
@@ -88,7 +88,7 @@ impl Session {
         self.cameras.iter().for_each(Camera::stop_listening);
         let drain_reply: Vec<_> =
             self.cameras.iter().map(|camera| camera.order(Command::Drain)).collect();
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + REPLY_TIMEOUT;
         for (camera, ordered) in self.cameras.iter().zip(drain_reply) {
             if ordered.answer(deadline).is_none() {
                 tracing::warn!("camera {:?} is still measuring earlier frames", camera.name);

@@ -144,7 +144,7 @@ impl ServerState {
             Ok(response) => Some(response),
             Err(error) => {
                 let num = self.num_malformed.fetch_add(1, Ordering::Relaxed) + 1;
-                // Ever more rarely: a faulty client may send a thousand per second.
+                // Logged at powers of two only: a faulty client may send a thousand per second.
                 if num.is_power_of_two() {
                     tracing::warn!("{num} malformed parameter requests; the last: {error}");
                 }

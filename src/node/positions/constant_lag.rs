@@ -12,7 +12,7 @@ pub(super) struct ConstantLag {
     /// Time of the last frame and of the sample before it.
     last: Option<(i64, i64)>,
     num_alike: u32,
-    has_told: bool,
+    has_reported: bool,
 }
 
 impl ConstantLag {
@@ -28,13 +28,13 @@ impl ConstantLag {
         let is_only_one = track.age_ns(sample_ns) == Some(step_ns);
         let is_alike = step_ns > 0 && is_steady && is_only_one;
         self.num_alike = if is_alike { self.num_alike + 1 } else { 0 };
-        if self.num_alike < NUM_ALIKE || std::mem::replace(&mut self.has_told, true) {
+        if self.num_alike < NUM_ALIKE || std::mem::replace(&mut self.has_reported, true) {
             return None;
         }
         let age_s = age_ns as f64 * 1e-9;
         Some(format!(
-            "every frame has a position of its own, stamped {age_s:.4} s before it: if the axis stands still while the camera \
-             exposes, set motion.exposure_offset to {:.4}, or frames are placed that much too far on",
+            "every frame has its own position, stamped {age_s:.4} s before it: if the axis stands still during the exposure, \
+             set motion.exposure_offset to {:.4}, otherwise frames are placed too far along the axis",
             -age_s
         ))
     }
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_found_once_where_each_frame_has_its_position() {
+    fn the_lag_is_reported_once_if_each_frame_has_its_own_position() {
         let found = advice(100, 20);
         assert!(
             found.len() == 1 && found[0].contains("motion.exposure_offset to -0.0200"),

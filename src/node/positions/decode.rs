@@ -47,7 +47,7 @@ impl Positions {
         match (state.name.len(), self.joints.len()) {
             (0 | 1, 0 | 1) => Ok(Some(0)),
             _ => Err(format!(
-                "several joints are there, and motion.joint names none of {}",
+                "there are several joints, and motion.joint does not select one: {}",
                 self.joints.join(", ")
             )),
         }
@@ -69,13 +69,13 @@ impl Positions {
         let scale = self.params.scale.unwrap_or(sample.scale);
         if scale == 0.0 || !scale.is_finite() {
             return Err(format!(
-                "its scale is {scale} m a count, which is not valid: set motion.scale"
+                "its scale is {scale} m per count, which is invalid: set motion.scale"
             ));
         }
         // Samples before and after would be in different units.
         let first = *self.scale.get_or_insert(scale);
         if first.to_bits() != scale.to_bits() {
-            return Err(format!("its scale is {scale} m a count, but was {first} before"));
+            return Err(format!("its scale is {scale} m per count, but was {first} before"));
         }
         let counts = self.counter.unwrap(sample.counts);
         let stamp_ns = sample.header.stamp.to_ns();
@@ -107,7 +107,7 @@ impl Positions {
         Ok(())
     }
 
-    /// Travel of a joint or an encoder; without a calibrated axis its positions are metres or radians.
+    /// Returns the travel of a joint or an encoder; without a calibrated axis its positions are metres or radians.
     fn travel(&self, position: RawPosition) -> AxisTravel {
         match (&self.axis, self.kind) {
             (Some(axis), _) => axis.travel(position),
@@ -154,7 +154,11 @@ where
     T: Message + serde::Deserialize<'a>,
 {
     if message.topic.type_name != T::TYPE.name {
-        return Err(format!("it is a {}, not a {}", message.topic.type_name, T::TYPE.name));
+        return Err(format!(
+            "the message is a {}, not a {}",
+            message.topic.type_name,
+            T::TYPE.name
+        ));
     }
     cdr::decode(&message.data).map_err(|error| error.to_string())
 }

@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-/// Capacity: seconds of a fast encoder.
+/// Bound of the queue: several seconds of a fast encoder.
 const BOUND: Bound = Bound { items: 4096, bytes: 16 << 20 };
 
 /// A bounded queue of messages about an axis; drops the oldest.
@@ -50,7 +50,7 @@ impl Inbox {
         self.is_announced.store(false, Ordering::Release);
     }
 
-    /// The next message, and the number of messages dropped before it.
+    /// Returns the next message and the number of messages dropped before it.
     pub(crate) fn next(&self) -> Option<(RawMessage, u32)> {
         match self.messages.pop_counted(Some(Instant::now())) {
             Popped::Item(message, num_dropped) => Some((message, num_dropped)),
@@ -70,7 +70,7 @@ mod tests {
     };
 
     #[test]
-    fn the_worker_is_woken_once_for_many() {
+    fn the_worker_is_notified_once_for_many_messages() {
         let topic = Topic::new("/joint_states", JointState::TYPE, QosProfile::best_effort(5));
         let topic = Arc::new(topic);
         let message = |sequence| RawMessage {

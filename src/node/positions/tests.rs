@@ -18,7 +18,7 @@ use crate::{
 };
 
 const MS: i64 = 1_000_000;
-/// 2020-01-01, so that times have their real size.
+/// 2020-01-01, so that times have a realistic magnitude.
 const START_NS: i64 = 1_577_836_800_000_000_000;
 
 fn raw<M: Message>(topic: &str, at_ms: i64, message: &M) -> RawMessage {
@@ -76,7 +76,7 @@ fn positions(params: &MotionParams, joint: &str) -> Positions {
     Positions::new(params, &moved, AxisKind::Prismatic).unwrap()
 }
 
-/// Value and doubts of a frame of that time.
+/// Position and doubts of a frame at that time.
 fn found(positions: &mut Positions, at_ms: i64) -> Option<(f64, u8)> {
     let stamp_ns = START_NS + at_ms * MS;
     positions.at(stamp_ns, stamp_ns).map(|position| (position.value.0, position.doubts))
@@ -164,7 +164,7 @@ fn a_missing_joint_is_reported_with_those_received() {
 }
 
 #[test]
-fn a_turn_that_begins_again_goes_on() {
+fn a_turntable_angle_continues_over_its_wrap() {
     let moved = Moved { joint: "table".into(), ..Moved::default() };
     let mut positions =
         Positions::new(&params(MotionSource::JointState), &moved, AxisKind::Revolute).unwrap();
@@ -235,12 +235,12 @@ fn samples_with_encoder_errors_are_refused() {
 fn poses_are_looked_up_at_the_stamp() {
     let mut positions = positions(&params(MotionSource::Tf), "");
     positions.set_camera_frame("optical");
-    assert_eq!((found(&mut positions, 0), positions.patience_ns()), (None, None));
+    assert_eq!((found(&mut positions, 0), positions.timeout_ns()), (None, None));
     positions.take(&tf("/tf_static", 0, "carriage", "optical", 1.0));
     for number in 0..4 {
         positions.take(&tf("/tf", number * 10, "table", "carriage", number as f64));
     }
-    assert_eq!(positions.patience_ns(), Some(MIN_PATIENCE_NS));
+    assert_eq!(positions.timeout_ns(), Some(MIN_TIMEOUT_NS));
     let at = |positions: &mut Positions, at_ms: i64| {
         let position = positions.at(START_NS + at_ms * MS, START_NS + at_ms * MS)?;
         Some((position.part_from_sensor?.translation.x, position.doubts))
@@ -255,7 +255,7 @@ fn poses_are_looked_up_at_the_stamp() {
 }
 
 #[test]
-fn a_sample_that_comes_too_late_is_reported_once() {
+fn a_sample_that_arrives_too_late_is_reported_once() {
     let mut positions = positions(&params(MotionSource::JointState), "table");
     for at_ms in [0, 10, 20] {
         positions.take(&joint(at_ms, &["table"], &[1.0]));
@@ -269,7 +269,7 @@ fn a_sample_that_comes_too_late_is_reported_once() {
 }
 
 #[test]
-fn other_parameters_mean_other_positions() {
+fn changed_parameters_discard_earlier_samples() {
     let mut positions = positions(&params(MotionSource::JointState), "table");
     positions.take(&joint(0, &["table"], &[1.0]));
     positions.reconfigure(&params(MotionSource::JointState));

@@ -49,12 +49,12 @@ pub(crate) enum PositionTopicError {
         /// The flags that would choose.
         choices: String,
     },
-    /// A remap rule with a name that ROS does not allow.
+    /// A remap rule has a name that ROS does not allow.
     #[error(transparent)]
     Name(#[from] NameError),
 }
 
-/// A topic that a source listens to: name before remapping, type, and quality of service.
+/// A topic that a source subscribes to: name before remapping, type, and quality of service.
 type Wanted = (&'static str, &'static MessageType, QosProfile);
 
 fn wanted(source: MotionSource) -> Vec<Wanted> {
@@ -70,10 +70,10 @@ fn wanted(source: MotionSource) -> Vec<Wanted> {
     }
 }
 
-/// The topics of a live camera.
+/// Returns the position topics of a live camera.
 ///
 /// # Errors
-/// A remap rule with a name that ROS does not allow.
+/// A remap rule has a name that ROS does not allow.
 pub(crate) fn endpoints(
     source: MotionSource,
     names: &NodeNames,
@@ -86,8 +86,8 @@ pub(crate) fn endpoints(
     wanted(source).into_iter().map(endpoint).collect()
 }
 
-/// Chooses among the topics (name and type) of a recording: the one that a remap names or that has the usual name, else
-/// the only one of its type. Of `/tf` and `/tf_static` one is enough.
+/// Chooses among the topics (name and type) of a recording: the remapped topic or the one with the default name, else
+/// the only one of its type. One of `/tf` and `/tf_static` is enough.
 ///
 /// # Errors
 /// No topic fits, or several do and none was chosen.
@@ -132,7 +132,7 @@ pub(crate) fn choose(
 
 fn list(topics: &[(String, String)]) -> String {
     if topics.is_empty() {
-        return "no topics at all".to_owned();
+        return "no topics".to_owned();
     }
     let named = topics.iter().take(MAX_LISTED).map(|(name, kind)| format!("{name} ({kind})"));
     let mut named: Vec<_> = named.collect();
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn the_usual_name_the_named_one_or_the_only_one() {
+    fn the_default_the_remapped_or_the_only_topic_is_chosen() {
         let source = MotionSource::JointState;
         let one = [("/table/joint_states", JOINTS), ("/image_raw", "sensor_msgs/msg/Image")];
         assert_eq!(chosen(&one, None, source).unwrap(), ["/table/joint_states"]);
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(chosen(&both, None, MotionSource::Tf).unwrap(), ["/tf", "/tf_static"]);
         assert_eq!(chosen(&both[1..2], None, MotionSource::Tf).unwrap(), ["/tf_static"]);
         assert!(chosen(&both[2..], None, MotionSource::Tf).is_err());
-        assert!(chosen(&[], None, MotionSource::Encoder).unwrap_err().contains("no topics at all"));
+        assert!(chosen(&[], None, MotionSource::Encoder).unwrap_err().contains("it has no topics"));
         assert_eq!(chosen(&[], None, MotionSource::Constant), Ok(vec![]));
     }
 }

@@ -11,7 +11,7 @@ use super::Positions;
 
 /// Upper bound of the memory of waiting messages, bytes.
 const MAX_BYTES: usize = 256 << 20;
-/// Tolerance for messages of two topics that overtake one another in transport: samples in time are not missed.
+/// Tolerance for messages of two topics that overtake each other in transport, so that samples in time are not missed.
 const OVERTAKING: Duration = Duration::from_millis(100);
 
 /// A frame or a fault in order of arrival.
@@ -63,16 +63,16 @@ impl Held {
     }
 
     fn is_given_up(&self, positions: &Positions, now: Now) -> bool {
-        let Some(patience_ns) = positions.patience_ns() else {
+        let Some(timeout_ns) = positions.timeout_ns() else {
             return matches!(now, Now::End);
         };
-        let patience = Duration::from_nanos(patience_ns.unsigned_abs()).saturating_add(OVERTAKING);
+        let timeout = Duration::from_nanos(timeout_ns.unsigned_abs()).saturating_add(OVERTAKING);
         match now {
             Now::Received(now_ns) => {
                 let waited_ns = now_ns.saturating_sub(self.received_ns);
-                u64::try_from(waited_ns).is_ok_and(|ns| Duration::from_nanos(ns) > patience)
+                u64::try_from(waited_ns).is_ok_and(|ns| Duration::from_nanos(ns) > timeout)
             }
-            Now::Tick(now) => now.saturating_duration_since(self.since) > patience,
+            Now::Tick(now) => now.saturating_duration_since(self.since) > timeout,
             Now::End => true,
         }
     }

@@ -137,7 +137,7 @@ impl CameraReplay {
         })
     }
 
-    /// Name of the camera; empty if it is the only one.
+    /// Returns the name of the camera; empty if it is the only one.
     pub(super) fn name(&self) -> &str {
         &self.camera.name
     }

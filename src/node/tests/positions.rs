@@ -48,7 +48,7 @@ fn header(at_ms: i64) -> Header<'static> {
     Header { stamp: Time::from_ns(START_NS + at_ms * MS), frame_id: "".into() }
 }
 
-/// The axis moves a millimetre in 100 ms.
+/// A sample of an axis that moves one millimetre in 100 ms.
 fn joint(at_ms: i64, late_ms: i64) -> Input {
     let (name, position) = (vec!["axis".to_owned()], vec![at_ms as f64 * 1e-5]);
     let state = JointState { header: header(at_ms), name, position, ..JointState::default() };
@@ -60,7 +60,7 @@ fn log_time_ns(input: &Input) -> i64 {
     message.log_time_ns
 }
 
-/// As a recording holds them.
+/// Sorts inputs by log time, as in a recording.
 fn sorted(mut inputs: Vec<Input>) -> Vec<Input> {
     inputs.sort_by_key(log_time_ns);
     inputs
@@ -80,7 +80,7 @@ fn measured(setup: &Setup, inputs: Vec<Input>) -> (Summary, Vec<Outgoing>) {
     (summary.unwrap(), messages)
 }
 
-/// Frames each 100 ms, samples each 30 ms that come `late_ms` late; none behind the last frame.
+/// Frames every 100 ms and samples every 30 ms that arrive `late_ms` late; none after the last frame.
 fn stream(num_frames: i64, late_ms: i64) -> Vec<Input> {
     let frames = (0..num_frames).map(|number| good(number as u32 + 1, number * 100));
     let samples = (-1..num_frames * 100 / 30 - 3).map(|number| joint(number * 30, late_ms));
@@ -88,7 +88,7 @@ fn stream(num_frames: i64, late_ms: i64) -> Vec<Input> {
 }
 
 #[test]
-fn frames_wait_for_the_sample_behind_them() {
+fn frames_wait_for_the_sample_after_them() {
     for late_ms in [0, 5, 80, 250] {
         let (summary, messages) = measured(&setup(&[]), stream(12, late_ms));
         let traces = traces(&messages);
@@ -111,8 +111,8 @@ fn frames_wait_for_the_sample_behind_them() {
 }
 
 #[test]
-fn a_frame_without_a_position_is_published_but_not_scanned_and_counted() {
-    // Nothing is known before 95 ms, and nothing after 500 ms.
+fn a_frame_without_a_position_is_published_and_counted_but_not_scanned() {
+    // Positions are unknown before 95 ms and after 500 ms.
     let frames = (0..12).map(|number| good(number + 1, i64::from(number) * 100));
     let samples = (0..28).map(|number| joint(95 + number * 15, 0));
     let inputs = sorted(frames.chain(samples).collect());
@@ -136,11 +136,11 @@ fn a_frame_without_a_position_is_published_but_not_scanned_and_counted() {
 }
 
 #[test]
-fn nothing_at_all_is_known() {
+fn without_any_position_there_is_no_scan() {
     let inputs = (0..5).map(|number| good(number + 1, i64::from(number) * 100)).collect();
     let (summary, messages) = measured(&setup(&[]), inputs);
     assert_eq!((summary.counts.processed, summary.counts.unlocated), (5, 5));
-    assert!(infos(&messages).is_empty(), "there is no scan of frames that are nowhere");
+    assert!(infos(&messages).is_empty(), "there is no scan of frames without position");
     assert_eq!(traces(&messages).len(), 5);
 }
 
@@ -152,7 +152,7 @@ fn frames_do_not_wait_forever() {
         let samples = (0..10).map(|number| joint(number * 10, 0));
         let frames = (0..20).map(|number| good(number + 1, i64::from(number) * 100));
         let mut inputs = sorted(frames.chain(samples).collect());
-        // It comes back when every frame was given up: nothing is made of it.
+        // A sample after every frame was released has no effect.
         inputs.push(joint(10_000, 0));
         let (summary, messages) = measured(&setup, inputs);
         assert_eq!(summary.counts.processed, 20, "{max_wait}");
@@ -204,7 +204,7 @@ fn counts_and_positions_of_an_encoder_are_in_every_trace() {
 }
 
 #[test]
-fn positions_are_sent_on_beside_the_images() {
+fn positions_are_forwarded_with_the_images() {
     let setup = Setup { sends_images: true, ..setup(&[]) };
     let (_, messages) = measured(&setup, stream(3, 0));
     let of = |topic: usize| messages.iter().filter(|message| message.topic == topic).count();
@@ -212,7 +212,7 @@ fn positions_are_sent_on_beside_the_images() {
 }
 
 #[test]
-fn a_malformed_frame_keeps_its_place_in_the_line() {
+fn a_malformed_frame_keeps_its_place_in_the_queue() {
     let mut inputs = stream(6, 50);
     let at = inputs.iter().position(|input| log_time_ns(input) == START_NS + 300 * MS).unwrap();
     let Input::Message(broken, _) = &mut inputs[at] else { unreachable!() };
@@ -226,12 +226,12 @@ fn a_malformed_frame_keeps_its_place_in_the_line() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
-    /// However late samples come, as long as frames wait for them: the same bytes.
+    /// The delay of samples does not change a byte as long as frames wait for them.
     #[test]
-    fn when_samples_come_does_not_matter(lateness_ms in prop::collection::vec(0..300_i64, 40)) {
+    fn the_delay_of_samples_does_not_matter(lateness_ms in prop::collection::vec(0..300_i64, 40)) {
         let frames = || (0..10).map(|number| good(number + 1, i64::from(number) * 100));
         let on_time = (-1..38).map(|number| joint(number * 30, 0));
-        // In order among themselves: a network keeps the order of a topic.
+        // Samples stay in order: a network keeps the order of a topic.
         let mut received_ms = i64::MIN;
         let late = (-1..38).map(|number| {
             received_ms = received_ms.max(number * 30 + lateness_ms[(number + 1) as usize]);

@@ -1,4 +1,4 @@
-//! Streams as cameras and recorders make them: too fast, in several recordings, with counters at their limits.
+//! Tests unusual streams: too fast, in several recordings, with counters at their limits.
 
 use std::thread;
 
@@ -65,7 +65,7 @@ fn frames_dropped_by_a_full_queue_are_counted_but_not_as_lost() {
     assert_eq!((status.dropped_overload, status.rejected_malformed), (5, 1));
 }
 
-/// Every counter with a number of its own.
+/// Counters that all differ.
 fn counted() -> Counts {
     Counts {
         received: 1,
@@ -150,7 +150,7 @@ fn every_counter_reaches_its_field_of_the_status() {
 }
 
 #[test]
-fn every_recording_begins_a_new_scan_whether_older_or_newer() {
+fn every_recording_starts_a_new_scan() {
     let setup = Setup { calibrated: true, ..Setup::default() };
     for later_ms in [-1000, 0, 1_000_000] {
         let mut inputs = vec![good(8, 500), good(9, 600), Input::NewRecording];
@@ -160,7 +160,7 @@ fn every_recording_begins_a_new_scan_whether_older_or_newer() {
         let traces = lines(&messages);
         let numbers: Vec<_> = traces.iter().map(|trace| trace.frame_number).collect();
         assert_eq!(numbers, [0, 1, 2, 3]);
-        assert!(!traces[2].frames_missing_valid, "what lies between is unknown");
+        assert!(!traces[2].frames_missing_valid, "the gap between is unknown");
         let maps = on(&messages, Output::HeightMap);
         assert_eq!(maps.len(), 2, "{later_ms}");
         assert_eq!(maps[0].log_time_ns, START_NS + 600 * MS);
@@ -208,7 +208,7 @@ fn an_image_larger_than_allowed_is_rejected() {
 }
 
 #[test]
-fn numbers_at_their_limits_do_no_harm() {
+fn counters_at_their_limits_are_handled() {
     let at = |sequence: u32, log_time_ns: i64, sec: i32, nanosec: u32| {
         let input = frame(sequence, 0, 0, |image| image.header.stamp = Time { sec, nanosec });
         let Input::Message(mut message, writer) = input else { unreachable!() };
@@ -229,25 +229,25 @@ fn numbers_at_their_limits_do_no_harm() {
     assert_eq!(on(&messages, Output::Centerline).len() as u64, counts.processed);
 }
 
-/// A source and a sink that let others go first as often as a number says: the threads meet in another order.
+/// A source or sink that yields to other threads a given number of times, to vary the thread timing.
 struct Yielding<T>(T, u32);
 
 impl<T> Yielding<T> {
-    fn give_way(&self) {
+    fn yield_now(&self) {
         (0..self.1).for_each(|_| thread::yield_now());
     }
 }
 
 impl Source for Yielding<Listed> {
     fn next(&mut self) -> Option<Input> {
-        self.give_way();
+        self.yield_now();
         self.0.next()
     }
 }
 
 impl Sink for Yielding<Memory> {
     fn write(&mut self, message: &Outgoing) -> Result<(), SinkError> {
-        self.give_way();
+        self.yield_now();
         self.0.write(message)
     }
 
@@ -257,10 +257,10 @@ impl Sink for Yielding<Memory> {
 }
 
 #[test]
-fn neither_a_slow_source_nor_a_slow_sink_changes_a_byte() {
+fn a_slow_source_or_sink_does_not_change_a_byte() {
     let setup = Setup { calibrated: true, ..Setup::default() };
     let stream = || {
-        let mut inputs = troubled();
+        let mut inputs = faulty_stream();
         inputs.push(Input::NewRecording);
         inputs.extend((1..60).map(|n| good(n, 2000 + i64::from(n) * 40)));
         inputs
@@ -327,7 +327,7 @@ fn packed(number: u32, edit: impl FnOnce(&mut Vec<u8>)) -> Input {
 }
 
 #[test]
-fn unpacked_ahead_the_frames_are_those_that_were_never_packed() {
+fn frames_decompressed_ahead_equal_uncompressed_ones() {
     let is_damaged = |number: u32| number % 7 == 3;
     let unpacked = (1..60).map(|number| {
         let edit = |image: &mut Image<'_>| image.step -= u32::from(is_damaged(number));

@@ -102,7 +102,7 @@ impl Worker {
         while let Some((message, num_dropped)) = inbox.next() {
             if let Some(positions) = &mut self.measurer.positions {
                 positions
-                    .count_lost(num_dropped.into(), "they come faster than frames are measured");
+                    .count_lost(num_dropped.into(), "they arrive faster than frames are measured");
             }
             self.take_position(&message, spare, out)?;
         }

@@ -28,7 +28,7 @@ use crate::{
 
 /// The reason that a frame gave no results.
 pub(super) enum NotMeasured {
-    /// The frame is rejected; the stream goes on.
+    /// The frame is rejected; the stream continues.
     Rejected(Rejection),
     /// Nothing more can be published.
     Unpublished(PublishError),
@@ -141,7 +141,7 @@ impl Worker {
     }
 }
 
-/// The image of a message that was unpacked before.
+/// Returns the image of a message that was decompressed ahead.
 fn unpacked<'a>(
     message: &'a RawMessage,
     picture: &'a Picture,

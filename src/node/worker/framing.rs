@@ -1,5 +1,5 @@
-//! `camera_info` in the worker: images of another camera are rejected, those of a part of the sensor are measured as such,
-//! and a changed description starts a new scan.
+//! `camera_info` in the worker: images of another camera are rejected, images of a region of the sensor are measured as
+//! such, and a changed description starts a new scan.
 
 use super::{Publisher, Worker, frame::NotMeasured, ledger::Rejection};
 use crate::{
@@ -75,7 +75,7 @@ impl Worker {
         if difference_px > WARN_ABOVE_PX {
             tracing::warn!(
                 "K and D of camera_info project points up to {difference_px:.1} px from where the calibration does: the \
-                 calibration is used; the driver has another one of this camera"
+                 calibration is used; the driver has a different calibration of this camera"
             );
         }
         if before.is_some() {

@@ -34,9 +34,9 @@ pub(super) enum Rejection {
     CameraInfo(#[from] Conflict),
     #[error("malformed: {0}")]
     Transport(String),
-    #[error("its stamp equals that of the frame before")]
+    #[error("its stamp equals that of the previous frame")]
     Duplicate,
-    #[error("its stamp lies before that of an earlier frame")]
+    #[error("its stamp is before that of an earlier frame")]
     OutOfOrder,
 }
 
@@ -218,7 +218,7 @@ impl Ledger {
         if self.counts.flooded == 1 {
             tracing::warn!(
                 "{:.0} % of the searched pixels are above extraction.segment_threshold, too many for a stripe: raise it, or \
-                 set extraction.background: local and extraction.threshold: adaptive; further frames like this are only counted",
+                 set extraction.background: local and extraction.threshold: adaptive; further such frames are only counted",
                 100.0 * share
             );
         }
@@ -234,7 +234,7 @@ impl Ledger {
         self.counts.doubtful += 1;
         if self.counts.doubtful == 1 {
             tracing::warn!(
-                "the position {value} of the frame of {stamp_ns} ns is in doubt: {}; its slice will be DEGRADED; further ones \
+                "the position {value} of the frame at {stamp_ns} ns is in doubt: {}; its slice will be DEGRADED; further ones \
                  are only counted",
                 in_words(doubts)
             );
@@ -245,7 +245,7 @@ impl Ledger {
 /// True if a frame lacks its other exposure. Logs the reason if the scene or the parameters cause it.
 fn is_unpaired(pairing: Option<ExposurePairing>) -> bool {
     if pairing == Some(ExposurePairing::Alike) {
-        tracing::debug!("exposures alternate, but this frame is as bright as the one before it");
+        tracing::debug!("exposures alternate, but this frame is as bright as the previous one");
     }
     matches!(pairing, Some(ExposurePairing::Alone | ExposurePairing::Alike))
 }

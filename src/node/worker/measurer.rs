@@ -54,7 +54,7 @@ pub(super) struct Outcome {
 pub(super) struct Measurer {
     pub(super) pipeline: Pipeline,
     pub(super) results: Results,
-    /// Positions of frames, where they are measured.
+    /// Positions of frames; `None` if they are not measured.
     pub(super) positions: Option<Positions>,
     /// Buffer for the pixels of a decoded compressed image.
     pub(super) pixels: Vec<u8>,
@@ -83,7 +83,7 @@ impl Measurer {
     /// Measures a frame and publishes its results.
     ///
     /// # Errors
-    /// The frame does not fit the parameters, or nothing more can be published.
+    /// The frame contradicts the parameters, or nothing more can be published.
     pub(super) fn measure(
         &mut self,
         job: &Job<'_>,

@@ -123,8 +123,8 @@ impl Worker {
         &self.position_topics
     }
 
-    /// Checks images against `camera_info`: those of another camera are rejected, those of a part of the sensor measured as
-    /// such. Recorded `camera_info` arrives on `topic`, which is among the topics of the positions.
+    /// Checks images against `camera_info`: images of another camera are rejected, images of a region of the sensor are
+    /// measured as such. Recorded `camera_info` arrives on `topic`, which is one of the position topics.
     #[must_use]
     pub(crate) fn with_camera_info(
         self,
@@ -134,7 +134,7 @@ impl Worker {
         Self { framing: Framing::new(calibration, topic), ..self }
     }
 
-    /// Largest decoded image, bytes, where images are compressed.
+    /// Returns the size of the largest decoded image, bytes; `None` if images are not compressed.
     pub(crate) fn unpacks_bytes(&self) -> Option<u64> {
         let WorkerOptions { transport, max_frame_bytes, .. } = self.options;
         (transport == ImageTransport::Compressed).then_some(max_frame_bytes)

@@ -236,7 +236,7 @@ impl Worker {
     /// `Err`: the reason to refuse the request.
     fn check_scan(&self, request: &ScanRequest) -> Result<(), String> {
         if !self.measurer.pipeline.is_calibrated() {
-            return Err("without a calibration there is no scan: set calibration_file".to_owned());
+            return Err("a scan needs a calibration: set calibration_file".to_owned());
         }
         match request.length_m {
             Some(length_m) if self.measurer.pipeline.travels_by_angle() => Err(format!(
@@ -276,14 +276,14 @@ impl Worker {
         let is_open = self.measurer.pipeline.scan_id().is_some();
         match (length_m, self.measurer.travelled) {
             (Some(length_m), Some(travelled)) if is_open && travelled.reaches_m(length_m) => {
-                tracing::info!("the scan has reached its length of {length_m} m: it ends");
+                tracing::info!("the scan ends at its length of {length_m} m");
                 self.stop_scan(out)
             }
             _ => Ok(()),
         }
     }
 
-    /// Reports on schedule although no frame arrives, and answers a request to drain once nothing waits.
+    /// Reports on schedule even without frames, and answers a request to drain when the queue is empty.
     pub(super) fn tick(
         &mut self,
         queue_depth: usize,
@@ -298,7 +298,7 @@ impl Worker {
         }
         if let Some(reply) = drained {
             self.begin_session(out)?;
-            answer(&reply, "everything is measured", None);
+            answer(&reply, "all queued frames are measured", None);
         }
         if !is_due {
             return Ok(());
@@ -312,6 +312,6 @@ impl Worker {
 }
 
 fn answer(reply: &Reply, message: &str, scan_id: Option<[u8; 16]>) {
-    // The caller may have given up waiting.
+    // The caller may have timed out.
     drop(reply.try_send(Answer { success: true, message: message.to_owned(), scan_id }));
 }

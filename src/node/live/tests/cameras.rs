@@ -32,7 +32,7 @@ fn each_camera_has_its_topics_and_parameters_and_a_faulty_one_does_not_affect_ot
     };
     for number in 1..=20 {
         left.shoot();
-        // Garbage, in a loop.
+        // A stream of malformed messages.
         for _ in 0..50 {
             right.sequence += 1;
             right.send(vec![0xff; 1000]);

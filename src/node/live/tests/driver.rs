@@ -8,7 +8,7 @@ use crate::{
     },
 };
 
-/// 2020-01-01, so that times have their real size.
+/// 2020-01-01, so that times have a realistic magnitude.
 pub(super) const START_NS: i64 = 1_577_836_800_000_000_000;
 pub(super) const MS: i64 = 1_000_000;
 
@@ -28,7 +28,7 @@ impl Default for Picture {
 }
 
 impl Picture {
-    /// As a message.
+    /// Returns the image as a message.
     pub(super) fn message(&self, stamp_ns: i64) -> Vec<u8> {
         let level = |row: u32| match row.abs_diff(self.row) {
             0 => 200,
@@ -71,7 +71,7 @@ pub(super) struct TestCamera {
 }
 
 impl TestCamera {
-    /// The next frame, 10 ms after the one before.
+    /// Sends the next frame, 10 ms after the previous one.
     pub(super) fn shoot(&mut self) {
         self.at_ms += 10;
         self.sequence += 1;
@@ -82,7 +82,7 @@ impl TestCamera {
         (0..num).for_each(|_| self.shoot());
     }
 
-    /// Any bytes as a frame.
+    /// Sends any bytes as a frame.
     pub(super) fn send(&self, data: Vec<u8>) {
         self.deliver(&Ok(Arrival {
             data,

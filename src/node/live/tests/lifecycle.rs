@@ -55,7 +55,7 @@ fn an_inactive_node_publishes_nothing_and_continues_with_a_new_session() {
     rig.results("height_map", 1);
     camera.shoot_times(5);
     assert!(rig.change_state("activate"));
-    // Older than before: a new session.
+    // An older stamp is accepted in a new session.
     camera.at_ms = 0;
     camera.shoot();
     rig.results("centerline", 4);
@@ -120,7 +120,7 @@ fn a_missing_calibration_leaves_the_node_unconfigured() {
     assert!(!rig.change_state("activate"), "still unconfigured");
     let good = rig.place.path().join("c.yaml");
     rig.set("calibration_file", &text(good.to_str().unwrap())).unwrap();
-    assert!(rig.change_state("configure"), "mended");
+    assert!(rig.change_state("configure"), "corrected");
     assert_eq!(counts(rig.end()).received, 0);
 
     let started = Setup::new().with("calibration_file", text("/missing/c.yaml")).start();

@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// Timeout, long enough for slow machines.
-const PATIENCE: Duration = Duration::from_mins(1);
+const TIMEOUT: Duration = Duration::from_mins(1);
 
 /// A received message.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ impl Listener {
     ) -> Vec<Received> {
         let guard = self.0.0.lock().unwrap();
         let (guard, timeout) =
-            self.0.1.wait_timeout_while(guard, PATIENCE, |messages| !is_so(messages)).unwrap();
+            self.0.1.wait_timeout_while(guard, TIMEOUT, |messages| !is_so(messages)).unwrap();
         assert!(!timeout.timed_out(), "timeout: {what}; received {} messages", guard.len());
         guard.clone()
     }
@@ -89,7 +89,7 @@ impl Listener {
 
 /// Waits until a condition that another thread causes is true.
 pub(super) fn wait_until(what: &str, mut is_so: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TIMEOUT;
     while !is_so() {
         assert!(Instant::now() < deadline, "timeout: {what}");
         thread::sleep(Duration::from_millis(2));

@@ -128,7 +128,7 @@ fn threshold(number: i32) -> f64 {
     20.0 + f64::from(number) / 1000.0
 }
 
-/// Ten thousand changes, half of them wrong.
+/// Ten thousand changes, half of them invalid.
 fn hammer(network: &Loopback) {
     for number in 0..10_000 {
         let is_right = number % 2 == 1;

@@ -31,7 +31,7 @@ pub(super) fn messages(path: &Path) -> BTreeMap<String, Vec<RawMessage>> {
     by_topic
 }
 
-/// The bags in a directory, those of images behind the others.
+/// The bags in a directory; image bags come last.
 pub(super) fn bags(place: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(place.join("bags")).unwrap();
     let mut bags: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
@@ -85,7 +85,7 @@ fn a_bag_has_the_published_bytes_from_start_to_stop() {
 }
 
 #[test]
-fn with_images_there_is_a_bag_of_them_and_a_signal_closes_both() {
+fn images_get_their_own_bag_and_a_signal_closes_both() {
     let setup = Setup::new()
         .with("recording.enabled", Value::Bool(true))
         .with("recording.images", Value::Bool(true));
@@ -106,7 +106,7 @@ fn with_images_there_is_a_bag_of_them_and_a_signal_closes_both() {
         let received = listener.received(&topic);
         let published: Vec<_> = received.iter().map(|Received { data, .. }| data).collect();
         let recorded: Vec<_> = recorded[&topic].iter().map(|m| &m.data).collect();
-        // The first report may have come before the recording.
+        // The first report may precede the recording.
         assert!(published.ends_with(&recorded) && !recorded.is_empty(), "{name}");
     }
     assert_eq!(recorded["/laser_profiler/centerline"].len(), 6, "from the first frame to the last");
@@ -118,7 +118,7 @@ fn recordings_follow_the_parameter_and_the_lifecycle() {
     let mut camera = rig.camera();
     rig.set("recording.enabled", &Value::Bool(true)).unwrap();
     shoot(&rig, &mut camera, 1..=5);
-    // The end of the scan belongs to what was recorded.
+    // The end of the scan is recorded, too.
     assert!(rig.change_state("deactivate"));
     let first = bags(rig.place.path());
     assert_eq!(first.len(), 1);

@@ -35,7 +35,7 @@ fn a_replay_of_the_recording_gives_the_published_results() {
         camera.picture.row = 8 + number % 7;
         camera.picture.height = if number < 30 { 32 } else { 36 };
         match number {
-            // Lost, malformed, twice, and from another publisher.
+            // Lost, malformed, repeated, and from another publisher.
             9 => camera.sequence += 3,
             14 => camera.send(Picture::default().message(START_NS)[..500].to_vec()),
             19 => camera.send(camera.picture.message(START_NS + camera.at_ms * MS)),

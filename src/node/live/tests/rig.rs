@@ -69,7 +69,7 @@ pub(super) struct Setup {
 type Through = Box<dyn FnOnce(Arc<dyn Transport>) -> Arc<dyn Transport>>;
 
 impl Setup {
-    /// For small pictures, calibrated, a millimetre a frame.
+    /// Setup for small images with a calibration and one millimetre per frame.
     pub(super) fn new() -> Self {
         let place = tempfile::tempdir().unwrap();
         fs::write(place.path().join("c.yaml"), CALIBRATION).unwrap();
@@ -83,7 +83,7 @@ impl Setup {
         setup
     }
 
-    /// The values of small pictures for a camera; of several, its name.
+    /// Sets the values of small images for a camera, whose name is empty if it is the only one.
     pub(super) fn set_camera(&mut self, camera: &str) {
         let prefix = if camera.is_empty() { String::new() } else { format!("{camera}.") };
         let calibration = self.path("c.yaml");

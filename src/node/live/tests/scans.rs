@@ -35,7 +35,7 @@ fn a_scan_of_a_length_ends_with_its_height_map() {
     rig.results("centerline", 2);
     let (success, message, scan_id) = rig.scan("part 7", 0.0055);
     assert!(success && scan_id != [0; 16], "{message}");
-    assert!(last_slice(&rig, 1).4, "the scan before has ended");
+    assert!(last_slice(&rig, 1).4, "the previous scan has ended");
     for number in 3..=12 {
         camera.shoot();
         rig.results("centerline", number);
@@ -125,7 +125,7 @@ fn a_length_in_metres_is_refused_on_a_revolute_axis() {
 }
 
 #[test]
-fn buttons_start_stop_and_reset() {
+fn services_start_stop_and_reset_a_scan() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     let mut num = 0;
@@ -140,7 +140,7 @@ fn buttons_start_stop_and_reset() {
     shoot(&rig);
     assert!(rig.trigger("stop_scan").0);
     let (_, _, first, last, ended) = last_slice(&rig, 1);
-    assert_eq!((first, last, ended), (1, 1, true), "the discarded one was never sent");
+    assert_eq!((first, last, ended), (1, 1, true), "the discarded scan was not published");
     shoot(&rig);
     assert!(rig.trigger("start_scan").0);
     shoot(&rig);

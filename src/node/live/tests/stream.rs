@@ -161,7 +161,7 @@ fn a_camera_that_returns_with_another_size_starts_a_new_scan() {
 }
 
 #[test]
-fn a_flood_is_counted_to_the_last_frame_and_reported_within_a_second() {
+fn an_overload_is_counted_to_the_last_frame_and_reported_within_a_second() {
     let rig = Rig::start();
     let mut camera = rig.camera();
     camera.picture = Picture { width: 1024, height: 768, row: 300, encoding: "mono8" };

@@ -24,7 +24,7 @@ use crate::{
 const LINE: &str = "/laser_profiler/centerline";
 const PREVIEW: &str = "/laser_profiler/preview";
 const OVERLAY: &str = "/laser_profiler/preview_annotations";
-/// More frames than the system's buffers and the server's queue hold for a viewer that reads nothing.
+/// More frames than the system's buffers and the server's queue hold for a viewer that does not read.
 const MANY_FRAMES: usize = 40;
 
 fn viewed(images: Images) -> (Rig, Arc<LiveView>) {
@@ -48,7 +48,7 @@ fn settle(viewer: &mut Viewer) {
 }
 
 #[test]
-fn viewers_get_the_bytes_that_are_published() {
+fn viewers_receive_the_published_bytes() {
     let (rig, view) = viewed(Images::Preview);
     let mut viewer = Viewer::connect(view.address());
     viewer.subscribe(&[LINE, PREVIEW, OVERLAY]);
@@ -76,7 +76,7 @@ fn viewers_get_the_bytes_that_are_published() {
 }
 
 #[test]
-fn viewers_that_read_nothing_cause_no_dropped_frame() {
+fn viewers_that_do_not_read_cause_no_dropped_frames() {
     let (rig, view) = viewed(Images::Full);
     let mut viewers: Vec<_> = (0..5).map(|_| Viewer::connect(view.address())).collect();
     for viewer in &mut viewers {
@@ -94,7 +94,7 @@ fn viewers_that_read_nothing_cause_no_dropped_frame() {
         camera.shoot();
         rig.results("centerline", number);
     }
-    assert!(view.num_sent() > MANY_FRAMES as u64, "they were given what they wanted");
+    assert!(view.num_sent() > MANY_FRAMES as u64, "the viewers were sent their topics");
     let counts = counts(rig.end());
     assert_eq!((counts.received, counts.processed), (MANY_FRAMES as u64, MANY_FRAMES as u64));
     drop(viewers);
@@ -121,7 +121,7 @@ fn parameters_and_services_are_those_of_the_node() {
     settle(&mut viewer);
     let set = |name: &str, value: Json| json!({"op": "setParameters", "parameters": [{"name": name, "value": value}], "id": "set"});
     viewer.send(&set(method, json!("gray_gravity")));
-    let in_force = |viewer: &mut Viewer| {
+    let effective_method = |viewer: &mut Viewer| {
         viewer.wait(|_, seen| match seen {
             Seen::Text(text) if text["op"] == "parameterValues" => {
                 let found =
@@ -131,7 +131,7 @@ fn parameters_and_services_are_those_of_the_node() {
             _ => None,
         })
     };
-    assert_eq!(in_force(&mut viewer), "gray_gravity");
+    assert_eq!(effective_method(&mut viewer), "gray_gravity");
     let mut camera = rig.camera();
     camera.shoot();
     let lines = rig.results("centerline", 1);
@@ -139,7 +139,7 @@ fn parameters_and_services_are_those_of_the_node() {
     assert!(line.method.contains("gray_gravity"), "{}", line.method);
     // Viewers see parameters set over ROS.
     rig.set(method, &text("gaussian_fit")).unwrap();
-    while in_force(&mut viewer) != "gaussian_fit" {}
+    while effective_method(&mut viewer) != "gaussian_fit" {}
     viewer.send(&set("autostart", json!(false)));
     let refused = viewer.wait(|_, seen| match seen {
         Seen::Text(text) if text["op"] == "status" => Some(text["message"].to_string()),
@@ -149,7 +149,7 @@ fn parameters_and_services_are_those_of_the_node() {
     let answer = viewer.call("/laser_profiler/start_scan", &encoded(&TriggerRequest::default()));
     let answer: TriggerResponse<'_> = cdr::decode(&answer).unwrap();
     assert!(answer.success && answer.message.contains("begins with the next frame"));
-    // Some viewers write no byte where ROS writes one.
+    // Some viewers send an empty message without the padding byte of ROS.
     let answer = viewer.call("/laser_profiler/stop_scan", &[0, 1, 0, 0]);
     assert!(cdr::decode::<TriggerResponse<'_>>(&answer).unwrap().success);
     let answer = viewer.call("/laser_profiler/record", &encoded(&SetBoolRequest { data: false }));

@@ -1,4 +1,4 @@
-//! A viewer that is not Foxglove's: speaks `foxglove.sdk.v1` by its description, over another library's WebSocket.
+//! An independent viewer: implements `foxglove.sdk.v1` from its specification, with another WebSocket library.
 
 use std::{
     collections::BTreeMap,
@@ -10,19 +10,19 @@ use serde_json::{Value as Json, json};
 use tungstenite::{Message, WebSocket, client::IntoClientRequest, http::HeaderValue};
 
 /// Timeout, long enough for slow machines.
-const PATIENCE: Duration = Duration::from_mins(1);
+const TIMEOUT: Duration = Duration::from_mins(1);
 
 /// A connection.
 pub(super) struct Viewer {
     socket: WebSocket<TcpStream>,
-    /// Numbers of topics and of services, by name.
+    /// Numbers of topics, by name.
     pub(super) channels: BTreeMap<String, u64>,
     pub(super) services: BTreeMap<String, u64>,
-    /// Subscribed topics, from the subscription 1 on.
+    /// Subscribed topics, in the order of their subscription numbers from 1.
     topics: Vec<String>,
 }
 
-/// What comes.
+/// A message from the server.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Seen {
     Message(String, Vec<u8>),
@@ -33,7 +33,7 @@ pub(super) enum Seen {
 impl Viewer {
     pub(super) fn connect(address: SocketAddr) -> Self {
         let stream = TcpStream::connect(address).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
         let mut request = format!("ws://{address}").into_client_request().unwrap();
         let protocol = HeaderValue::from_static("foxglove.sdk.v1");
         request.headers_mut().insert("Sec-WebSocket-Protocol", protocol);
@@ -42,7 +42,7 @@ impl Viewer {
         Self { socket, channels, services, topics: Vec::new() }
     }
 
-    /// What comes next.
+    /// Waits for the next message.
     pub(super) fn next(&mut self) -> Seen {
         loop {
             match self.socket.read().unwrap() {
@@ -76,7 +76,7 @@ impl Viewer {
         }
     }
 
-    /// Waits for something.
+    /// Waits until `look` finds a value.
     pub(super) fn wait<T>(&mut self, mut look: impl FnMut(&Self, Seen) -> Option<T>) -> T {
         loop {
             let seen = self.next();
@@ -104,7 +104,7 @@ impl Viewer {
         self.send(&json!({"op": "subscribe", "subscriptions": subscriptions}));
     }
 
-    /// Calls a service with CDR bytes; the bytes of the answer.
+    /// Calls a service with CDR bytes and returns the CDR bytes of the response.
     pub(super) fn call(&mut self, service: &str, request: &[u8]) -> Vec<u8> {
         if !self.services.contains_key(service) {
             self.wait(|viewer, _| viewer.services.contains_key(service).then_some(()));
