@@ -17,6 +17,9 @@ use crate::{
     scanner::image::{Frame, Image},
 };
 
+/// Topic with the exact centre of the stripe in every image of a simulated recording.
+pub(super) const TRUTH_TOPIC: &str = "/truth/centerline";
+
 /// Room in a record beside the largest frame, bytes.
 const RECORD_MARGIN_BYTES: usize = 16 << 20;
 

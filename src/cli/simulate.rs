@@ -15,7 +15,7 @@ use crate::{
 };
 use recording::record;
 
-pub(crate) mod recording;
+mod recording;
 #[cfg(test)]
 mod expected;
 

@@ -15,10 +15,12 @@ mod scan;
 mod positions;
 mod outline;
 mod calibration_share;
+mod figure;
 mod pairs;
 mod reasons;
 
 pub(crate) use calibration_share::calibration_share;
+pub(crate) use figure::Figure;
 pub(crate) use notes::Notes;
 pub(crate) use outline::{Outline, Placing, color_scale_m};
 pub(crate) use pairs::{FramePair, for_each_pair};

@@ -1,23 +1,13 @@
 //! Typed parameters of one camera.
 
-mod motion;
-
-pub(crate) use motion::Moved;
-
 use std::path::PathBuf;
 
 use laser_triangulation::{named_enum, parameter_group, parameters::Parameter};
 
 use crate::{
     msg::convert::cloud,
-    scanner::{
-        calibration::Calibration,
-        params::{Background, Params},
-        scan::MAX_SLICE_POINTS,
-    },
+    scanner::{calibration::Calibration, params::Params, scan::MAX_SLICE_POINTS},
 };
-
-use super::parameters::{ParameterError, Section};
 
 const MIB: i64 = 1 << 20;
 
@@ -72,6 +62,21 @@ parameter_group! {
     }
 }
 
+parameter_group! {
+    /// Names in the messages of the motion.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    pub struct Moved {
+        /// For joint_state: name of the joint. Empty: the only joint in the messages.
+        joint: String = String::new() => ["motion.joint"],
+        /// Frame of the point clouds and height maps. For tf: the frame of the scan, such as base_link, required.
+        /// Otherwise its name; empty: part if the calibration has an axis or a level, else the laser plane's frame.
+        part_frame: String = String::new() => ["motion.part_frame"],
+        /// For tf: frame whose pose is looked up. Empty: the frame of the images, the camera's optical frame;
+        /// alternatively the laser plane's frame, if it is published.
+        sensor_frame: String = String::new() => ["motion.sensor_frame"],
+    }
+}
+
 impl CameraParams {
     /// Returns the parameters of the measurement and of the node in the order of a parameter file.
     pub(super) fn table() -> Vec<Parameter> {
@@ -83,20 +88,6 @@ impl CameraParams {
             rows.insert(found.map_or(index, |place| place + 1), row);
         }
         rows
-    }
-
-    pub(super) fn new(name: &str, values: Section<'_>) -> Result<Self, ParameterError> {
-        let value = |name: &str| values.value(name);
-        let params = Self {
-            name: name.to_owned(),
-            is_transport_set: values.is_set("image_transport"),
-            calibration_file: values.file("calibration_file"),
-            background_file: values.file("extraction.background_file"),
-            scanner: Params::from_values(&value)?,
-            ..Self::from_values(&value)?
-        };
-        params.check()?;
-        Ok(params)
     }
 
     /// Returns the parameters of the measurement, with slices whose message in the frame `frame_id` fits into
@@ -136,36 +127,5 @@ impl CameraParams {
     /// Returns the full name of a parameter of this camera.
     pub(crate) fn full_name(&self, name: &str) -> String {
         if self.name.is_empty() { name.to_owned() } else { format!("{}.{name}", self.name) }
-    }
-
-    fn check(&self) -> Result<(), ParameterError> {
-        let name = |name| self.full_name(name);
-        let conflict = |text: String| Err(ParameterError::Conflict(text));
-        motion::check(self)?;
-        let is_reference = self.scanner.extraction.background == Background::Reference;
-        if is_reference && self.background_file.is_none() {
-            return conflict(format!(
-                "{} is reference, but {} is empty: set it to a picture without laser, as written by \
-                 laser_profiler ambient",
-                name("extraction.background"),
-                name("extraction.background_file")
-            ));
-        }
-        let smoothed = self.scanner.extraction.smoothing_columns;
-        if smoothed.is_multiple_of(2) {
-            return conflict(format!(
-                "{} is {smoothed}, but must be odd: a point and equally many neighbours on either side",
-                name("extraction.smoothing_columns")
-            ));
-        }
-        let (slice, scan) = (self.scanner.slice_profiles, self.scanner.scan_max_profiles);
-        if slice > scan {
-            return conflict(format!(
-                "{} is {slice}, but a scan ends at {} {scan}: a slice may not be larger",
-                name("slice.profiles"),
-                name("scan.max_profiles")
-            ));
-        }
-        Ok(())
     }
 }

@@ -5,11 +5,7 @@ use std::path::PathBuf;
 use laser_triangulation::{named_enum, parameter_group};
 
 pub(crate) use super::camera_params::ImageTransport;
-use super::{
-    camera_params::CameraParams,
-    parameters::{ParameterError, Parameters},
-    qos_overrides::QosOverrides,
-};
+use super::{camera_params::CameraParams, qos_overrides::QosOverrides};
 
 const MIB: i64 = 1 << 20;
 const MAX_SECONDS: i64 = 366 * 24 * 3600;
@@ -89,76 +85,5 @@ parameter_group! {
         snapshot_seconds: Option<u64> = None => ["recording.snapshot_seconds", 0..=MAX_SECONDS, "s"],
         /// Memory for past results; the oldest are discarded first, even if younger than recording.snapshot_seconds.
         snapshot_bytes: u64 = 256 << 20 => ["recording.snapshot_bytes", MIB..=MAX_MEMORY_BYTES, "bytes"],
-    }
-}
-
-impl NodeParams {
-    /// Converts the checked values into types and checks that they do not contradict each other.
-    ///
-    /// # Errors
-    /// Values that contradict each other.
-    pub fn new(values: &Parameters) -> Result<Self, ParameterError> {
-        let camera = |name: &String| CameraParams::new(name, values.of_camera(name));
-        let node = values.of_node();
-        Ok(Self {
-            qos_overrides: QosOverrides::of(values),
-            cameras: values.cameras().iter().map(camera).collect::<Result<_, _>>()?,
-            ..Self::from_values(&|name| node.value(name))?
-        })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use laser_triangulation::parameters::{Kind, Value};
-
-    /// Returns a value in range other than the default.
-    fn other(kind: &Kind) -> Value {
-        match *kind {
-            Kind::Bool { default } => Value::Bool(!default),
-            Kind::Integer { default, min, .. } => {
-                Value::Integer(if default == min { default + 1 } else { default - 1 })
-            }
-            Kind::Float { default, max, .. } => Value::Float(f64::midpoint(default, max)),
-            Kind::Choice { default, names } => {
-                Value::Text(names.iter().find(|name| **name != default).unwrap().to_string())
-            }
-            Kind::Text { .. } => Value::Text("file.yaml".to_owned()),
-            Kind::TextList { .. } => Value::TextList(vec!["left".to_owned()]),
-        }
-    }
-
-    #[test]
-    fn every_parameter_of_the_table_has_a_field() {
-        let default = NodeParams::new(&Parameters::default()).unwrap();
-        for parameter in Parameters::default().iter() {
-            let mut values = Parameters::default();
-            values.set(parameter.name(), other(&parameter.row().kind), "a test").unwrap();
-            match NodeParams::new(&values) {
-                Ok(changed) => assert_ne!(changed, default, "{}", parameter.name()),
-                Err(error) => assert!(error.to_string().contains(parameter.name()), "{error}"),
-            }
-        }
-    }
-
-    #[test]
-    fn contradictions_are_rejected() {
-        let cases: [&[(&str, Value)]; 4] = [
-            &[("extraction.smoothing_columns", Value::Integer(4))],
-            &[("motion.source", Value::Text("constant".into()))],
-            &[("motion.step", Value::Float(0.1)), ("motion.velocity", Value::Float(0.1))],
-            &[("slice.profiles", Value::Integer(10)), ("scan.max_profiles", Value::Integer(9))],
-        ];
-        for case in cases {
-            let mut values = Parameters::default();
-            for (name, value) in case {
-                values.set(name, value.clone(), "a test").unwrap();
-            }
-            assert!(
-                matches!(NodeParams::new(&values), Err(ParameterError::Conflict(_))),
-                "{case:?}"
-            );
-        }
     }
 }

@@ -2,6 +2,7 @@
 
 mod declared;
 mod hint;
+mod typed;
 
 use std::{
     fmt::Write,
@@ -22,7 +23,7 @@ use super::{
     value::Value,
 };
 pub(crate) use declared::Declared;
-pub(super) use declared::Section;
+use declared::Section;
 
 /// Largest length of a camera's name, bytes.
 const MAX_CAMERA_NAME_BYTES: usize = 64;
@@ -283,12 +284,12 @@ impl Parameters {
     }
 
     /// Returns the values of the node.
-    pub(super) fn of_node(&self) -> Section<'_> {
+    fn of_node(&self) -> Section<'_> {
         Section(&self.declared[..NODE.len()])
     }
 
     /// Returns the values of a camera; empty for an unknown camera.
-    pub(super) fn of_camera(&self, camera: &str) -> Section<'_> {
+    fn of_camera(&self, camera: &str) -> Section<'_> {
         let index = self.cameras.iter().position(|name| name == camera);
         Section(index.map_or(&[], |index| {
             &self.declared[NODE.len() + index * CAMERA.len()..][..CAMERA.len()]

@@ -6,8 +6,6 @@ use ros2args::names;
 
 use crate::msg::qos::{Durability, History, QosProfile, QosTime, Reliability};
 
-use super::parameters::Parameters;
-
 /// Prefix of their names.
 pub(super) const PREFIX: &str = "qos_overrides.";
 
@@ -83,12 +81,8 @@ struct Override {
 }
 
 impl QosOverrides {
-    /// Returns the overrides among these values.
-    pub(crate) fn of(values: &Parameters) -> Self {
-        Self::new(values.iter().map(|declared| (declared.name(), declared.value())))
-    }
-
-    fn new<'a>(values: impl Iterator<Item = (&'a str, &'a Value)>) -> Self {
+    /// Returns the overrides among these names and values of parameters.
+    pub(super) fn new<'a>(values: impl Iterator<Item = (&'a str, &'a Value)>) -> Self {
         let one = |(name, value): (&str, &Value)| {
             let (topic, side, policy) = parse(name).ok()?;
             let topic = topic.to_owned();

@@ -130,9 +130,14 @@ fn source_of(module: &str) -> Vec<PathBuf> {
 
 /// The modules that code names behind `crate::`, alone or in braces.
 fn modules_used(code: &str) -> Vec<String> {
+    names_behind("crate::", code)
+}
+
+/// The names behind a prefix, alone or in braces.
+fn names_behind(prefix: &str, code: &str) -> Vec<String> {
     let code: String = code.split_whitespace().collect();
     let mut used = Vec::new();
-    for rest in code.split("crate::").skip(1) {
+    for rest in code.split(prefix).skip(1) {
         let Some(list) = rest.strip_prefix('{') else {
             used.push(rest.to_owned());
             continue;
@@ -179,6 +184,56 @@ fn dependencies_point_one_way() {
                     complaints.push(format!("{}: {module} must not use {used}", path.display()));
                 }
             }
+        }
+    }
+    complain(&complaints);
+}
+
+/// The verbs of the command line, by the modules that run them.
+fn verbs() -> Vec<String> {
+    let code = text(Path::new("src/cli/mod.rs"));
+    let arms = code.lines().filter(|line| line.trim_start().starts_with("Verb::"));
+    arms.filter_map(|arm| Some(arm.split_once("=> ")?.1.split_once("::run(")?.0.to_owned()))
+        .collect()
+}
+
+/// The other verbs that a file of `src/cli` imports.
+fn other_verbs_used(path: &Path, code: &str, verbs: &[String]) -> Vec<String> {
+    let own = path.strip_prefix("src/cli").unwrap().with_extension("");
+    let own = if own.ends_with("mod") { own.parent().unwrap() } else { &own };
+    let depth = own.iter().count();
+    let own = own.iter().next().unwrap().to_string_lossy();
+    let mut used = names_behind("cli::", code);
+    used.extend(names_behind(&"super::".repeat(depth), code));
+    used.retain(|name| *name != own && verbs.contains(name));
+    used
+}
+
+#[test]
+fn imports_of_verbs_are_found_in_every_form() {
+    let verbs = ["replay", "simulate"].map(str::to_owned);
+    let cases = [
+        ("src/cli/evaluate/truth.rs", "use crate::{\n cli::{output, simulate::recording::X},\n};"),
+        ("src/cli/evaluate/truth.rs", "fn f() { crate::cli::simulate::run(); }"),
+        ("src/cli/evaluate/truth.rs", "use super::super::simulate;"),
+        ("src/cli/evaluate.rs", "use super::{Outcome, simulate};"),
+    ];
+    for (path, code) in cases {
+        assert_eq!(other_verbs_used(Path::new(path), code, &verbs), ["simulate"], "{code}");
+    }
+    let own = "use super::output;\nuse super::super::settings;\nuse crate::simulate::scene;";
+    assert!(other_verbs_used(Path::new("src/cli/evaluate/truth.rs"), own, &verbs).is_empty());
+}
+
+#[test]
+fn verbs_do_not_import_verbs() {
+    let verbs = verbs();
+    assert!(verbs.len() >= 14, "{verbs:?}");
+    let mut complaints = Vec::new();
+    // `cli/mod.rs` calls them all.
+    for path in source_of("cli").into_iter().filter(|path| !path.ends_with("cli/mod.rs")) {
+        for used in other_verbs_used(&path, &shipped(&path), &verbs) {
+            complaints.push(format!("{}: must not import the verb {used}", path.display()));
         }
     }
     complain(&complaints);

@@ -8,10 +8,9 @@ use serde::Serialize;
 use super::{
     document::{Section, Table, number, percent, px},
     progress_bar,
-    recording::{Message, Read, Recording, Wanted},
+    recording::{Message, Read, Recording, TRUTH_TOPIC, Wanted},
 };
 use crate::{
-    cli::simulate::recording::TRUTH_TOPIC,
     evaluate::{
         statistics::{Accuracy, Tally, WRONG_PX},
         trial::{Point, by_line, deviation},

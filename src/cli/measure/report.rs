@@ -2,43 +2,7 @@
 
 use serde_json::{Map, Value as Json, json};
 
-use crate::cli::Outcome;
-
-/// Coverage factor of the 95 % interval for many degrees of freedom.
-const FACTOR_95: f64 = 1.959_964;
-
-/// A value with its standard deviation and the half width of its 95 % interval, in its SI unit.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Figure {
-    value: f64,
-    sigma: f64,
-    u95: f64,
-    /// Standard deviation due to the calibration, included in `sigma`; `None` if unknown.
-    calibration: Option<f64>,
-}
-
-impl Figure {
-    /// A value from many independent points.
-    pub(super) const fn new(value: f64, sigma: f64) -> Self {
-        Self { value, sigma, u95: FACTOR_95 * sigma, calibration: None }
-    }
-
-    /// A value whose 95 % interval is given.
-    pub(super) const fn with_u95(value: f64, sigma: f64, u95: f64) -> Self {
-        Self { value, sigma, u95, calibration: None }
-    }
-
-    /// Adds the standard deviation due to the calibration, if known.
-    pub(super) fn with_calibration(self, sigma: Option<f64>) -> Self {
-        let Some(sigma) = sigma else { return self };
-        Self {
-            sigma: self.sigma.hypot(sigma),
-            u95: self.u95.hypot(FACTOR_95 * sigma),
-            calibration: Some(sigma),
-            ..self
-        }
-    }
-}
+use crate::{cli::Outcome, results::Figure};
 
 /// Display unit of a value.
 #[derive(Clone, Copy, Debug)]

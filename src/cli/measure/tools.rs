@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::{
     Common, PlaneArgs, SpheresArgs, StepArgs, VolumeArgs,
-    report::{Answer, Figure, Unit},
+    report::{Answer, Unit},
 };
 use crate::{
     cli::{Outcome, Usage},
@@ -20,7 +20,7 @@ use crate::{
         surface::{Region, Surface, is_measured},
         volume,
     },
-    results::{ANY_HEIGHT_M, ReadCounts, Results, Scanned, calibration_share},
+    results::{ANY_HEIGHT_M, Figure, ReadCounts, Results, Scanned, calibration_share},
 };
 
 /// Reads the points of a region.

@@ -2,10 +2,9 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use super::recording::TRUTH_TOPIC;
 use crate::{
     bag::{BagReader, Filter, ReadOptions},
-    cli::replaying::replay,
+    cli::{recording::TRUTH_TOPIC, replaying::replay},
     msg::{cdr, laser_profiler_msgs::Centerline},
     node::{replay::ReplayRequest, statistics::Summary, stop::Stop},
     ros::arguments::RosArguments,

@@ -13,6 +13,7 @@ use crate::{
         Attachment, MetadataRecord, RecordError, RecordOptions, RecordSummary, Recorder, Times,
         Topic, TopicId,
     },
+    cli::recording::TRUTH_TOPIC,
     msg::{
         builtin_interfaces::Time,
         cdr,
@@ -27,13 +28,11 @@ use crate::{
 };
 
 /// Images of the simulated camera.
-pub(crate) const IMAGE_TOPIC: &str = "/camera/image_raw";
+const IMAGE_TOPIC: &str = "/camera/image_raw";
 /// Description of the simulated camera, unless it is that of formula 6.
-pub(crate) const INFO_TOPIC: &str = "/camera/camera_info";
+const INFO_TOPIC: &str = "/camera/camera_info";
 /// Position of the simulated axis.
-pub(crate) const AXIS_TOPIC: &str = "/axis/joint_states";
-/// Exact centre of the stripe in every image.
-pub(crate) const TRUTH_TOPIC: &str = "/truth/centerline";
+const AXIS_TOPIC: &str = "/axis/joint_states";
 
 /// Summary of a rendered recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

@@ -12,7 +12,7 @@ use crate::{
     },
     ros::{
         parameters::Parameters,
-        qos_overrides::{QosOverrides, Side},
+        qos_overrides::Side,
         transport::{Publication, TopicEndpoint, Transport, TransportError},
         value::Value,
     },
@@ -45,7 +45,7 @@ impl Events {
         now_ns: Now,
         values: &Parameters,
     ) -> Result<Self, TransportError> {
-        let qos = QosOverrides::of(values).apply(&topic, Side::Publisher, QOS);
+        let qos = values.qos_overrides().apply(&topic, Side::Publisher, QOS);
         let topic = TopicEndpoint { name: topic, kind: ParameterEvent::TYPE, qos };
         let publication = transport.advertise(&topic)?;
         Ok(Self { publication, node, now_ns, has_failed: false })

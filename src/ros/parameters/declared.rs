@@ -56,7 +56,7 @@ impl Declared {
 
 /// Values of the node itself or of one camera, by the names in the table.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::ros) struct Section<'a>(pub(super) &'a [Declared]);
+pub(super) struct Section<'a>(pub(super) &'a [Declared]);
 
 impl<'a> Section<'a> {
     fn entry(self, name: &str) -> Option<&'a Declared> {
@@ -64,17 +64,17 @@ impl<'a> Section<'a> {
     }
 
     /// Returns the value of a parameter.
-    pub(in crate::ros) fn value(self, name: &str) -> Option<&'a Value> {
+    pub(super) fn value(self, name: &str) -> Option<&'a Value> {
         self.entry(name).map(Declared::value)
     }
 
     /// Returns true if a file or option set this parameter.
-    pub(in crate::ros) fn is_set(self, name: &str) -> bool {
+    pub(super) fn is_set(self, name: &str) -> bool {
         self.entry(name).is_some_and(|declared| declared.origin.is_some())
     }
 
     /// Returns a path, resolved against the file that sets it; `None` if it is empty.
-    pub(in crate::ros) fn file(self, name: &str) -> Option<PathBuf> {
+    pub(super) fn file(self, name: &str) -> Option<PathBuf> {
         let declared = self.entry(name)?;
         let path: Option<PathBuf> = Setting::from_value(&declared.value)?;
         path.map(|path| declared.base.join(path))

@@ -28,7 +28,7 @@ fn start_child(test: &str, directory: &Path, limits: &str) -> Child {
     command.env(CHILD, directory).stdout(Stdio::piped()).spawn().unwrap()
 }
 
-/// Prints to standard output directly, because the test harness may capture `println!`.
+/// Prints to standard output directly, because the test harness may capture the print macros.
 fn print(text: &str) {
     let mut stdout = io::stdout().lock();
     stdout.write_all(text.as_bytes()).unwrap();
