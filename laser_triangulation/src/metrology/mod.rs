@@ -19,4 +19,13 @@ pub mod calibration_error;
 #[cfg(test)]
 mod noise;
 
+pub use between_profiles::BetweenProfiles;
+pub use deviation::{Deviation, deviations};
+pub use form::Form;
+pub use height_map::{CellState, GridError, GridLayout, RegularHeightMap, Resampler};
+pub use plane::{FormError, PlaneFit};
 pub use plateaus::PlateauError;
+pub use sphere::SphereFit;
+pub use step_height::{StepHeight, StepHeightError};
+pub use surface::{Region, Surface};
+pub use volume::Volume;
