@@ -28,7 +28,7 @@ use crate::{
 
 /// The reason that no mean can be computed.
 #[derive(Debug, Error)]
-pub(crate) enum AmbientError {
+pub(crate) enum AmbientCaptureError {
     /// The recording cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
@@ -90,7 +90,7 @@ impl Mean {
         self.sums.iter().map(move |sum| ((sum + count / 2) / count) as u16)
     }
 
-    fn add(&mut self, number: usize, plane: &AnyPlane<'_>) -> Result<(), AmbientError> {
+    fn add(&mut self, number: usize, plane: &AnyPlane<'_>) -> Result<(), AmbientCaptureError> {
         let (width, height, bits) = match plane {
             AnyPlane::Eight(plane) => (plane.width(), plane.height(), 8),
             AnyPlane::Sixteen(plane) => (plane.width(), plane.height(), 16),
@@ -102,7 +102,7 @@ impl Mean {
         let describe = |width, height, bits| format!("{width} x {height} pixels of {bits} bits");
         if (width, height, bits) != (self.width, self.height, self.bits) {
             let expected = describe(self.width, self.height, self.bits);
-            return Err(AmbientError::Mixed {
+            return Err(AmbientCaptureError::Mixed {
                 number,
                 found: describe(width, height, bits),
                 expected,
@@ -135,7 +135,7 @@ pub(crate) fn mean(
     channel: Channel,
     max_frame_bytes: u64,
     mut on_frame: impl FnMut(u64),
-) -> Result<Mean, AmbientError> {
+) -> Result<Mean, AmbientCaptureError> {
     let reader = BagReader::open(bag, &ReadOptions::default())?;
     let topics: Vec<_> =
         reader.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
@@ -144,8 +144,8 @@ pub(crate) fn mean(
     let (mut mean, mut decoder, mut pixels) = (Mean::default(), Decoder::default(), Vec::new());
     for (number, message) in reader.messages(&Filter::topics([&topic.name[..]])).enumerate() {
         let data = message?.data;
-        let no_message = |source| AmbientError::Message { number, source };
-        let no_frame = |source| AmbientError::Frame { number, source };
+        let no_message = |source| AmbientCaptureError::Message { number, source };
+        let no_frame = |source| AmbientCaptureError::Frame { number, source };
         let image: image::Image<'_> = match topic.transport {
             ImageTransport::Raw => {
                 let message: Image<'_> = cdr::decode(&data).map_err(no_message)?;
@@ -159,5 +159,5 @@ pub(crate) fn mean(
         mean.add(number, &decoder.decode(&image, channel, &SearchedRegion::whole(&image)))?;
         on_frame(mean.num_frames);
     }
-    if mean.num_frames == 0 { Err(AmbientError::NoFrames) } else { Ok(mean) }
+    if mean.num_frames == 0 { Err(AmbientCaptureError::NoFrames) } else { Ok(mean) }
 }

@@ -158,7 +158,7 @@ impl Positions {
             kind,
             axis: None,
             known,
-            counter: Counter::new(params.encoder_bits.unwrap_or(0)),
+            counter: Counter::new(params.encoder_bits),
             scale: None,
             camera_frame: String::new(),
             joints: Vec::new(),
@@ -179,7 +179,7 @@ impl Positions {
         match &mut self.known {
             Known::Axis(track) => {
                 *track = Track::new(limits(params), MAX_SAMPLES);
-                self.counter = Counter::new(params.encoder_bits.unwrap_or(0));
+                self.counter = Counter::new(params.encoder_bits);
                 self.scale = None;
             }
             Known::Frames(tree) => tree.set_limits(limits(params)),
@@ -386,8 +386,8 @@ impl Positions {
 
 fn limits(params: &MotionParams) -> Limits {
     Limits {
-        max_gap_ns: (params.max_gap_s.unwrap_or(0.0) * 1e9).round() as i64,
-        max_step: params.max_step.unwrap_or(0.0),
+        max_gap_ns: params.max_gap_s.map(|gap_s| (gap_s * 1e9).round() as i64),
+        max_step: params.max_step,
     }
 }
 

@@ -74,7 +74,7 @@ fn no_selection_allocates() {
 #[test]
 fn positions_allocate_nothing() {
     const FRAMES: FramePair<'_> = FramePair { target: "table", source: "camera" };
-    let limits = Limits { max_gap_ns: 0, max_step: 1.0 };
+    let limits = Limits { max_gap_ns: None, max_step: Some(1.0) };
     let mut track = Track::new(limits, 100);
     let mut tree = FrameTree::new(limits);
     let mut found = 0;

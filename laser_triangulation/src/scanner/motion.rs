@@ -68,20 +68,20 @@ impl Motion {
     /// arrivals.
     pub fn position(&mut self, frame_number: u64, stamp_ns: i64) -> Option<Position> {
         let (first_number, first_stamp_ns) = *self.start.get_or_insert((frame_number, stamp_ns));
-        let position_m = match self.params.source {
+        let position = match self.params.source {
             MotionSource::None => 0.0,
-            MotionSource::Constant if let Some(step_m) = self.params.step_m => {
-                frame_number.wrapping_sub(first_number) as i64 as f64 * step_m
+            MotionSource::Constant if let Some(step) = self.params.step => {
+                frame_number.wrapping_sub(first_number) as i64 as f64 * step
             }
             // Subtracted as integers: seconds since the epoch resolve only 0.2 µs in a float.
             MotionSource::Constant => {
                 stamp_ns.saturating_sub(first_stamp_ns) as f64
                     * 1e-9
-                    * self.params.velocity_m_s.unwrap_or(0.0)
+                    * self.params.velocity.unwrap_or(0.0)
             }
             MotionSource::JointState | MotionSource::Encoder | MotionSource::Tf => return None,
         };
-        Some(Position::at(RawPosition(position_m)))
+        Some(Position::at(RawPosition(position)))
     }
 
     /// Starts again at 0 with the next frame.
@@ -95,19 +95,19 @@ impl Motion {
 mod tests {
     use super::*;
 
-    fn constant(step_m: Option<f64>, velocity_m_s: Option<f64>) -> Motion {
+    fn constant(step: Option<f64>, velocity: Option<f64>) -> Motion {
         let source = MotionSource::Constant;
-        Motion::new(MotionParams { source, step_m, velocity_m_s, ..MotionParams::default() })
+        Motion::new(MotionParams { source, step, velocity, ..MotionParams::default() })
     }
 
-    fn position_m(motion: &mut Motion, frame_number: u64, stamp_ns: i64) -> f64 {
+    fn raw_position(motion: &mut Motion, frame_number: u64, stamp_ns: i64) -> f64 {
         motion.position(frame_number, stamp_ns).unwrap().value.0
     }
 
     #[test]
     fn lost_frames_move_the_part_too() {
         let mut motion = constant(Some(0.001), None);
-        let positions = [7, 8, 11].map(|number| position_m(&mut motion, number, 0));
+        let positions = [7, 8, 11].map(|number| raw_position(&mut motion, number, 0));
         assert_eq!(positions, [0.0, 0.001, 0.004]);
     }
 
@@ -115,15 +115,15 @@ mod tests {
     fn stamps_since_the_epoch_keep_nanoseconds() {
         let mut motion = constant(None, Some(0.1));
         let start_ns = 1_800_000_000_000_000_000;
-        assert_eq!(position_m(&mut motion, 0, start_ns), 0.0);
-        assert!((position_m(&mut motion, 1, start_ns + 1) - 1e-10).abs() < 1e-24);
+        assert_eq!(raw_position(&mut motion, 0, start_ns), 0.0);
+        assert!((raw_position(&mut motion, 1, start_ns + 1) - 1e-10).abs() < 1e-24);
     }
 
     #[test]
     fn stamps_that_jump_do_not_overflow() {
         let mut motion = constant(None, Some(1.0));
-        assert_eq!(position_m(&mut motion, 0, i64::MIN), 0.0);
-        assert!(position_m(&mut motion, 1, i64::MAX).is_finite());
+        assert_eq!(raw_position(&mut motion, 0, i64::MIN), 0.0);
+        assert!(raw_position(&mut motion, 1, i64::MAX).is_finite());
     }
 
     #[test]

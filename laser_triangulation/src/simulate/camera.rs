@@ -20,10 +20,10 @@ const SIGHT_SAMPLES: u32 = 128;
 /// Most iterations for a column. Only a wall keeps it from converging.
 const MAX_ROUNDS: u32 = 64;
 
-/// Sensor and geometry.
+/// Sensor and geometry of a simulated camera.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Camera {
+pub struct SimulatedCamera {
     /// Width, pixels.
     pub width_px: u32,
     /// Height, pixels.
@@ -65,7 +65,7 @@ pub(crate) struct PlanePoint {
     pub(crate) height_m: f64,
 }
 
-impl Camera {
+impl SimulatedCamera {
     /// Returns the number of pixels along the stripe, which is the number of its cross-sections.
     pub(crate) const fn length_px(&self) -> u32 {
         match self.stripe_direction {

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::{
-    camera::Camera,
+    camera::SimulatedCamera,
     clutter::Clutter,
     part::Part,
     scenario_error::{ScenarioError, check_entries, check_range, check_times, parsed},
@@ -39,7 +39,7 @@ pub struct Scenario {
     /// The laser plane.
     pub laser: Laser,
     /// The camera that sees the stripe.
-    pub camera: Camera,
+    pub camera: SimulatedCamera,
     /// The scanned part.
     pub part: Part,
     /// Light other than the stripe.

@@ -125,7 +125,7 @@ fn parameters_are_listed_described_and_published() {
     let [step, method, cameras, slice, nothing] = response.descriptors.as_slice() else { panic!() };
     let range = &step.floating_point_range[0];
     assert!((range.from_value + 1.0).abs() + (range.to_value - 1.0).abs() + range.step < 1e-12);
-    assert!(step.description.ends_with("[m/frame]"), "{}", step.description);
+    assert!(step.description.ends_with("[m or rad per frame]"), "{}", step.description);
     assert!(method.additional_constraints.starts_with("one of gray_gravity, "));
     assert!(cameras.read_only && !cameras.dynamic_typing && !slice.read_only);
     assert_eq!(cameras.kind, parameter_type::STRING_ARRAY);

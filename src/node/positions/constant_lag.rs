@@ -52,7 +52,7 @@ mod tests {
 
     /// Advice on frames each 100 ms, with positions each `period_ms` that begin `lag_ms` before the first.
     fn advice(period_ms: i64, lag_ms: i64) -> Vec<String> {
-        let mut track = Track::new(Limits { max_gap_ns: 0, max_step: 0.0 }, 1000);
+        let mut track = Track::new(Limits { max_gap_ns: None, max_step: None }, 1000);
         for number in 0..3000 / period_ms {
             let stamp_ns = (1000 - lag_ms + number * period_ms) * MS;
             track

@@ -79,10 +79,10 @@ impl CameraParams {
 
 /// Checks for contradictions between several values.
 fn check_motion(camera: &CameraParams) -> Result<(), ParameterError> {
-    let MotionParams { source, step_m, velocity_m_s, .. } = camera.scanner.motion;
+    let MotionParams { source, step, velocity, .. } = camera.scanner.motion;
     let name = |name| camera.full_name(name);
     let conflict = |text: String| Err(ParameterError::Conflict(text));
-    if source == MotionSource::Constant && step_m.is_none() && velocity_m_s.is_none() {
+    if source == MotionSource::Constant && step.is_none() && velocity.is_none() {
         return conflict(format!(
             "{} is constant, but {} and {} are both 0.0: set one of them",
             name("motion.source"),
@@ -90,9 +90,9 @@ fn check_motion(camera: &CameraParams) -> Result<(), ParameterError> {
             name("motion.velocity")
         ));
     }
-    if let (Some(step_m), Some(velocity_m_s)) = (step_m, velocity_m_s) {
+    if let (Some(step), Some(velocity)) = (step, velocity) {
         return conflict(format!(
-            "{} is {step_m} m/frame and {} is {velocity_m_s} m/s: set only one of them",
+            "{} is {step} and {} is {velocity}: set only one of them",
             name("motion.step"),
             name("motion.velocity")
         ));

@@ -114,7 +114,7 @@ mod tests {
     use crate::scanner::{
         axis::{Axis, AxisKind},
         calibration::{CameraAndPlane, tests::rig},
-        params::ScanDirection,
+        params::{MotionSource, ScanDirection},
     };
 
     fn locator(kind: AxisKind, scale: f64, direction: ScanDirection) -> Locator {
@@ -155,6 +155,31 @@ mod tests {
         assert!(!later.travelled.reaches_m(1e-9));
         let turned = first.part_from_laser.rotation.angle_to(&later.part_from_laser.rotation);
         assert!((turned - FRAC_PI_2).abs() < 1e-12, "{turned}");
+    }
+
+    #[test]
+    fn a_constant_step_is_an_angle_on_a_revolute_axis() {
+        let point_m = Point3::new(0.0, 0.0, 0.5);
+        let axis =
+            Axis { kind: AxisKind::Revolute, point_m, direction: Vector3::y_axis(), scale: 1.0 };
+        let calibration =
+            Calibration::CameraAndPlane(Box::new(CameraAndPlane { axis: Some(axis), ..rig() }));
+        let source = MotionSource::Constant;
+        for motion in [
+            MotionParams { source, step: Some(0.1), ..MotionParams::default() },
+            MotionParams { source, velocity: Some(0.1), ..MotionParams::default() },
+        ] {
+            let mut locator = Locator::new(motion, StripeDirection::Vertical, Some(&calibration));
+            let [first, later] = [0, 5].map(|number: u32| {
+                let stamp_ns = i64::from(number) * 1_000_000_000;
+                let position = locator.expected_position(u64::from(number), stamp_ns).unwrap();
+                locator.locate(position)
+            });
+            let AxisTravel::Radians(travelled_rad) = later.travelled else { unreachable!() };
+            assert!((travelled_rad - 0.5).abs() < 1e-12, "{travelled_rad}");
+            let turned = first.part_from_laser.rotation.angle_to(&later.part_from_laser.rotation);
+            assert!((turned - 0.5).abs() < 1e-12, "{turned}");
+        }
     }
 
     #[test]

@@ -31,10 +31,10 @@ pub trait Measured: Copy {
 /// Limits beyond which a value is in doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Longest time between two samples, nanoseconds; 0: four times the usual one.
-    pub max_gap_ns: i64,
-    /// Farthest that it moves between two samples, metres or radians after the axis's scale; 0: any distance.
-    pub max_step: f64,
+    /// Longest time between two samples, nanoseconds; `None`: four times the usual one.
+    pub max_gap_ns: Option<i64>,
+    /// Farthest that it moves between two samples, metres or radians after the axis's scale; `None`: any distance.
+    pub max_step: Option<f64>,
 }
 
 /// Reasons to reject a sample.
@@ -161,8 +161,8 @@ impl<T: Measured> Track<T> {
 
     /// Returns the longest time without a sample that is no gap, nanoseconds; `None` if not known yet.
     pub fn gap_ns(&self) -> Option<i64> {
-        if self.limits.max_gap_ns > 0 {
-            return Some(self.limits.max_gap_ns);
+        if self.limits.max_gap_ns.is_some() {
+            return self.limits.max_gap_ns;
         }
         let mut intervals_ns = self.intervals_ns;
         let known = &mut intervals_ns[..self.num_intervals.min(NUM_INTERVALS)];
@@ -214,8 +214,8 @@ impl<T: Measured> Track<T> {
     }
 
     fn step_doubt(&self, earlier: &Sample<T>, later: &Sample<T>) -> u8 {
-        let max_step = self.limits.max_step;
-        let is_far = max_step > 0.0 && earlier.value.distance(&later.value) > max_step;
+        let distance = earlier.value.distance(&later.value);
+        let is_far = self.limits.max_step.is_some_and(|max_step| distance > max_step);
         if is_far { doubt::GAP } else { 0 }
     }
 

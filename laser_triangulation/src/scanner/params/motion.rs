@@ -53,12 +53,13 @@ parameter_group! {
         /// motion.part_frame. Measured positions are looked up at mid-exposure; a frame without a position is
         /// published, but not added to the scan.
         source: MotionSource = MotionSource::None => ["motion.source"],
-        /// Distance between consecutive frames, lost frames included; for triggered cameras. Negative: against the scan
-        /// axis.
-        step_m: Option<f64> = None => ["motion.step", -1.0..=1.0, "m/frame"],
+        /// Movement between consecutive frames, lost frames included; for triggered cameras. Metres on a prismatic
+        /// axis, radians on a revolute axis, before the scale of the calibrated axis. Negative: against the scan axis.
+        step: Option<f64> = None => ["motion.step", -1.0..=1.0, "m or rad per frame"],
         /// Speed of the part, multiplied by the difference of time stamps; for free-running cameras with accurate
-        /// stamps. Negative: against the scan axis.
-        velocity_m_s: Option<f64> = None => ["motion.velocity", -100.0..=100.0, "m/s"],
+        /// stamps. Metres on a prismatic axis, radians on a revolute axis, before the scale of the calibrated axis.
+        /// Negative: against the scan axis.
+        velocity: Option<f64> = None => ["motion.velocity", -100.0..=100.0, "m/s or rad/s"],
         /// Type of the axis. auto: as calibrated, otherwise prismatic; prismatic: positions in metres; revolute:
         /// positions in radians, continuous over several turns. Contradicting the calibration is an error.
         axis: AxisChoice = AxisChoice::Auto => ["motion.axis"],

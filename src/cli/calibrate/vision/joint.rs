@@ -63,7 +63,7 @@ impl Joint {
     /// Creates an empty list of positions, for the named joint, the only joint, or an encoder whose counts are
     /// interpreted as in the node.
     pub(super) fn new(name: Option<String>, motion: &MotionParams) -> Self {
-        let counter = Counter::new(motion.encoder_bits.unwrap_or(0));
+        let counter = Counter::new(motion.encoder_bits);
         Self { name, counter, count_scale: motion.scale, stated: Vec::new() }
     }
 

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::scanner::motion::doubt;
 
-const LIMITS: Limits = Limits { max_gap_ns: 1000, max_step: 0.0 };
+const LIMITS: Limits = Limits { max_gap_ns: Some(1000), max_step: None };
 const STRAIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 fn stated<'a>(parent: &'a str, child: &'a str, stamp_ns: i64, x_m: f64) -> Stated<'a> {
