@@ -84,6 +84,27 @@ impl PlaneFit {
     pub fn tilt_rad(&self) -> f64 {
         self.normal.xy().norm().atan2(self.normal.z)
     }
+
+    /// Returns the number of independent points among `num_points` others, assuming the correlation of the plane's own.
+    #[must_use]
+    pub fn effective_among(&self, num_points: usize) -> f64 {
+        let share = self.effective_points / (self.num_points - self.num_outliers).max(1) as f64;
+        share * num_points as f64
+    }
+}
+
+/// [`fit`] to the points of a surface for which `is_used` is true; both have the same order.
+///
+/// # Errors
+/// Those of [`fit`].
+pub fn fit_where(surface: &Surface, is_used: &[bool]) -> Result<PlaneFit, FormError> {
+    let mut used = surface.clone();
+    for (point, is_used) in used.points.iter_mut().zip(is_used) {
+        if !is_used {
+            point.z = f64::NAN;
+        }
+    }
+    fit(&used)
 }
 
 /// Fits the plane with the smallest distances from the points along its normal, by Tukey's weights; see Huber 1981.

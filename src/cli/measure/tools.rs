@@ -208,16 +208,7 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
         regions => regions.iter().any(|reference| reference.contains(x, y)),
     };
     let is_base: Vec<bool> = surface.points.iter().map(|p| is_reference(p.x, p.y)).collect();
-    let reference = |surface: &Surface| {
-        let mut base = surface.clone();
-        for (point, is_base) in base.points.iter_mut().zip(&is_base) {
-            if !is_base {
-                point.z = f64::NAN;
-            }
-        }
-        plane::fit(&base)
-    };
-    let plane = reference(surface).context("the reference plane")?;
+    let plane = plane::fit_where(surface, &is_base).context("the reference plane")?;
     ensure!(
         plane.normal.z > 0.1,
         "the reference plane is inclined by {:.0} degrees: a volume over it is meaningless",
@@ -228,9 +219,7 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
     let layout = GridLayout::covering(&region, cell_m)?;
     let inside = surface.points.iter().filter(|p| is_measured(p) && region.contains(p.x, p.y));
     let num_inside = inside.count();
-    // Assumes the same correlation inside the region as on the reference.
-    let share = plane.effective_points / (plane.num_points - plane.num_outliers).max(1) as f64;
-    let effective = share * num_inside as f64;
+    let effective = plane.effective_among(num_inside);
     let over = |surface: &Surface, plane: &PlaneFit| {
         let mut resampler = Resampler::new(layout, pitch_m);
         surface.rows().for_each(|row| resampler.push(row));
@@ -240,7 +229,7 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
     let mut answer = Answer::new("volume");
     input(&mut answer, &results, scanned.counts, num_inside);
     let [by_volume] = shares(&mut answer, &results, &[&scanned], |s| {
-        Ok([over(&s[0], &reference(&s[0])?).volume_m3])
+        Ok([over(&s[0], &plane::fit_where(&s[0], &is_base)?).volume_m3])
     });
     let figure = Figure::new(found.volume_m3, found.sigma_m3).with_calibration(by_volume);
     answer.figure("volume_m3", "volume", figure, Unit::CubicMillimetre);
