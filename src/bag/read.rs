@@ -1,6 +1,7 @@
 //! A bag that is open for reading.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -98,7 +99,7 @@ impl BagReader {
     }
 
     /// Times of the first and last message, nanoseconds since the epoch; `None` without messages. An index is trusted.
-    pub(crate) fn time_range_ns(&self) -> Option<(i64, i64)> {
+    pub(crate) fn time_range_ns(&self) -> Option<RangeInclusive<i64>> {
         let parts = self.files.iter().flat_map(|(_, layout)| &layout.parts);
         let ends = parts
             // A chunk without messages states 0 for both times.
@@ -106,7 +107,7 @@ impl BagReader {
             .map(|part| (part.start_time, part.end_time));
         let (start, end) =
             ends.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)))?;
-        Some((i64::try_from(start).ok()?, i64::try_from(end).ok()?))
+        Some(i64::try_from(start).ok()?..=i64::try_from(end).ok()?)
     }
 
     /// Returns an iterator over the messages. It borrows nothing and may move to another thread.

@@ -13,13 +13,13 @@ use super::{
 /// Overhead of a message in the file, bytes: the record's header and the index entry.
 const MESSAGE_OVERHEAD_BYTES: u64 = 31 + 16;
 
-/// Limits at which a file of the bag is closed and the next one started. 0 means no limit.
+/// Limits at which a file of the bag is closed and the next one started; `None` for no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SplitLimits {
     /// Size of a file, bytes, without its description and index. A message longer than this gets a file of its own.
-    pub(crate) bytes: u64,
+    pub(crate) bytes: Option<u64>,
     /// Time from the first message of a file to its last, nanoseconds.
-    pub(crate) duration_ns: u64,
+    pub(crate) duration_ns: Option<u64>,
 }
 
 /// Summary of the written bag.
@@ -291,10 +291,10 @@ impl OpenFile {
         let Some(first_log_ns) = self.first_log_ns else { return false };
         let length = self.recorder.written_bytes() - self.head_bytes + self.pending_bytes;
         let is_long =
-            limits.bytes > 0 && length + data_bytes + MESSAGE_OVERHEAD_BYTES > limits.bytes;
+            limits.bytes.is_some_and(|limit| length + data_bytes + MESSAGE_OVERHEAD_BYTES > limit);
         // A clock that is set back starts a new file, too.
         let age_ns = log_ns.abs_diff(first_log_ns);
-        is_long || (limits.duration_ns > 0 && age_ns >= limits.duration_ns)
+        is_long || limits.duration_ns.is_some_and(|limit_ns| age_ns >= limit_ns)
     }
 
     fn write(&mut self, topic: usize, times: Times, data: &[u8]) -> Result<(), RecordError> {

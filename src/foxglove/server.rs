@@ -4,6 +4,7 @@ use std::{
     collections::BTreeMap,
     io,
     net::SocketAddr,
+    ops::RangeInclusive,
     sync::{
         Arc, Mutex, PoisonError, RwLock,
         atomic::{AtomicBool, Ordering},
@@ -35,7 +36,7 @@ pub(crate) struct Settings {
     /// Name shown in viewers.
     pub(crate) name: String,
     /// Times of the first and last message of a recording, nanoseconds since the epoch; `None` for a live node.
-    pub(crate) time_range_ns: Option<(i64, i64)>,
+    pub(crate) time_range_ns: Option<RangeInclusive<i64>>,
 }
 
 /// A server that viewers connect to, until it is dropped.
@@ -89,9 +90,12 @@ impl Server {
             .supported_encodings(["cdr"])
             .parameter_handler(Arc::new(parameters))
             .listener(Arc::new(Listener(Arc::downgrade(&shared))));
-        if let Some((start_ns, end_ns)) = settings.time_range_ns {
+        if let Some(range_ns) = settings.time_range_ns {
             capabilities.extend([Capability::Time, Capability::PlaybackControl]);
-            server = server.playback_time_range(start_ns.max(0) as u64, end_ns.max(0) as u64);
+            server = server.playback_time_range(
+                *range_ns.start().max(&0) as u64,
+                *range_ns.end().max(&0) as u64,
+            );
         } else {
             capabilities.extend([Capability::Services, Capability::ConnectionGraph]);
         }

@@ -123,8 +123,8 @@ impl RosClock {
         // The time of an earlier subscription is out of date.
         sim.now_ns.store(UNKNOWN_NS, Ordering::Release);
         let on_arrival = Box::new(move |arrival| sim.on_arrival(arrival));
-        let qos = QosProfile::best_effort(1);
-        endpoints::subscribe::<Clock>(transport, (names, "/clock"), qos, LIMIT_BYTES, on_arrival)
+        let topic = endpoints::topic_of::<Clock>(names, "/clock", QosProfile::best_effort(1))?;
+        transport.subscribe(&topic, LIMIT_BYTES, on_arrival)
     }
 }
 

@@ -13,8 +13,8 @@ use crate::{
     ros::{
         names::NodeNames,
         transport::{
-            OnArrival, OnRequest, Publication, Server, ServiceEndpoint, Subscription,
-            TopicEndpoint, Transport, TransportError,
+            OnRequest, Publication, Server, ServiceEndpoint, TopicEndpoint, Transport,
+            TransportError,
         },
     },
 };
@@ -40,22 +40,19 @@ pub(crate) fn advertise<M: Message>(
     topic: &str,
     qos: QosProfile,
 ) -> Result<Box<dyn Publication>, TransportError> {
-    transport.advertise(&TopicEndpoint { name: resolved(names, topic)?, kind: M::TYPE, qos })
+    transport.advertise(&topic_of::<M>(names, topic, qos)?)
 }
 
-/// Creates a subscriber of `M` for messages of up to `limit_bytes`.
+/// Describes a topic of `M` under the resolved name of `topic`.
 ///
 /// # Errors
-/// ROS does not allow the name, or the middleware rejects the endpoint.
-pub(crate) fn subscribe<M: Message>(
-    transport: &dyn Transport,
-    (names, topic): (&NodeNames, &str),
+/// ROS does not allow the name.
+pub(crate) fn topic_of<M: Message>(
+    names: &NodeNames,
+    topic: &str,
     qos: QosProfile,
-    limit_bytes: usize,
-    on_arrival: OnArrival,
-) -> Result<Box<dyn Subscription>, TransportError> {
-    let endpoint = TopicEndpoint { name: resolved(names, topic)?, kind: M::TYPE, qos };
-    transport.subscribe(&endpoint, limit_bytes, on_arrival)
+) -> Result<TopicEndpoint, TransportError> {
+    Ok(TopicEndpoint { name: resolved(names, topic)?, kind: M::TYPE, qos })
 }
 
 /// Creates a service server.

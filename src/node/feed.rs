@@ -52,7 +52,8 @@ pub(super) struct Fed {
 
 impl Lane {
     pub(super) fn new(
-        (topic, positions): (String, Vec<String>),
+        topic: String,
+        positions: Vec<String>,
         bound: Bound,
         unpacks_bytes: Option<u64>,
     ) -> Self {

@@ -386,7 +386,10 @@ impl Positions {
 
 fn limits(params: &MotionParams) -> Limits {
     Limits {
-        max_gap_ns: params.max_gap_s.map(|gap_s| (gap_s * 1e9).round() as i64),
+        max_gap_ns: params
+            .max_gap_s
+            .map(|gap_s| (gap_s * 1e9).round() as i64)
+            .filter(|gap_ns| *gap_ns > 0),
         max_step: params.max_step,
     }
 }

@@ -118,7 +118,7 @@ impl Chain {
             _ => REPLAY_BOUND,
         };
         let positions = self.worker.position_topics().to_vec();
-        Lane::new((self.topic.clone(), positions), bound, unpacks_bytes)
+        Lane::new(self.topic.clone(), positions, bound, unpacks_bytes)
     }
 }
 

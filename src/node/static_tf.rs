@@ -209,13 +209,13 @@ mod tests {
                     .collect();
                 kept.lock().unwrap().push(line.join(", "));
             });
-            let (topic, qos) = ((&self.names, "/tf_static"), QosProfile::latched(1));
-            let subscription =
-                endpoints::subscribe::<TFMessage<'_>>(&self.network, topic, qos, 1000, on_arrival);
-            (received, subscription.unwrap())
+            let qos = QosProfile::latched(1);
+            let topic =
+                endpoints::topic_of::<TFMessage<'_>>(&self.names, "/tf_static", qos).unwrap();
+            (received, self.network.subscribe(&topic, 1000, on_arrival).unwrap())
         }
 
-        fn place(&mut self, camera: usize, (image, laser): (&str, &str), z_m: f64) {
+        fn place(&mut self, camera: usize, [image, laser]: [&str; 2], z_m: f64) {
             let frames = PlaneFrames { camera: image, laser };
             let pose = Isometry3::from(Translation3::new(0.0, 0.0, z_m));
             self.tf.place(camera, frames, &pose, 5).unwrap();
@@ -231,11 +231,11 @@ mod tests {
         let mut rig = Rig::new(1);
         let (received, _subscription) = rig.listen();
         for _ in 0..3 {
-            rig.place(0, ("optical", "laser"), 0.3);
+            rig.place(0, ["optical", "laser"], 0.3);
         }
         assert_eq!(take(&received), ["optical>laser 0.3"]);
-        rig.place(0, ("optical", "laser"), 0.4);
-        rig.place(0, ("other", "laser"), 0.4);
+        rig.place(0, ["optical", "laser"], 0.4);
+        rig.place(0, ["other", "laser"], 0.4);
         assert_eq!(take(&received), ["optical>laser 0.4", "other>laser 0.4"]);
         assert!(rig.tf.refusal(0).is_none());
     }
@@ -243,8 +243,8 @@ mod tests {
     #[test]
     fn a_late_subscriber_receives_every_camera() {
         let mut rig = Rig::new(2);
-        rig.place(0, ("left", "left_laser"), 0.3);
-        rig.place(1, ("right", "right_laser"), 0.5);
+        rig.place(0, ["left", "left_laser"], 0.3);
+        rig.place(1, ["right", "right_laser"], 0.5);
         let (received, _subscription) = rig.listen();
         assert_eq!(take(&received), ["left>left_laser 0.3, right>right_laser 0.5"]);
     }
@@ -253,13 +253,13 @@ mod tests {
     fn frames_that_would_not_form_a_tree_are_not_sent() {
         let mut rig = Rig::new(2);
         let (received, _subscription) = rig.listen();
-        rig.place(0, ("", "laser"), 0.3);
-        rig.place(0, ("laser", "laser"), 0.3);
-        rig.place(0, ("/laser", "laser"), 0.3);
+        rig.place(0, ["", "laser"], 0.3);
+        rig.place(0, ["laser", "laser"], 0.3);
+        rig.place(0, ["/laser", "laser"], 0.3);
         assert!(take(&received).is_empty());
         assert!(matches!(rig.tf.refusal(0), Some(StaticFrameError::Same(_))));
-        rig.place(0, ("left", "laser"), 0.3);
-        rig.place(1, ("right", "laser"), 0.3);
+        rig.place(0, ["left", "laser"], 0.3);
+        rig.place(1, ["right", "laser"], 0.3);
         assert_eq!(take(&received), ["left>laser 0.3"]);
         assert!(rig.tf.refusal(0).is_none());
         assert!(matches!(rig.tf.refusal(1), Some(StaticFrameError::Taken(_))));

@@ -1,7 +1,6 @@
 //! A measured value with its uncertainty and the calibration's share in it.
 
-/// Coverage factor of the 95 % interval for many degrees of freedom.
-const FACTOR_95: f64 = 1.959_964;
+use crate::metrology::NORMAL_95;
 
 /// A value with its standard deviation and the half width of its 95 % interval, in its SI unit.
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +18,7 @@ pub(crate) struct Figure {
 impl Figure {
     /// A value from many independent points.
     pub(crate) const fn new(value: f64, sigma: f64) -> Self {
-        Self { value, sigma, u95: FACTOR_95 * sigma, calibration: None }
+        Self { value, sigma, u95: NORMAL_95 * sigma, calibration: None }
     }
 
     /// A value whose 95 % interval is given.
@@ -32,7 +31,7 @@ impl Figure {
         let Some(sigma) = sigma else { return self };
         Self {
             sigma: self.sigma.hypot(sigma),
-            u95: self.u95.hypot(FACTOR_95 * sigma),
+            u95: self.u95.hypot(NORMAL_95 * sigma),
             calibration: Some(sigma),
             ..self
         }

@@ -92,6 +92,20 @@ impl Default for Parameters {
     }
 }
 
+/// Source of a value.
+struct Origin {
+    /// Its name in errors.
+    name: String,
+    /// Directory that relative paths start at; empty for the working directory.
+    base: PathBuf,
+}
+
+impl Origin {
+    fn without_base(name: &str) -> Self {
+        Self { name: name.to_owned(), base: PathBuf::new() }
+    }
+}
+
 impl Parameters {
     /// Loads the values for a node from its parameter files and `-p`.
     ///
@@ -118,8 +132,8 @@ impl Parameters {
         settings.sort_by_key(|(_, setting)| setting.is_exact);
         let in_file = |(path, setting): (&PathBuf, Setting)| {
             let base = path.parent().unwrap_or(Path::new("")).to_owned();
-            let origin = format!("parameter file {}", path.display());
-            (setting.name, setting.value, (origin, base))
+            let name = format!("parameter file {}", path.display());
+            (setting.name, setting.value, Origin { name, base })
         };
         let mut settings: Vec<_> = settings.into_iter().map(in_file).collect();
 
@@ -131,8 +145,7 @@ impl Parameters {
             .collect();
         assignments.sort_by_key(|assignment| assignment.node.is_some());
         settings.extend(assignments.into_iter().map(|assignment| {
-            let origin = ("-p".to_owned(), PathBuf::new());
-            (assignment.name.clone(), assignment.value.clone(), origin)
+            (assignment.name.clone(), assignment.value.clone(), Origin::without_base("-p"))
         }));
         // First `cameras`, which declares further parameters.
         settings.sort_by_key(|(name, ..)| name != CAMERAS);
@@ -153,7 +166,7 @@ impl Parameters {
         value: Value,
         origin: &str,
     ) -> Result<(), ParameterError> {
-        self.put(name, value, (origin.to_owned(), PathBuf::new()))
+        self.put(name, value, Origin::without_base(origin))
     }
 
     /// Sets one value of a running node, like [`set`](Self::set).
@@ -176,12 +189,8 @@ impl Parameters {
         self.set(name, value, origin)
     }
 
-    fn put(
-        &mut self,
-        name: &str,
-        value: Value,
-        (origin, base): (String, PathBuf),
-    ) -> Result<(), ParameterError> {
+    fn put(&mut self, name: &str, value: Value, origin: Origin) -> Result<(), ParameterError> {
+        let Origin { name: origin, base } = origin;
         let found = self.declared.iter().position(|declared| declared.name == name);
         let row = match found {
             Some(index) => self.declared[index].row,

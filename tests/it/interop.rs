@@ -142,7 +142,7 @@ fn live_recordings_in_several_files() {
     replay(&bundled("film_defects"), &results, 3, &parameters);
     let params = RecordingParams {
         directory: directory.path().join("live"),
-        split_bytes: 400_000,
+        split_bytes: Some(400_000),
         min_free_bytes: 0,
         ..RecordingParams::default()
     };

@@ -27,5 +27,6 @@ pub use plane::{FormError, PlaneFit};
 pub use plateaus::PlateauError;
 pub use sphere::SphereFit;
 pub use step_height::{StepHeight, StepHeightError};
+pub use student::NORMAL_95;
 pub use surface::{Region, Surface};
 pub use volume::Volume;

@@ -3,8 +3,8 @@
 /// Half widths of the two-sided 95 % interval for 1 to 10 degrees of freedom.
 const TABLE: [f64; 10] =
     [12.706_2, 4.302_7, 3.182_4, 2.776_4, 2.570_6, 2.446_9, 2.364_6, 2.306_0, 2.262_2, 2.228_1];
-/// Half width of the 95 % interval of the normal distribution.
-const NORMAL: f64 = 1.959_964;
+/// Half width of the 95 % interval of the normal distribution, standard deviations.
+pub const NORMAL_95: f64 = 1.959_964;
 
 /// Returns the half width of the 95 % interval, in standard deviations estimated with these degrees of freedom: Student's
 /// quantile (Abramowitz and Stegun 1964, table 26.10, and their expansion 26.7.5 above 10). Below one degree of
@@ -22,7 +22,7 @@ pub(crate) fn factor_95(degrees_of_freedom: f64) -> f64 {
         let share = (1.0 / low - 1.0 / dof) / (1.0 / low - 1.0 / (low + 1.0));
         return from + share * (to - from);
     }
-    let z = NORMAL;
+    let z = NORMAL_95;
     let first = (z.powi(3) + z) / 4.0;
     let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
     let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;

@@ -9,7 +9,7 @@ fn read_from(path: &Path, from_ns: i64) -> Vec<(String, Times, Vec<u8>)> {
     let [by_index, by_scan] = [true, false].map(|use_index| {
         let options = ReadOptions { use_index, ..ReadOptions::default() };
         let bag = BagReader::open(path, &options).unwrap();
-        assert_eq!(bag.time_range_ns(), Some((1_000, 2_100)));
+        assert_eq!(bag.time_range_ns(), Some(1_000..=2_100));
         let filter = Filter::topics(["/image_raw", "/profile"]).from(from_ns);
         let messages: Vec<_> = bag.messages(&filter).map(|message| message.unwrap()).collect();
         essence(&messages)

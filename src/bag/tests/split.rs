@@ -43,7 +43,7 @@ fn times(path: &Path) -> Vec<(String, i64, i64)> {
 fn every_file_opens_alone_and_is_self_contained() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
-    let mut bag = create(&directory, SplitLimits { duration_ns: 10, bytes: 0 });
+    let mut bag = create(&directory, SplitLimits { duration_ns: Some(10), bytes: None });
     for (topic, log_ns) in [(1, 1_000), (0, 1_005), (0, 1_010), (0, 1_015), (1, 1_030)] {
         write(&mut bag, topic, log_ns, b"x");
     }
@@ -97,7 +97,7 @@ fn every_file_opens_alone_and_is_self_contained() {
 fn a_file_exceeds_its_limit_by_no_more_than_its_description_and_index() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
-    let mut bag = create(&directory, SplitLimits { bytes: 100_000, duration_ns: 0 });
+    let mut bag = create(&directory, SplitLimits { bytes: Some(100_000), duration_ns: None });
     for number in 0..100 {
         write(&mut bag, 0, number, &[7; 9_000]);
         if number % 7 == 0 {
@@ -117,7 +117,7 @@ fn a_file_exceeds_its_limit_by_no_more_than_its_description_and_index() {
 fn a_message_longer_than_the_limit_gets_its_own_file_and_is_repeated_once_per_file() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
-    let mut bag = create(&directory, SplitLimits { bytes: 1_000, duration_ns: 0 });
+    let mut bag = create(&directory, SplitLimits { bytes: Some(1_000), duration_ns: None });
     write(&mut bag, 1, 0, &[7; 5_000]);
     for number in 1..=9 {
         write(&mut bag, 0, number, &[7; 280]);
@@ -131,7 +131,7 @@ fn a_message_longer_than_the_limit_gets_its_own_file_and_is_repeated_once_per_fi
 fn a_clock_set_back_starts_a_new_file_and_loses_nothing() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
-    let limits = SplitLimits { duration_ns: 60 * SECOND_NS as u64, bytes: 0 };
+    let limits = SplitLimits { duration_ns: Some(60 * SECOND_NS as u64), bytes: None };
     let mut bag = create(&directory, limits);
     for second in [7200, 7201, 3600, 3601] {
         write(&mut bag, 0, second * SECOND_NS, b"x");
@@ -145,7 +145,7 @@ fn a_clock_set_back_starts_a_new_file_and_loses_nothing() {
 fn an_unfinished_bag_holds_all_flushed_messages() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
-    let mut bag = create(&directory, SplitLimits { duration_ns: 10, bytes: 0 });
+    let mut bag = create(&directory, SplitLimits { duration_ns: Some(10), bytes: None });
     for log_ns in [0, 5, 10, 15, 20] {
         write(&mut bag, 0, log_ns, b"x");
     }
@@ -160,7 +160,7 @@ fn an_unfinished_bag_holds_all_flushed_messages() {
 fn if_the_next_file_cannot_be_created_the_earlier_ones_form_a_complete_bag() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
-    let mut bag = create(&directory, SplitLimits { duration_ns: 10, bytes: 0 });
+    let mut bag = create(&directory, SplitLimits { duration_ns: Some(10), bytes: None });
     fs::create_dir(directory.join("bag_1.mcap")).unwrap();
     write(&mut bag, 0, 0, b"x");
     let error = bag.write(0, Times { log_ns: 10, ..Times::default() }, &Arc::from(*b"x"));
@@ -192,7 +192,7 @@ fn wrong_calls_are_refused_and_harm_nothing() {
 fn the_description_can_change_and_the_last_one_is_valid() {
     let place = tempfile::tempdir().unwrap();
     let directory = place.path().join("bag");
-    let mut bag = create(&directory, SplitLimits { duration_ns: 10, bytes: 0 });
+    let mut bag = create(&directory, SplitLimits { duration_ns: Some(10), bytes: None });
     write(&mut bag, 0, 0, b"x");
     let changed = MetadataRecord { entries: [("a".into(), "2".into())].into(), ..parameters() };
     bag.describe(changed.clone(), None).unwrap();

@@ -17,7 +17,11 @@ use crate::{
         schema::Message,
     },
     node::{clock::RosClock, endpoints},
-    ros::{loopback::Loopback, names::NodeNames, transport::Subscription},
+    ros::{
+        loopback::Loopback,
+        names::NodeNames,
+        transport::{Arrival, Subscription, Transport},
+    },
 };
 
 /// A node that records its callbacks, and fails once where requested.
@@ -72,7 +76,7 @@ impl Rig {
         let names = NodeNames::new("laser_profiler", &[]).unwrap();
         let events = Arc::new(Mutex::new(Vec::new()));
         let received = Arc::clone(&events);
-        let on_arrival = Box::new(move |arrival: Result<crate::ros::transport::Arrival, _>| {
+        let on_arrival = Box::new(move |arrival: Result<Arrival, _>| {
             let bytes = arrival.unwrap().data;
             let event: TransitionEvent<'_> = cdr::decode(&bytes).unwrap();
             assert!(event.timestamp > 0);
@@ -81,11 +85,9 @@ impl Rig {
                 event.transition.id, event.start_state.label, event.goal_state.label
             ));
         });
-        let topic = (&names, "~/transition_event");
-        let qos = QosProfile::reliable(10);
-        let subscription =
-            endpoints::subscribe::<TransitionEvent<'_>>(&network, topic, qos, 1000, on_arrival)
-                .unwrap();
+        let (name, qos) = ("~/transition_event", QosProfile::reliable(10));
+        let topic = endpoints::topic_of::<TransitionEvent<'_>>(&names, name, qos).unwrap();
+        let subscription = network.subscribe(&topic, 1000, on_arrival).unwrap();
         let node = Arc::new(Noted::default());
         let managed: Arc<dyn Managed> = Arc::<Noted>::clone(&node);
         let server =

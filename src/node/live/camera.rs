@@ -70,7 +70,8 @@ struct Subscriptions {
 impl Images {
     pub(super) fn new(
         transport: Arc<dyn Transport>,
-        ([endpoint, info], positions): ([TopicEndpoint; 2], Vec<TopicEndpoint>),
+        [endpoint, info]: [TopicEndpoint; 2],
+        positions: Vec<TopicEndpoint>,
         limit_bytes: usize,
         observer: Observer,
     ) -> Self {

@@ -42,6 +42,7 @@ pub(super) fn recorder(
 
 /// Converts the parameters for the recorder.
 pub(super) fn chosen(params: &node_params::RecordingParams) -> RecordingParams {
+    let seconds = |seconds| u32::try_from(seconds).unwrap_or(u32::MAX);
     RecordingParams {
         directory: params.directory.clone(),
         images: params.images,
@@ -52,11 +53,11 @@ pub(super) fn chosen(params: &node_params::RecordingParams) -> RecordingParams {
         },
         // Disks write images faster than processors compress them.
         image_compression: bag::Compression::None,
-        split_bytes: params.split_bytes.unwrap_or(0),
-        split_seconds: u32::try_from(params.split_seconds.unwrap_or(0)).unwrap_or(u32::MAX),
+        split_bytes: params.split_bytes,
+        split_seconds: params.split_seconds.map(seconds),
         min_free_bytes: params.min_free_bytes,
         queue_bytes: usize::try_from(params.queue_bytes).unwrap_or(usize::MAX),
-        snapshot_seconds: u32::try_from(params.snapshot_seconds.unwrap_or(0)).unwrap_or(u32::MAX),
+        snapshot_seconds: params.snapshot_seconds.map(seconds),
         snapshot_bytes: usize::try_from(params.snapshot_bytes).unwrap_or(usize::MAX),
     }
 }

@@ -54,6 +54,13 @@ pub(super) fn offer(
     Ok(servers)
 }
 
+/// Outcome of a service that acts on recorders.
+struct RecordingAnswer {
+    success: bool,
+    /// One line about all recorders.
+    message: String,
+}
+
 /// The cameras that a service addresses.
 struct Target {
     node: Weak<NodeState>,
@@ -71,17 +78,19 @@ impl Target {
 }
 
 impl Target {
-    /// Calls `act` on the recorders of the addressed cameras. Returns success and one line about all of them.
+    /// Calls `act` on the recorders of the addressed cameras. Succeeds if all of them do.
     fn of_recorders(
         &self,
         act: impl Fn(&RecordingControl) -> Result<Vec<String>, RecordingError>,
-    ) -> (bool, String) {
+    ) -> RecordingAnswer {
+        let refusal =
+            |message: &str| RecordingAnswer { success: false, message: message.to_owned() };
         let Some(node) = self.node.upgrade() else {
-            return (false, "the node is shutting down".to_owned());
+            return refusal("the node is shutting down");
         };
         let recorders = node.recorders(&self.camera);
         if recorders.is_empty() {
-            return (false, "the node is not configured: configure it first".to_owned());
+            return refusal("the node is not configured: configure it first");
         }
         let (mut success, mut lines) = (true, Vec::new());
         for recorder in &recorders {
@@ -93,8 +102,10 @@ impl Target {
                 }
             }
         }
-        let nothing = || "nothing was being recorded".to_owned();
-        (success, if lines.is_empty() { nothing() } else { lines.join(", ") })
+        if lines.is_empty() {
+            lines.push("nothing was being recorded".to_owned());
+        }
+        RecordingAnswer { success, message: lines.join(", ") }
     }
 }
 
@@ -117,7 +128,7 @@ fn trigger(target: Target, command: fn(Reply) -> Command) -> OnRequest {
 fn record(target: Target) -> OnRequest {
     Box::new(move |request| {
         let SetBoolRequest { data } = cdr::decode(request).ok()?;
-        let (success, message) = target.of_recorders(|recorder| {
+        let RecordingAnswer { success, message } = target.of_recorders(|recorder| {
             if data {
                 recorder.start().map(|bags| paths(&bags))
             } else {
@@ -131,7 +142,7 @@ fn record(target: Target) -> OnRequest {
 fn snapshot(target: Target) -> OnRequest {
     Box::new(move |request| {
         cdr::decode::<TriggerRequest>(request).ok()?;
-        let (success, message) =
+        let RecordingAnswer { success, message } =
             target.of_recorders(|recorder| recorder.snapshot().map(|bags| paths(&bags)));
         encoded(&TriggerResponse { success, message: Cow::Owned(message) })
     })

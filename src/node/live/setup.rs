@@ -106,8 +106,7 @@ impl Context {
             .with_positions(positions::of_camera(camera, calibration.as_ref())?, names);
         let limit_bytes = camera.max_frame_bytes as usize + MESSAGE_MARGIN_BYTES;
         let transport = Arc::clone(&self.transport);
-        let images =
-            Arc::new(Images::new(transport, (endpoints, positions), limit_bytes, observer));
+        let images = Arc::new(Images::new(transport, endpoints, positions, limit_bytes, observer));
         let mut inputs = topics::recorded(std::slice::from_ref(&images.endpoint));
         inputs.extend(position_topics);
         let (recorder, recording) = recording::recorder(

@@ -18,25 +18,25 @@ pub struct RecordingParams {
     pub compression: Compression,
     /// Compression of the raw images.
     pub image_compression: Compression,
-    /// Size at which the next file of a bag is started, bytes; 0 for no limit.
-    pub split_bytes: u64,
-    /// Duration after which the next file of a bag is started, seconds; 0 for no limit.
-    pub split_seconds: u32,
+    /// Size at which the next file of a bag is started, bytes; `None` for no limit.
+    pub split_bytes: Option<u64>,
+    /// Duration after which the next file of a bag is started, seconds; `None` for no limit.
+    pub split_seconds: Option<u32>,
     /// Minimum free space, bytes. Below it, running recordings are closed and no recording starts.
     pub min_free_bytes: u64,
     /// Maximum queue for the disk, bytes per recording. Beyond it, the oldest messages are dropped and counted.
     pub queue_bytes: usize,
-    /// Duration of a snapshot, seconds; 0 for no snapshot buffer.
-    pub snapshot_seconds: u32,
+    /// Duration of a snapshot, seconds; `None` for no snapshot buffer.
+    pub snapshot_seconds: Option<u32>,
     /// Maximum size of the snapshot buffer, bytes; 0 for no snapshot buffer.
     pub snapshot_bytes: usize,
 }
 
 impl RecordingParams {
-    pub(super) const fn split_limits(&self) -> SplitLimits {
+    pub(super) fn split_limits(&self) -> SplitLimits {
         SplitLimits {
             bytes: self.split_bytes,
-            duration_ns: self.split_seconds as u64 * 1_000_000_000,
+            duration_ns: self.split_seconds.map(|seconds| u64::from(seconds) * 1_000_000_000),
         }
     }
 }
@@ -48,11 +48,11 @@ impl Default for RecordingParams {
             images: false,
             compression: Compression::Zstd,
             image_compression: Compression::None,
-            split_bytes: 4096 * MIB,
-            split_seconds: 3600,
+            split_bytes: Some(4096 * MIB),
+            split_seconds: Some(3600),
             min_free_bytes: 1024 * MIB,
             queue_bytes: 64 << 20,
-            snapshot_seconds: 10,
+            snapshot_seconds: Some(10),
             snapshot_bytes: 64 << 20,
         }
     }

@@ -61,7 +61,8 @@ fn write(shared: &RecorderState) -> Result<Vec<PathBuf>, RecordingError> {
     let kept = lock(&shared.tap).snapshot(Instant::now());
     let SnapshotMessages { recent, earlier_latched } = kept.ok_or(RecordingError::SnapshotOff)?;
     if recent.is_empty() {
-        return Err(RecordingError::SnapshotEmpty(params.snapshot_seconds));
+        let seconds = params.snapshot_seconds.ok_or(RecordingError::SnapshotOff)?;
+        return Err(RecordingError::SnapshotEmpty(seconds));
     }
     let base = format!("{}_snapshot_{number}", place::name(&shared.camera, Timestamp::now()));
     let mut sessions = Vec::new();

@@ -72,7 +72,7 @@ impl Tap {
 
     pub(super) fn set_params(&mut self, params: &RecordingParams) {
         self.keeps_images = params.images;
-        self.ring.set_bounds(params.snapshot_seconds, params.snapshot_bytes);
+        self.ring.set_bounds(params.snapshot_seconds.unwrap_or(0), params.snapshot_bytes);
     }
 
     /// Passes on a message sent at `now`.

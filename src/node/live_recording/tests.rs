@@ -178,7 +178,7 @@ fn images_are_recorded_into_their_own_bag_on_request() {
 #[test]
 fn files_are_split_and_changed_parameters_written_while_recording() {
     let place = tempfile::tempdir().unwrap();
-    let split = RecordingParams { split_bytes: 50_000, ..params(place.path()) };
+    let split = RecordingParams { split_bytes: Some(50_000), ..params(place.path()) };
     let (mut recorder, control) =
         recorder(RecordingParams { compression: Compression::None, ..split });
     let directory = control.start().unwrap().remove(0);

@@ -53,10 +53,9 @@ impl Rig {
             };
             sender.send(line).unwrap();
         });
-        let topic = (&names, "/rosout");
         let qos = QosProfile::latched(1000);
-        let subscription =
-            endpoints::subscribe::<Log<'_>>(&network, topic, qos, 100_000, receive).unwrap();
+        let topic = endpoints::topic_of::<Log<'_>>(&names, "/rosout", qos).unwrap();
+        let subscription = network.subscribe(&topic, 100_000, receive).unwrap();
         Self { network, names, received, _subscription: subscription }
     }
 

@@ -69,11 +69,12 @@ struct Work {
 }
 
 impl CameraView {
-    /// Serves the camera's images. Images of more than `max_frame_bytes` are not shown.
+    /// Serves the images of a camera of this name. Images of more than `max_frame_bytes` are not shown.
     pub(super) fn open(
         server: &Server,
         names: &NodeNames,
-        (camera, max_frame_bytes): (&str, u64),
+        camera: &str,
+        max_frame_bytes: u64,
         images: Images,
     ) -> Result<Self, ViewError> {
         let open = |name: &str, kind| {
@@ -158,7 +159,17 @@ impl CameraView {
         };
         let factor = preview::factor(view.width());
         lock(&self.choice).factor = factor;
-        encode_small(header, &view, factor, (small, bytes))?;
+        let (width, height) = preview::reduce(&view, factor, small);
+        let message = Image {
+            header,
+            height,
+            width,
+            encoding: "mono8".into(),
+            is_bigendian: 0,
+            step: width,
+            data: small,
+        };
+        cdr::encode(&message, bytes)?;
         pictures.send_once(bytes, image.time_ns);
         Ok(())
     }
@@ -194,25 +205,6 @@ enum Unshown {
     Cdr(#[from] CdrError),
     #[error(transparent)]
     Image(#[from] FrameRejected),
-}
-
-fn encode_small(
-    header: Header<'_>,
-    image: &image::Image<'_>,
-    factor: u32,
-    (pixels, bytes): (&mut Vec<u8>, &mut Vec<u8>),
-) -> Result<(), CdrError> {
-    let (width, height) = preview::reduce(image, factor, pixels);
-    let message = Image {
-        header,
-        height,
-        width,
-        encoding: "mono8".into(),
-        is_bigendian: 0,
-        step: width,
-        data: pixels,
-    };
-    cdr::encode(&message, bytes)
 }
 
 /// Returns the stamp and width of an image. The width of a compressed image is unknown until it is decoded.

@@ -147,8 +147,8 @@ impl LiveCamera {
         let raw = input::image_topic_of(&camera.name, names)?;
         let compressed = format!("{raw}/compressed");
         let annotations = names.resolve(&of_camera(&camera.name, "~/annotations"))?;
-        let named = (camera.name.as_str(), camera.max_frame_bytes);
-        let view = Arc::new(CameraView::open(server, names, named, view.images)?);
+        let limit = camera.max_frame_bytes;
+        let view = Arc::new(CameraView::open(server, names, &camera.name, limit, view.images)?);
         Ok(Self { images: [raw, compressed], annotations, view })
     }
 

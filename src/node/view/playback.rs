@@ -1,8 +1,11 @@
 //! Requests of viewers to the player, and the state reported to them.
 
-use std::sync::{
-    Arc, Mutex, MutexGuard, PoisonError,
-    mpsc::{Receiver, SyncSender, TrySendError, sync_channel},
+use std::{
+    ops::RangeInclusive,
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        mpsc::{Receiver, SyncSender, TrySendError, sync_channel},
+    },
 };
 
 use crate::{
@@ -53,19 +56,19 @@ impl Shown {
 pub(super) struct Playback {
     orders: SyncSender<Order>,
     shown: Arc<Mutex<Shown>>,
-    range_ns: (i64, i64),
+    range_ns: RangeInclusive<i64>,
 }
 
 impl Playback {
     /// Returns the viewers' side and the player's side for a recording with these first and last times, nanoseconds
     /// since the epoch.
     pub(super) fn new(
-        range_ns: (i64, i64),
+        range_ns: RangeInclusive<i64>,
         speed: f32,
     ) -> (Self, Receiver<Order>, Arc<Mutex<Shown>>) {
         let (sender, orders) = sync_channel(MAX_WAITING);
         let status = PlaybackStatus::Paused;
-        let shown = Arc::new(Mutex::new(Shown { status, time_ns: range_ns.0, speed }));
+        let shown = Arc::new(Mutex::new(Shown { status, time_ns: *range_ns.start(), speed }));
         (Self { orders: sender, shown: Arc::clone(&shown), range_ns }, orders, shown)
     }
 
@@ -83,7 +86,7 @@ impl Playback {
             PlaybackCommand::Play => PlaybackStatus::Playing,
             PlaybackCommand::Pause => PlaybackStatus::Paused,
         };
-        let (start_ns, end_ns) = self.range_ns;
+        let (start_ns, end_ns) = self.range_ns.clone().into_inner();
         let requested = request.seek_time.map(|time| i64::try_from(time).unwrap_or(end_ns));
         // Play at the end restarts from the beginning.
         let is_over = before.status == PlaybackStatus::Ended && status == PlaybackStatus::Playing;
@@ -134,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_seek_outside_the_recording_is_clamped() {
-        let (playback, orders, _) = Playback::new((100, 200), 1.0);
+        let (playback, orders, _) = Playback::new(100..=200, 1.0);
         for (requested, expected) in [(0, 100), (150, 150), (u64::MAX, 200)] {
             let state = playback.control(&request(PlaybackCommand::Pause, 2.0, Some(requested)));
             assert!(state.did_seek && state.status == PlaybackStatus::Paused);
@@ -146,7 +149,7 @@ mod tests {
 
     #[test]
     fn an_invalid_speed_changes_nothing() {
-        let (playback, _orders, _) = Playback::new((100, 200), 3.0);
+        let (playback, _orders, _) = Playback::new(100..=200, 3.0);
         for speed in [0.0, -1.0, f32::NAN, f32::INFINITY] {
             let state = playback.control(&request(PlaybackCommand::Play, speed, None));
             assert!((state.playback_speed - 3.0).abs() < f32::EPSILON && !state.did_seek);
@@ -155,7 +158,7 @@ mod tests {
 
     #[test]
     fn play_at_the_end_restarts_from_the_beginning() {
-        let (playback, _orders, shown) = Playback::new((100, 200), 1.0);
+        let (playback, _orders, shown) = Playback::new(100..=200, 1.0);
         *lock(&shown) = Shown { status: PlaybackStatus::Ended, time_ns: 200, speed: 1.0 };
         let state = playback.control(&request(PlaybackCommand::Play, 1.0, None));
         assert_eq!((state.current_time, state.did_seek), (100, true));
@@ -165,7 +168,7 @@ mod tests {
 
     #[test]
     fn orders_to_a_stuck_player_take_bounded_memory() {
-        let (playback, _orders, _) = Playback::new((100, 200), 1.0);
+        let (playback, _orders, _) = Playback::new(100..=200, 1.0);
         for _ in 0..MAX_WAITING {
             playback.on_subscribe();
         }

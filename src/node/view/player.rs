@@ -4,6 +4,7 @@
 //! the parameters, not on what was played before.
 
 use std::{
+    ops::RangeInclusive,
     sync::{
         Arc, Mutex,
         mpsc::{Receiver, RecvTimeoutError},
@@ -51,7 +52,7 @@ pub(super) struct Player {
     pub(super) passed: Passed,
     pub(super) orders: Receiver<Order>,
     pub(super) shown: Arc<Mutex<Shown>>,
-    pub(super) range_ns: (i64, i64),
+    pub(super) range_ns: RangeInclusive<i64>,
     pub(super) stop: Stop,
     /// True if the player ends with the recording.
     pub(super) ends: bool,
@@ -84,7 +85,7 @@ impl Player {
     /// # Errors
     /// Measuring or serving failed.
     pub(super) fn run(mut self) -> Result<(), PlayError> {
-        let mut from_ns = self.range_ns.0;
+        let mut from_ns = *self.range_ns.start();
         while let Next::From(next_ns) = self.play_from(from_ns)? {
             from_ns = next_ns;
         }

@@ -69,7 +69,7 @@ impl Reader {
 
 /// Log time of the last message of those topics, nanoseconds since the epoch; `None` if there is none.
 pub(super) fn last_time_ns(bag: &BagReader, topics: &[String]) -> Option<i64> {
-    let (start_ns, end_ns) = bag.time_range_ns()?;
+    let (start_ns, end_ns) = bag.time_range_ns()?.into_inner();
     let mut look_back_ns = LOOK_BACK_NS;
     loop {
         let from_ns = end_ns.saturating_sub(look_back_ns).max(start_ns);

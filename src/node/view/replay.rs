@@ -106,7 +106,7 @@ impl ReplayView {
         let unmeasured = unmeasured(replay.measure_by(&values))?;
         let desk = Arc::new(NodeDesk::default());
         let name = replay.names().fully_qualified();
-        let settings = Settings { name, time_range_ns: Some(range_ns) };
+        let settings = Settings { name, time_range_ns: Some(range_ns.clone()) };
         let handler = Arc::clone(&desk);
         let server = Arc::new(Server::start(view.address, settings, handler)?);
         let cameras = cameras(&server, &replay, &values, view)?;
@@ -115,7 +115,7 @@ impl ReplayView {
                 || replay.image_topics().any(|images| images.name == name)
         };
         let passed = Passed::open(&server, &replay.bags()[0], view.images, own)?;
-        let (playback, orders, shown) = Playback::new(range_ns, speed);
+        let (playback, orders, shown) = Playback::new(range_ns.clone(), speed);
         let store = ParameterStore::new(values, on_change(&playback)).map_err(ReplayError::from)?;
         let is_uncalibrated = !cameras.iter().any(|camera| camera.has(Output::Profile));
         warn(&server, "recording", &notes);
@@ -204,8 +204,8 @@ fn cameras(
     for stage in replay.stages()? {
         let limit = params.iter().find(|camera| camera.name == stage.camera);
         let limit = limit.map_or(0, |camera| camera.max_frame_bytes);
-        let named = (stage.camera.as_str(), limit);
-        let pictures = CameraView::open(server, replay.names(), named, view.images)?;
+        let (names, camera) = (replay.names(), &stage.camera);
+        let pictures = CameraView::open(server, names, camera, limit, view.images)?;
         if let Some(topic) = recorded(replay, &stage.images.name) {
             pictures.serve_full(server, topic)?;
         }

@@ -21,14 +21,14 @@ const TARGET: [&str; 2] = ["--target", "checkerboard:8x5:0.030"];
 const VERTICAL: [&str; 3] = ["--ros-args", "-p", "stripe_direction:=vertical"];
 
 /// Boards that the laser crosses, near and far and tilted.
-const VIEWS: [([f64; 3], [f64; 3]); 7] = [
-    ([0.0, 0.0, 0.5], [0.0, 0.0, 0.0]),
-    ([0.02, 0.0, 0.44], [15.0, 5.0, 0.0]),
-    ([-0.02, 0.01, 0.56], [-15.0, 8.0, 4.0]),
-    ([0.0, -0.02, 0.47], [5.0, -18.0, 0.0]),
-    ([0.0, 0.02, 0.53], [0.0, 18.0, -4.0]),
-    ([0.01, 0.0, 0.42], [-10.0, -10.0, 3.0]),
-    ([-0.02, 0.0, 0.6], [12.0, 12.0, 0.0]),
+const VIEWS: [[[f64; 3]; 2]; 7] = [
+    [[0.0, 0.0, 0.5], [0.0, 0.0, 0.0]],
+    [[0.02, 0.0, 0.44], [15.0, 5.0, 0.0]],
+    [[-0.02, 0.01, 0.56], [-15.0, 8.0, 4.0]],
+    [[0.0, -0.02, 0.47], [5.0, -18.0, 0.0]],
+    [[0.0, 0.02, 0.53], [0.0, 18.0, -4.0]],
+    [[0.01, 0.0, 0.42], [-10.0, -10.0, 3.0]],
+    [[-0.02, 0.0, 0.6], [12.0, 12.0, 0.0]],
 ];
 
 /// Pictures in a directory of their own, and a file of the camera beside it.
@@ -63,12 +63,12 @@ impl Scene {
         fs::write(self.directory.path().join("camera.yaml"), file.to_yaml()).unwrap();
     }
 
-    fn add(&self, name: &str, (middle, turned): ([f64; 3], [f64; 3]), laser: Option<&LaserPlane>) {
+    fn add(&self, name: &str, [middle, turned]: [[f64; 3]; 2], laser: Option<&LaserPlane>) {
         let picture = self.renderer.render(&BOARD, &pose(&BOARD, middle, turned), laser);
         save(&picture, &self.pictures(), name);
     }
 
-    fn with(views: &[([f64; 3], [f64; 3])]) -> Self {
+    fn with(views: &[[[f64; 3]; 2]]) -> Self {
         let scene = Self::new();
         for (i, view) in views.iter().enumerate() {
             scene.add(&format!("view_{i}.png"), *view, Some(&render::laser()));
@@ -128,7 +128,7 @@ fn a_camera_of_another_size_is_refused() {
 #[test]
 fn boards_in_one_place_determine_no_plane() {
     // Turned about the normal only: all lines lie in one.
-    let one = [0.0, 10.0, -10.0, 5.0, -5.0].map(|z| ([0.0, 0.0, 0.5], [0.0, 0.0, z]));
+    let one = [0.0, 10.0, -10.0, 5.0, -5.0].map(|z| [[0.0, 0.0, 0.5], [0.0, 0.0, z]]);
     Scene::with(&one).refused(&["one straight line in space", "nearer and farther"]);
 }
 

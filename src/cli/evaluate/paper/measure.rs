@@ -66,7 +66,11 @@ impl Run {
                 refused = Some((frame.image.width(), frame.image.height()));
                 return Ok(Wanted::Nothing);
             };
-            self.take(frame, (&params, &seen, number), &mut decoder, &mut steps)?;
+            self.take(
+                &Taken { frame, params: &params, columns: &seen, number },
+                &mut decoder,
+                &mut steps,
+            )?;
             columns.get_or_insert([*seen.start(), *seen.end()]);
             number += 1;
             bar.set_position(number);
@@ -110,11 +114,11 @@ impl Run {
 
     fn take(
         &self,
-        frame: &Frame<'_>,
-        (params, columns, number): (&Params, &RangeInclusive<u32>, u64),
+        taken: &Taken<'_>,
         decoder: &mut Decoder,
         steps: &mut [Step],
     ) -> anyhow::Result<()> {
+        let Taken { frame, params, columns, number } = *taken;
         let image = &frame.image;
         let searched = SearchedRegion::new(params.roi, image.width(), image.height())?;
         let full_scale = params.full_scale_of(image.format())?;
@@ -138,6 +142,15 @@ impl Run {
         }
         Ok(())
     }
+}
+
+/// One frame of the recording, as read.
+struct Taken<'a> {
+    frame: &'a Frame<'a>,
+    params: &'a Params,
+    columns: &'a RangeInclusive<u32>,
+    /// Number of the frame, the seed of its noise.
+    number: u64,
 }
 
 /// One frame, prepared for the extractors.

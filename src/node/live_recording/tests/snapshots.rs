@@ -54,7 +54,7 @@ fn an_impossible_snapshot_reports_the_reason() {
     let place = tempfile::tempdir().unwrap();
     let (mut recorder, control) = recorder(params(place.path()));
     assert!(matches!(control.snapshot(), Err(RecordingError::SnapshotEmpty(10))));
-    control.set_params(RecordingParams { snapshot_seconds: 0, ..params(place.path()) });
+    control.set_params(RecordingParams { snapshot_seconds: None, ..params(place.path()) });
     send(&mut recorder, CENTERLINE, [1]);
     let error = control.snapshot().unwrap_err().to_string();
     assert!(error.contains("recording.snapshot_seconds"), "{error}");
