@@ -20,6 +20,45 @@ use super::{
 
 /// Measures frame after frame. Owns all buffers: after the first frame of a size and the first two scans it does not
 /// allocate.
+///
+/// ```
+/// use laser_triangulation::{
+///     scanner::{
+///         calibration::Calibration,
+///         frame_index::FrameIndex,
+///         image::{Frame, Image, PixelFormat},
+///         params::{ExtractionParams, MotionParams, MotionSource, Params},
+///         pipeline::Pipeline,
+///     },
+///     simulate::{scenario::{EXAMPLE, Scenario}, world::RenderedFrame},
+/// };
+///
+/// // The simulated camera and part stand for your own.
+/// let scenario = Scenario::from_yaml(EXAMPLE)?;
+/// let calibration = Calibration::from_yaml(&scenario.camera.calibration_yaml())?;
+///
+/// let step = Some(scenario.motion.step_m);
+/// let params = Params {
+///     extraction: ExtractionParams { min_segment_area: 50, ..ExtractionParams::default() },
+///     motion: MotionParams { source: MotionSource::Constant, step, ..MotionParams::default() },
+///     ..Params::default()
+/// };
+/// let mut pipeline = Pipeline::new(params, Some(calibration));
+///
+/// let (width, height) = (scenario.camera.width_px, scenario.camera.height_px);
+/// let mut picture = RenderedFrame::default();
+/// for number in 0..scenario.frames {
+///     scenario.render(number, &mut picture);
+///     let image = Image::packed(width, height, PixelFormat::Mono8, &picture.samples)?;
+///     let frame = Frame { stamp_ns: scenario.stamp_ns(number), image };
+///     let index = FrameIndex { frame_number: number.into(), ..FrameIndex::default() };
+///     let output = pipeline.process(&frame, index, |_| ())?;
+///     assert!(output.profile.is_some());
+/// }
+/// let map = pipeline.finish(0, 0).height_map.ok_or("the scan is empty")?;
+/// assert_eq!((map.width, map.height), (width, scenario.frames));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Pipeline {
     params: Params,
