@@ -52,46 +52,35 @@ impl Channels {
             return Ok(());
         }
         let mut fields = Fields::of(body);
-        let added = if opcode == op::SCHEMA {
-            self.add_schema(&mut fields)
+        let malformed = "a malformed schema or channel record";
+        if opcode == op::SCHEMA {
+            let (id, schema) = schema_of(&mut fields).ok_or(malformed)?;
+            self.add_schema(id, schema)
         } else {
-            self.add_channel(&mut fields)
-        };
-        added.ok_or("a malformed schema or channel record")?
+            self.add_channel(channel_of(&mut fields).ok_or(malformed)?)
+        }
     }
 
-    /// `None` for ill-formed fields.
-    fn add_schema(&mut self, fields: &mut Fields<'_>) -> Option<Result<(), String>> {
-        let id = fields.u16()?;
-        let (name, encoding) = (fields.string()?, fields.string()?);
-        let length = fields.u32()?;
-        let new = Schema { name, encoding, data: fields.bytes(length.into())?.to_vec() };
-        if let Err(why) = check_names([&new.name, &new.encoding]) {
-            return Some(Err(why));
-        }
-        Some(match self.schemas.get(&id) {
+    fn add_schema(&mut self, id: u16, new: Schema) -> Result<(), String> {
+        check_names([&new.name, &new.encoding])?;
+        match self.schemas.get(&id) {
             Some(schema) if *schema == new => Ok(()),
             Some(schema) => {
                 Err(format!("schema {id} is defined twice, by {} and {}", schema.name, new.name))
             }
             None => self.make_room(new.data.len()).map(|()| drop(self.schemas.insert(id, new))),
-        })
+        }
     }
 
-    /// `None` for ill-formed fields.
-    fn add_channel(&mut self, fields: &mut Fields<'_>) -> Option<Result<(), String>> {
-        let (id, schema_id) = (fields.u16()?, fields.u16()?);
-        let (name, encoding) = (fields.string()?, fields.string()?);
-        let metadata = fields.string_map()?;
-        if let Err(why) = check_names([&name, &encoding]) {
-            return Some(Err(why));
-        }
+    fn add_channel(&mut self, channel: Channel) -> Result<(), String> {
+        let Channel { id, schema_id, name, encoding, metadata } = channel;
+        check_names([&name, &encoding])?;
         let schema = self.schemas.get(&schema_id);
         if schema.is_none() && schema_id != 0 {
-            return Some(Err(format!("{name}: its schema {schema_id} is missing")));
+            return Err(format!("{name}: its schema {schema_id} is missing"));
         }
         let new = topic(&name, &encoding, schema, &metadata);
-        Some(match self.topics.get(&id) {
+        match self.topics.get(&id) {
             Some(topic) if **topic == new => Ok(()),
             Some(topic) => {
                 Err(format!("channel {id} is defined twice, as {} and {}", topic.name, new.name))
@@ -99,7 +88,7 @@ impl Channels {
             None => self
                 .make_room(size_bytes(&new))
                 .map(|()| drop(self.topics.insert(id, Arc::new(new)))),
-        })
+        }
     }
 
     /// Refuses content beyond the limit.
@@ -145,6 +134,30 @@ fn topic(
         type_hash: entry(TYPE_HASH_KEY),
         qos: entry(QOS_KEY),
     }
+}
+
+/// Returns the schema of a record and its number; `None` for malformed fields.
+fn schema_of(fields: &mut Fields<'_>) -> Option<(u16, Schema)> {
+    let id = fields.u16()?;
+    let (name, encoding) = (fields.string()?, fields.string()?);
+    let length = fields.u32()?;
+    Some((id, Schema { name, encoding, data: fields.bytes(length.into())?.to_vec() }))
+}
+
+/// Returns the channel of a record; `None` for malformed fields.
+fn channel_of(fields: &mut Fields<'_>) -> Option<Channel> {
+    let (id, schema_id) = (fields.u16()?, fields.u16()?);
+    let (name, encoding) = (fields.string()?, fields.string()?);
+    Some(Channel { id, schema_id, name, encoding, metadata: fields.string_map()? })
+}
+
+/// A channel as its record states it.
+struct Channel {
+    id: u16,
+    schema_id: u16,
+    name: String,
+    encoding: String,
+    metadata: BTreeMap<String, String>,
 }
 
 #[cfg(test)]
