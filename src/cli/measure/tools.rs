@@ -83,7 +83,7 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let tilt = Figure::new(plane.tilt_rad(), about_x.hypot(about_y) / 2.0_f64.sqrt());
     answer.figure("tilt_rad", "inclination", tilt.with_calibration(by_tilt), Unit::Milliradian);
     answer.number("scatter_m", "scatter (robust sigma)", plane.scatter_m, Unit::Micrometre);
-    form(&mut answer, ("flatness_d95_m", "flatness D95 %"), plane.flatness, by_form);
+    form(&mut answer, "flatness_d95_m", "flatness D95 %", plane.flatness, by_form);
     answer.count("outliers", "outliers", plane.num_outliers as u64);
     answer.number("effective", "independent points", plane.effective_points, Unit::None);
     if let Some(profiles) = between_profiles::of(&scanned.surface, &plane) {
@@ -95,7 +95,7 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     Ok(answer)
 }
 
-fn form(answer: &mut Answer, (key, label): (&str, &str), form: Form, calibration: Option<f64>) {
+fn form(answer: &mut Answer, key: &str, label: &str, form: Form, calibration: Option<f64>) {
     let d95 = Figure::new(form.d95_m, form.d95_sigma_m).with_calibration(calibration);
     answer.figure(key, label, d95, Unit::Micrometre);
     answer.number("peak_to_valley_m", "peak to valley", form.peak_to_valley_m, Unit::Micrometre);
@@ -158,7 +158,7 @@ fn add_sphere(answer: &mut Answer, sphere: &SphereFit, calibration: [Option<f64>
     let radius = radius.with_calibration(calibration[3]);
     answer.figure("radius_m", "radius", radius, Unit::Millimetre);
     answer.number("scatter_m", "scatter (robust sigma)", sphere.scatter_m, Unit::Micrometre);
-    form(answer, ("form_d95_m", "form D95 %"), sphere.form, calibration[4]);
+    form(answer, "form_d95_m", "form D95 %", sphere.form, calibration[4]);
     answer.count("outliers", "outliers", sphere.num_outliers as u64);
     answer.number("effective", "independent points", sphere.effective_points, Unit::None);
 }
