@@ -19,7 +19,7 @@ use std::{
 use image::{ColorType, GrayImage};
 use laser_triangulation::{
     scanner::{
-        image::{Image, PixelFormat},
+        image::{ByteOrder, Image, PixelFormat},
         stripe::{Centerline, Extractor},
     },
     simulate::stripe::{StripeScene, render_stripe},
@@ -35,16 +35,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some(folder) => folder.clone(),
         None => render_pictures()?,
     };
-    let mut pictures: Vec<PathBuf> = fs::read_dir(&folder)?
-        .map(|entry| Ok(entry?.path()))
-        .collect::<Result<_, std::io::Error>>()?;
-    pictures.retain(|path| path.extension().is_some_and(|extension| extension == "png"));
-    pictures.sort();
+    let pictures = pictures(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    if pictures.is_empty() {
+        return Err(format!("{}: no PNG picture in this folder", folder.display()).into());
+    }
 
     let mut extractor = Extractor::default();
     let mut csv = String::from("picture,u_px,v_px,sigma_px,width_px\n");
     for (number, path) in (0..).zip(&pictures) {
-        let line = extract(&mut extractor, path)?;
+        let line = extract(&mut extractor, path)
+            .map_err(|error| format!("{}: {error}", path.display()))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         for i in 0..line.len() {
             let (u, v) = (line.u_px[i], line.v_px[i]);
@@ -61,7 +61,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Extracts the centreline of an 8-bit picture: grey as it is, colour by its largest channel.
+/// Returns the PNG pictures of a folder, by name.
+fn pictures(folder: &Path) -> Result<Vec<PathBuf>, std::io::Error> {
+    let entries = fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
+    let mut pictures = entries.collect::<Result<Vec<_>, std::io::Error>>()?;
+    let is_png = |path: &PathBuf| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("png"));
+    pictures.retain(is_png);
+    pictures.sort();
+    Ok(pictures)
+}
+
+/// Extracts the centreline of a picture: grey of 8 or 16 bits as it is, colour by its largest channel.
 fn extract<'a>(
     extractor: &'a mut Extractor,
     path: &Path,
@@ -70,6 +80,13 @@ fn extract<'a>(
     let (width, height) = (picture.width(), picture.height());
     let (format, samples) = match picture.color() {
         ColorType::L8 => (PixelFormat::Mono8, picture.into_luma8().into_raw()),
+        ColorType::L16 => {
+            let samples = picture.into_luma16().into_raw();
+            (
+                PixelFormat::Mono16(ByteOrder::Little),
+                samples.iter().flat_map(|it| it.to_le_bytes()).collect(),
+            )
+        }
         _ => (PixelFormat::Rgb8, picture.into_rgb8().into_raw()),
     };
     Ok(extractor.extract(&Image::packed(width, height, format, &samples)?))

@@ -155,10 +155,7 @@ impl Findings {
             summary.elapsed.as_secs_f64(),
         );
         let limit_um = 1e6 * THRESHOLD_M;
-        writeln!(
-            text,
-            "What stands out of the film's smooth shape by more than {limit_um:.0} µm:\n"
-        )?;
+        writeln!(text, "Deviations from the film's smooth shape by more than {limit_um:.0} µm:\n")?;
         self.write_table(&mut text)?;
         let file = |name: &str| directory.join(name).display().to_string();
         write!(
@@ -168,7 +165,7 @@ See    {map}  {profile}
 Data   {results}
        Foxglove  app.foxglove.dev, Open local file; a 3D panel shows /laser_profiler/points_dense,
                  an Image panel /laser_profiler/height_map
-       Rerun     rerun {results}
+       Rerun     convert it first: launch_configs/viewers/to_rerun.py in the repository
 Again  laser_profiler replay {recording} -o again --params-file {parameters}
 ",
             map = file("height_map.png"),

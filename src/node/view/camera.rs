@@ -16,11 +16,9 @@ use crate::{
         foxglove_msgs::ImageAnnotations,
         schema::Message,
         sensor_msgs::{CompressedImage, Image},
-        std_msgs::Header,
     },
     node::topics::of_camera,
     ros::{names::NodeNames, node_params::ImageTransport},
-    scanner::image,
 };
 
 use super::{Images, serve_recorded, serve_type};

@@ -22,8 +22,9 @@ use crate::scanner::{
 /// Steps 5 to 8: returns the centres of cross-sections by the chosen method; `brightest` is the position of each one's
 /// peak.
 ///
-/// **To add an estimator, add one arm here**: a function from [`Sections`] to [`Centres`] in a file of its own, and its
-/// name in [`Method`]. The parameter's choices and the test that fast equals reference follow from the name.
+/// **To add an estimator, add an arm here**: a function from [`Sections`] to [`Centres`] in a file of its own, its name in
+/// [`Method`], and the correlation of its centres in [`super::correlation`]. The parameter's choices and the test that fast
+/// equals reference follow from the name.
 #[inline(always)]
 pub(super) fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>) -> Centres {
     let noise = &levels.noise;
