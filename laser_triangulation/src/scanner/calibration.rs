@@ -147,7 +147,8 @@ impl Calibration {
     }
 
     /// Step 9: replaces `profile` by the centreline in metres, one entry per searched line. A point that the geometry
-    /// cannot place counts as not measured. `full_scale` is the level of a saturated sample.
+    /// cannot place, or that lies outside `lines`, counts as not measured. `full_scale` is the level of a saturated
+    /// sample.
     pub fn triangulate(
         &self,
         centerline: &Centerline,

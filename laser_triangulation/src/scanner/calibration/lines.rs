@@ -27,7 +27,7 @@ impl Lines {
     }
 
     /// Replaces `profile` by the points of a centreline for which `place` returns a point. `place` takes the positions
-    /// along and across the stripe in pixels.
+    /// along and across the stripe in pixels. Points outside these lines are left out.
     pub(super) fn fill(
         &self,
         centerline: &Centerline,
@@ -47,7 +47,8 @@ impl Lines {
             if !(x_m.is_finite() && z_m.is_finite()) {
                 continue;
             }
-            let entry = along[i] as usize - self.first;
+            let entry = (along[i] as usize).checked_sub(self.first);
+            let Some(entry) = entry.filter(|entry| *entry < self.count) else { continue };
             // One point per line: that of the first surface, which is the strongest.
             if profile.z_m[entry].is_finite() {
                 continue;

@@ -268,6 +268,23 @@ height_sign: -1
     }
 
     #[test]
+    fn points_outside_the_lines_are_left_out() {
+        let centerline = Centerline {
+            u_px: vec![6.0, 7.0, 9.0, 10.0],
+            v_px: vec![1000.0; 4],
+            intensity: vec![100.0; 4],
+            sigma_px: vec![0.1; 4],
+            flags: vec![0; 4],
+            ..Centerline::default()
+        };
+        let lines = Lines { direction: StripeDirection::Horizontal, first: 7, count: 3 };
+        let mut profile = Profile::default();
+        Calibration::VerticalIncidence(rig()).triangulate(&centerline, &lines, 255, &mut profile);
+        let measured: Vec<_> = profile.z_m.iter().map(|z| z.is_finite()).collect();
+        assert_eq!((profile.valid_count, &measured[..]), (2, &[true, false, true][..]));
+    }
+
+    #[test]
     fn what_32_bits_cannot_hold_is_not_measured() {
         let huge = VerticalIncidence { object_distance_m: 1e300, ..rig() };
         let centerline = Centerline {
