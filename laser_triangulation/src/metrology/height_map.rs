@@ -55,6 +55,15 @@ pub enum GridError {
     /// No point lies in the region.
     #[error("no point was measured in the region")]
     Empty,
+    /// A bound of the region is infinite or NaN.
+    #[error("the region is unbounded: all its bounds must be finite")]
+    Unbounded,
+    /// The side of a cell is not a finite number above 0.
+    #[error("the side of a cell is {cell_m} m: it must be finite and above 0")]
+    Cell {
+        /// Side of a cell, metres.
+        cell_m: f64,
+    },
     /// The grid is too large.
     #[error(
         "cells of {cell_m:.3e} m make {cells} cells, {MAX_CELLS} are allowed: choose cells of {enough_m:.1e} m or more, or a region"
@@ -70,19 +79,26 @@ pub enum GridError {
 }
 
 impl GridLayout {
-    /// Returns the grid that covers a region; cell corners lie at multiples of the cell's side.
+    /// Returns the grid that covers a region; cell corners lie at multiples of the cell's side `cell_m`, metres, a finite
+    /// number above 0.
     ///
     /// # Errors
-    /// An empty region, or too many cells.
+    /// An empty or unbounded region, a side that is not allowed, or too many cells.
     pub fn covering(region: &Region, cell_m: f64) -> Result<Self, GridError> {
         let sides = [0, 1].map(|axis| region.to_m[axis] - region.from_m[axis]);
-        if !sides.iter().all(|side| side.is_finite() && *side >= 0.0) {
+        if sides.iter().any(|side| *side < 0.0) {
             return Err(GridError::Empty);
+        }
+        if !sides.iter().all(|side| side.is_finite()) {
+            return Err(GridError::Unbounded);
+        }
+        if !(cell_m.is_finite() && cell_m > 0.0) {
+            return Err(GridError::Cell { cell_m });
         }
         let first = region.from_m.map(|from| (from / cell_m).floor());
         let counts = [0, 1].map(|axis| (region.to_m[axis] / cell_m).floor() - first[axis] + 1.0);
         let cells = counts[0] * counts[1];
-        if cells.is_nan() || cells > MAX_CELLS as f64 || counts.iter().any(|count| *count < 1.0) {
+        if cells.is_nan() || cells > MAX_CELLS as f64 {
             let enough_m = (sides[0] * sides[1] / MAX_CELLS as f64).sqrt().max(2.0 * cell_m);
             return Err(GridError::TooLarge { cell_m, cells: cells as u64, enough_m });
         }

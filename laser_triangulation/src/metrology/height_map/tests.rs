@@ -100,7 +100,13 @@ fn grids_are_bounded() {
     let region = Region { from_m: [0.0; 2], to_m: [1.0, 1.0] };
     let error = GridLayout::covering(&region, 1e-6).unwrap_err();
     assert!(matches!(error, GridError::TooLarge { .. }), "{error}");
-    assert_eq!(GridLayout::covering(&Region::ALL, 1e-3), Err(GridError::Empty));
+    assert_eq!(GridLayout::covering(&Region::ALL, 1e-3), Err(GridError::Unbounded));
+    let nothing = Surface::default().extent();
+    assert_eq!(GridLayout::covering(&nothing, 1e-3), Err(GridError::Empty));
+    for cell_m in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let error = GridLayout::covering(&region, cell_m).unwrap_err();
+        assert!(matches!(error, GridError::Cell { .. }), "{error}");
+    }
     let layout = GridLayout::covering(&region, 0.1).unwrap();
     assert_eq!((layout.width, layout.height), (11, 11));
 }
