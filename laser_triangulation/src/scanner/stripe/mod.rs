@@ -234,17 +234,69 @@ impl Extractor {
         self.smoother.smooth(centerline);
     }
 
-    /// Sets the frame without laser light that [`Background::Reference`](super::params::Background::Reference) subtracts. It must cover the same region and have
-    /// the same depth as the frames that follow.
-    pub(crate) fn set_ambient(&mut self, plane: &AnyPlane<'_>) {
+    /// Sets the frame without laser light that [`Background::Reference`](super::params::Background::Reference) subtracts;
+    /// without one it subtracts nothing. The frame must cover the same region and have the same depth as the frames that
+    /// follow: another region is subtracted at the wrong place, another depth not at all.
+    ///
+    /// ```
+    /// use laser_triangulation::scanner::{
+    ///     channel::{Decoder, SearchedRegion},
+    ///     image::{Image, PixelFormat},
+    ///     params::{Background, Channel, ExtractionParams, StripeDirection},
+    ///     stripe::Extractor,
+    /// };
+    ///
+    /// // A lamp in the first row outshines the stripe in the fourth.
+    /// let dark = Image::packed(2, 5, PixelFormat::Mono8, &[90, 90, 0, 0, 0, 0, 0, 0, 0, 0])?;
+    /// let lit = Image::packed(2, 5, PixelFormat::Mono8, &[90, 90, 0, 0, 0, 0, 60, 60, 0, 0])?;
+    /// let params = ExtractionParams {
+    ///     background: Background::Reference,
+    ///     blur_radius: 0,
+    ///     min_segment_area: 0,
+    ///     ..ExtractionParams::default()
+    /// };
+    /// let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
+    /// assert_eq!(extractor.extract(&lit).v_px, [0.0, 0.0]);
+    ///
+    /// let mut decoder = Decoder::default();
+    /// extractor.set_ambient(&decoder.decode(&dark, Channel::Auto, &SearchedRegion::whole(&dark)));
+    /// assert_eq!(extractor.extract(&lit).v_px, [3.0, 3.0]);
+    /// # Ok::<(), laser_triangulation::scanner::image::ImageError>(())
+    /// ```
+    pub fn set_ambient(&mut self, plane: &AnyPlane<'_>) {
         match plane {
             AnyPlane::Eight(plane) => self.eight.set_ambient(plane),
             AnyPlane::Sixteen(plane) => self.sixteen.set_ambient(plane),
         }
     }
 
-    /// Discards the stripes of the last frame: tracking starts again.
-    pub(crate) const fn reset(&mut self) {
+    /// Discards the stripes of the last frame: tracking ([`ExtractionParams::tracking_margin_px`]) searches the whole
+    /// region of the next frame. Call it if that frame does not continue the last one: at the start of a scan, for
+    /// another part or another camera. The frame without laser light stays.
+    ///
+    /// ```
+    /// use laser_triangulation::scanner::{
+    ///     image::{Image, PixelFormat},
+    ///     params::{ExtractionParams, StripeDirection},
+    ///     stripe::Extractor,
+    /// };
+    ///
+    /// let one = Image::packed(2, 5, PixelFormat::Mono8, &[60, 60, 0, 0, 0, 0, 0, 0, 0, 0])?;
+    /// let two = Image::packed(2, 5, PixelFormat::Mono8, &[60, 60, 0, 0, 0, 0, 90, 90, 0, 0])?;
+    /// let params = ExtractionParams {
+    ///     tracking_margin_px: Some(1),
+    ///     blur_radius: 0,
+    ///     min_segment_area: 0,
+    ///     ..ExtractionParams::default()
+    /// };
+    /// let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
+    /// assert_eq!(extractor.extract(&one).v_px, [0.0, 0.0]);
+    /// assert_eq!(extractor.extract(&two).v_px, [0.0, 0.0]);
+    /// extractor.reset();
+    /// assert_eq!(extractor.extract(&two).v_px, [3.0, 3.0]);
+    /// # Ok::<(), laser_triangulation::scanner::image::ImageError>(())
+    /// ```
+    pub const fn reset(&mut self) {
         self.eight.reset();
         self.sixteen.reset();
     }
