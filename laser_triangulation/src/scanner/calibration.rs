@@ -72,7 +72,30 @@ impl CalibrationError {
 }
 
 impl Calibration {
-    /// Reads and checks a calibration file's text.
+    /// Reads and checks a calibration file's text. `type` selects the geometry: `vertical_incidence` as below,
+    /// `camera_and_plane` or `projective`. The last two are results of the calibration from pictures.
+    ///
+    /// ```
+    /// use laser_triangulation::scanner::calibration::Calibration;
+    ///
+    /// let calibration = Calibration::from_yaml("
+    /// type: vertical_incidence
+    /// frame_id: laser_plane            # frame of the profiles
+    /// image_distance_m: 0.026          # metres: lens centre to image
+    /// object_distance_m: 0.300         # metres: base point, on the table under the stripe, to lens centre
+    /// beta_rad: 0.5235987755982988     # radians, between 0 and pi/2: laser plane to optical axis
+    /// pixel_pitch_m: 4.8e-6            # metres: distance of neighbouring pixels on the sensor
+    /// base_row_px: 1024.0              # pixels: row of the stripe on the empty table (column, if vertical)
+    /// center_column_px: 1295.5         # pixels: column of the optical axis (row, if vertical)
+    /// height_sign: -1                  # -1: a higher surface moves the stripe to smaller rows; 1: to larger rows
+    /// ")?;
+    /// let Calibration::VerticalIncidence(geometry) = &calibration else { panic!() };
+    /// assert_eq!(geometry.height(1024.0).map(|height| height.z_m), Some(0.0));
+    /// // 10 pixels higher in the image are about 1.1 mm of height.
+    /// let z_m = geometry.height(1014.0).unwrap().z_m;
+    /// assert!((z_m - 0.0011).abs() < 5e-5);
+    /// # Ok::<(), laser_triangulation::scanner::calibration::CalibrationError>(())
+    /// ```
     ///
     /// # Errors
     /// Unknown or missing keys, wrong types, values outside their range, or an `id` that does not match the values. The
