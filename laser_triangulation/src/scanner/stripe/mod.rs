@@ -206,6 +206,35 @@ impl Extractor {
     ///
     /// For another channel, a region of interest or a lower full scale, decode the image with [`Decoder`] and call
     /// [`extract_plane`](Self::extract_plane).
+    ///
+    /// The usual reasons for an empty centreline, and the parameter to change:
+    /// - The stripe covers at most [`min_segment_area`](ExtractionParams::min_segment_area) pixels, 500 by default:
+    ///   lower it for small images and short stripes.
+    /// - The blurred stripe is not brighter than [`segment_threshold`](ExtractionParams::segment_threshold), 35 of 255 by
+    ///   default: lower it, or use [`Threshold::Adaptive`](super::params::Threshold::Adaptive). A narrow stripe also gets
+    ///   darker by the blur: lower [`blur_radius`](ExtractionParams::blur_radius).
+    /// - 10 or 12 bits in samples of 16: thresholds are relative to the full scale, so decode the image as above and set
+    ///   `full_scale` to 1023 or 4095.
+    /// - Only a few points: the stripe runs in the other direction. Use the other [`StripeDirection`].
+    ///
+    /// ```
+    /// use laser_triangulation::scanner::{
+    ///     image::{Image, PixelFormat},
+    ///     params::{ExtractionParams, StripeDirection},
+    ///     stripe::Extractor,
+    /// };
+    ///
+    /// // A stripe of 40 columns and 3 rows covers 120 pixels.
+    /// let mut picture = [0; 40 * 9];
+    /// picture[40 * 3..40 * 6].fill(200);
+    /// let image = Image::packed(40, 9, PixelFormat::Mono8, &picture)?;
+    /// assert!(Extractor::default().extract(&image).is_empty());
+    ///
+    /// let params = ExtractionParams { min_segment_area: 50, ..ExtractionParams::default() };
+    /// let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
+    /// assert_eq!(extractor.extract(&image).len(), 40);
+    /// # Ok::<(), laser_triangulation::scanner::image::ImageError>(())
+    /// ```
     pub fn extract(&mut self, image: &Image<'_>) -> &Centerline {
         let Self { eight, sixteen, decoder, centerline, .. } = self;
         let region = SearchedRegion::whole(image);
