@@ -2,8 +2,8 @@
 
 /// Declares a struct of parameters, one row per parameter: description, field, type, default, name, range, unit.
 ///
-/// The description is the field's documentation. The struct gets `Default`, `parameters()` (its table) and
-/// `from_values()` (its reader). After `=>` stands one of
+/// The description is the field's documentation, followed by the range. The struct gets `Default`, `parameters()` (its
+/// table), `from_values()` (its reader) and `check_ranges()`. After `=>` stands one of
 /// - `["name"]` or `["name", read_only]`: a parameter without a range;
 /// - `["name", range, "unit"]`: a number. A field of type `Option` is `None` where the parameter is 0;
 /// - `group`: another struct declared by this macro;
@@ -24,6 +24,8 @@
 /// let values = [("blur.radius", Value::Integer(5)), ("other", Value::Bool(true))];
 /// let find = |name: &str| values.iter().find(|(key, _)| *key == name).map(|(_, value)| value);
 /// assert_eq!(Blur::from_values(&find), Ok(Blur { radius: 5 }));
+/// let error = Blur { radius: 16 }.check_ranges().unwrap_err();
+/// assert_eq!(error.to_string(), "blur.radius must be an integer from 0 to 15 [px]");
 /// ```
 #[macro_export]
 macro_rules! parameter_group {
@@ -35,7 +37,9 @@ macro_rules! parameter_group {
     ) => {
         $(#[$attribute])*
         #[allow(clippy::doc_markdown, reason = "descriptions are read as plain text too")]
-        pub struct $group { $($(#[doc = $text])+ pub $field: $type,)+ }
+        pub struct $group {
+            $($(#[doc = $text])+ #[doc = $crate::parameter_group!(@doc $how)] pub $field: $type,)+
+        }
 
         impl Default for $group {
             fn default() -> Self {
@@ -45,12 +49,25 @@ macro_rules! parameter_group {
 
         impl $group {
             /// Returns the table: one row per parameter, in order of declaration.
-            #[allow(clippy::vec_init_then_push, reason = "a row may add any number of entries")]
             pub fn parameters() -> Vec<$crate::parameters::Parameter> {
-                let default = Self::default();
+                Self::default().rows()
+            }
+
+            /// Returns the table with these values as defaults.
+            #[doc(hidden)]
+            #[allow(clippy::vec_init_then_push, reason = "a row may add any number of entries")]
+            pub fn rows(&self) -> Vec<$crate::parameters::Parameter> {
                 let mut rows = Vec::new();
-                $($crate::parameter_group!(@row rows, default.$field, $type, $how, [$($text)+]);)+
+                $($crate::parameter_group!(@row rows, self.$field, $how, [$($text)+]);)+
                 rows
+            }
+
+            /// Checks that every number is in its range; NaN is in none.
+            ///
+            /// # Errors
+            /// The first parameter out of range.
+            pub fn check_ranges(&self) -> Result<(), $crate::parameters::NotAllowed> {
+                self.rows().iter().try_for_each(|row| row.check_found(Some(&row.default_value())))
             }
 
             /// Takes the values that `value` returns for a name; other fields keep their default.
@@ -70,17 +87,23 @@ macro_rules! parameter_group {
         }
     };
 
-    (@row $rows:ident, $default:expr, $type:ty, group, $text:tt) => {
-        $rows.extend(<$type>::parameters())
+    (@doc [$name:literal, $range:expr, $unit:literal]) => {
+        concat!("\n Range: `", stringify!($range), "` ", $unit, ". Parameter `", $name, "`.")
     };
-    (@row $rows:ident, $default:expr, $type:ty, computed, $text:tt) => {};
-    (@row $rows:ident, $default:expr, $type:ty, [$name:literal], $text:tt) => {
+    (@doc [$name:literal $($rest:tt)*]) => { concat!("\n Parameter `", $name, "`.") };
+    (@doc $how:tt) => { "" };
+
+    (@row $rows:ident, $default:expr, group, $text:tt) => {
+        $rows.extend($default.rows())
+    };
+    (@row $rows:ident, $default:expr, computed, $text:tt) => {};
+    (@row $rows:ident, $default:expr, [$name:literal], $text:tt) => {
         $crate::parameter_group!(@push $rows, $default, $name, (), "", false, $text)
     };
-    (@row $rows:ident, $default:expr, $type:ty, [$name:literal, read_only], $text:tt) => {
+    (@row $rows:ident, $default:expr, [$name:literal, read_only], $text:tt) => {
         $crate::parameter_group!(@push $rows, $default, $name, (), "", true, $text)
     };
-    (@row $rows:ident, $default:expr, $type:ty, [$name:literal, $range:expr, $unit:literal], $text:tt) => {
+    (@row $rows:ident, $default:expr, [$name:literal, $range:expr, $unit:literal], $text:tt) => {
         $crate::parameter_group!(@push $rows, $default, $name, $range, $unit, false, $text)
     };
     (@push $rows:ident, $default:expr, $name:literal, $range:expr, $unit:literal, $read_only:literal, [$($text:literal)+]) => {

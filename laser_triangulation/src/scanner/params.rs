@@ -15,7 +15,8 @@ use super::{
     scan::{MAX_SLICE_POINTS, ScanLimits},
 };
 
-const MAX_SIDE: i64 = MAX_SIDE_PX as i64;
+// Largest side in the rows below, which the documentation of a field shows as a number.
+const _: () = assert!(MAX_SIDE_PX == 65_535);
 
 named_enum! {
     /// Grey level of a colour pixel.
@@ -144,18 +145,19 @@ parameter_group! {
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct RegionOfInterest {
         /// First column of the region of interest. A region without reflections is more robust and faster.
-        x_offset: u32 = 0 => ["roi.x_offset", 0..=MAX_SIDE, "px"],
+        x_offset: u32 = 0 => ["roi.x_offset", 0..=65_535, "px"],
         /// First row of the region of interest.
-        y_offset: u32 = 0 => ["roi.y_offset", 0..=MAX_SIDE, "px"],
+        y_offset: u32 = 0 => ["roi.y_offset", 0..=65_535, "px"],
         /// Width of the region of interest; 0: up to the right border.
-        width: Option<u32> = None => ["roi.width", 0..=MAX_SIDE, "px"],
+        width: Option<u32> = None => ["roi.width", 0..=65_535, "px"],
         /// Height of the region of interest; 0: down to the lower border. Processing time grows with width x height.
-        height: Option<u32> = None => ["roi.height", 0..=MAX_SIDE, "px"],
+        height: Option<u32> = None => ["roi.height", 0..=65_535, "px"],
     }
 }
 
 parameter_group! {
-    /// Parameters of the extraction. Grey levels are those of an 8-bit scale; deeper images are scaled to it.
+    /// Parameters of the extraction. Grey levels are those of an 8-bit scale; deeper images are scaled to it. In a field
+    /// of type `Option`, `None` stands for the 0 of the parameter. [`check_ranges`](Self::check_ranges) tests the ranges.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct ExtractionParams {
         /// Estimator of the stripe's centre in a cross-section. improved_gravity: centroid in a window around a fitted
@@ -200,9 +202,9 @@ parameter_group! {
         /// Candidates whose blurred peak is less than this above the background are rejected; 0: no limit.
         min_contrast: f64 = 0.0 => ["extraction.min_contrast", 0.0..=255.0, "grey levels of an 8-bit scale"],
         /// Candidates with fewer samples above the threshold are rejected.
-        min_width_px: u32 = 1 => ["extraction.min_width", 1..=MAX_SIDE, "px"],
+        min_width_px: u32 = 1 => ["extraction.min_width", 1..=65_535, "px"],
         /// Candidates with more samples above the threshold are rejected; 0: no limit.
-        max_width_px: Option<u32> = None => ["extraction.max_width", 0..=MAX_SIDE, "px"],
+        max_width_px: Option<u32> = None => ["extraction.max_width", 0..=65_535, "px"],
         /// Signal-to-noise ratio below which a point is flagged LOW_CONTRAST: its amplitude in standard deviations of
         /// the noise.
         min_snr: f64 = 3.0 => ["extraction.min_snr", 0.0..=1000.0, "standard deviations"],
@@ -214,7 +216,7 @@ parameter_group! {
         max_step_px: f64 = 3.0 => ["extraction.max_step", 0.1..=1000.0, "px"],
         /// Searches only within this distance of the last frame's stripe, and the whole region again if less than half
         /// of its points are found. 0: always the whole region.
-        tracking_margin_px: Option<u32> = None => ["extraction.tracking_margin", 0..=MAX_SIDE, "px"],
+        tracking_margin_px: Option<u32> = None => ["extraction.tracking_margin", 0..=65_535, "px"],
         /// Number of points smoothed together along the stripe, odd; 1: no smoothing. Noise falls with its square root;
         /// steps and grooves above the noise are preserved.
         smoothing_columns: u32 = 1 => ["extraction.smoothing_columns", 1..=255, "points"],
@@ -300,3 +302,6 @@ impl Params {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -76,7 +76,13 @@ pub struct Pipeline {
 
 impl Pipeline {
     /// A pipeline with these parameters. Without a calibration it returns centrelines only.
+    ///
+    /// # Panics
+    /// A parameter is out of its range: [`Params::check_ranges`] returns an error.
     pub fn new(params: Params, calibration: Option<Calibration>) -> Self {
+        if let Err(error) = params.check_ranges() {
+            panic!("{error}");
+        }
         let seed = calibration.as_ref().map(Calibration::id).unwrap_or_default();
         Self {
             decoder: Decoder::default(),
@@ -255,7 +261,13 @@ impl Pipeline {
 
     /// Measures with these parameters from the next frame on. Call [`finish`](Self::finish) first if
     /// [`must_end_for`](Self::must_end_for) returns true.
+    ///
+    /// # Panics
+    /// A parameter is out of its range: [`Params::check_ranges`] returns an error.
     pub fn reconfigure(&mut self, params: Params) {
+        if let Err(error) = params.check_ranges() {
+            panic!("{error}");
+        }
         self.locator.reconfigure(&self.params, &params, self.calibration.as_ref());
         self.extractor = Extractor::new(params.extraction, params.stripe_direction);
         self.ambient.forget();

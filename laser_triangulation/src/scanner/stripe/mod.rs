@@ -191,7 +191,13 @@ impl Default for Extractor {
 
 impl Extractor {
     /// Creates an extractor with these settings.
+    ///
+    /// # Panics
+    /// A parameter is out of its range: [`ExtractionParams::check_ranges`] returns an error.
     pub fn new(params: ExtractionParams, direction: StripeDirection) -> Self {
+        if let Err(error) = params.check_ranges() {
+            panic!("{error}");
+        }
         Self {
             eight: FastExtractor::new(params, direction),
             sixteen: FastExtractor::new(params, direction),
