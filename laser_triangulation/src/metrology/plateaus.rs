@@ -24,7 +24,7 @@ const MORE_JUMP_PX: f64 = 1.0;
 const TRIM: usize = 6;
 
 /// The reason why a line cannot be cut into plateaus.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Debug, Error, PartialEq)]
 pub enum PlateauError {
     /// The line is too short.
     #[error("the line has {num} points; {wanted} plateaus need {} or more", .wanted * MIN_POINTS)]
@@ -41,23 +41,31 @@ pub enum PlateauError {
         plateau: usize,
     },
     /// The number of plateaus differs from the number of heights.
-    #[error("{wanted} heights are given, but the line has {found} plateaus{}: {}", at_least(*.found, *.wanted), listed(.places))]
+    #[error("{} given, but the line has {}{}: {}", heights(*.wanted), plateaus(*.found), at_least(*.found, *.wanted), listed(.places))]
     Count {
         /// Heights given.
         wanted: usize,
         /// Plateaus found.
         found: usize,
-        /// Their first and last positions along the stripe, pixels.
-        places: Vec<[i64; 2]>,
+        /// Their first and last positions along the line, in its unit; pixels for a stripe.
+        places: Vec<[f64; 2]>,
     },
+}
+
+fn heights(num: usize) -> String {
+    if num == 1 { "1 height is".into() } else { format!("{num} heights are") }
+}
+
+fn plateaus(num: usize) -> String {
+    if num == 1 { "1 plateau".into() } else { format!("{num} plateaus") }
 }
 
 fn at_least(found: usize, wanted: usize) -> &'static str {
     if found == wanted + MORE { " or more" } else { "" }
 }
 
-fn listed(places: &[[i64; 2]]) -> String {
-    let places: Vec<_> = places.iter().map(|[from, to]| format!("{from} to {to}")).collect();
+fn listed(places: &[[f64; 2]]) -> String {
+    let places: Vec<_> = places.iter().map(|[from, to]| format!("{from:.0} to {to:.0}")).collect();
     format!("{} along the stripe, pixels (the parameters roi.* choose a part)", places.join(", "))
 }
 
@@ -102,7 +110,7 @@ pub(crate) fn cut(points: &[[f64; 2]], count: usize) -> Result<Vec<Piece>, Plate
     });
     let found = found.unwrap_or_default();
     if found.len() != count {
-        let along = |at: usize| thinned[at][0] as i64;
+        let along = |at: usize| thinned[at][0];
         let places = found.iter().map(|piece| [along(piece.start), along(piece.end - 1)]).collect();
         return Err(PlateauError::Count { wanted: count, found: found.len(), places });
     }
@@ -267,7 +275,7 @@ mod tests {
     fn a_different_number_of_plateaus_is_an_error_with_their_positions() {
         let stair = stair(&[300.0, 290.0, 300.0], 0.0, 0.1);
         let error = cut(&stair, 1).unwrap_err().to_string();
-        assert!(error.contains("1 heights") && error.contains("3 plateaus"), "{error}");
+        assert!(error.contains("1 height is given") && error.contains("3 plateaus"), "{error}");
         assert!(error.contains("100 to 299"), "{error}");
         let error = cut(&stair, 5).unwrap_err().to_string();
         assert!(error.contains("3 plateaus"), "{error}");

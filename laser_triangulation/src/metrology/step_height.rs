@@ -43,9 +43,17 @@ pub struct StepHeight {
 pub enum StepHeightError {
     /// No ridge or groove was found.
     #[error(
-        "no ridge or groove between two level parts was found: {0} (a region chooses a part, edges can be given)"
+        "no ridge or groove was found: the profile has {}, three are needed (base, step, base); select a region with one step, or give the edges of the step", listed(.parts_m)
     )]
-    Edges(#[source] PlateauError),
+    Edges {
+        /// Start and end of each level part found along the profile, metres.
+        parts_m: Vec<[f64; 2]>,
+    },
+    /// The profile is too short to find the edges.
+    #[error(
+        "a profile of {0} points is too short to find the edges of a step; give the edges, or a larger region"
+    )]
+    Short(usize),
     /// The outer parts have different heights.
     #[error(
         "the parts beside the step differ by {difference_m:.3e} m, the step is {height_m:.3e} m: a stair, not a step of type A1"
@@ -61,6 +69,13 @@ pub enum StepHeightError {
         "none of {0} profiles has {MIN_POINTS} points in each of the three parts; left and right of the edges a third to a whole of the step's width is used"
     )]
     TooFew(usize),
+}
+
+fn listed(parts_m: &[[f64; 2]]) -> String {
+    let places = parts_m.iter().map(|[from, to]| format!("{:.3} to {:.3}", 1e3 * from, 1e3 * to));
+    let places = places.collect::<Vec<_>>().join(", ");
+    let parts = if parts_m.len() == 1 { "part" } else { "parts" };
+    format!("{} level {parts} ({places} mm)", parts_m.len())
 }
 
 /// Measures the step in every row of a surface, x being along the row. `edges_m`: start and end of the middle part;
@@ -150,7 +165,10 @@ fn find_edges(surface: &Surface) -> Result<[f64; 2], StepHeightError> {
         profile.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()).collect();
     let noise = median(&mut steps).unwrap_or(0.0).max(f64::MIN_POSITIVE);
     let scaled: Vec<_> = profile.iter().map(|[x, z]| [*x, z * NOISE / noise]).collect();
-    let pieces = plateaus::cut(&scaled, 3).map_err(StepHeightError::Edges)?;
+    let pieces = plateaus::cut(&scaled, 3).map_err(|error| match error {
+        PlateauError::Count { places, .. } => StepHeightError::Edges { parts_m: places },
+        _ => StepHeightError::Short(profile.len()),
+    })?;
     let (difference_m, height_m) = levels(&profile, &pieces).ok_or(StepHeightError::TooFew(1))?;
     if difference_m.abs() > 0.5 * height_m.abs() {
         return Err(StepHeightError::Stair { difference_m, height_m });
