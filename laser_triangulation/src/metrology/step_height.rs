@@ -16,6 +16,8 @@ use crate::statistics::median;
 const MIN_POINTS: usize = 4;
 /// Noise level to which heights are scaled for the search of plateaus.
 const NOISE: f64 = 0.05;
+/// Smallest noise assumed in the search of plateaus, as a share of the range of heights: clean profiles have none.
+const LEAST_NOISE: f64 = 3e-4;
 
 /// A measured step with its uncertainty.
 #[derive(Clone, Debug)]
@@ -163,8 +165,11 @@ fn find_edges(surface: &Surface) -> Result<[f64; 2], StepHeightError> {
     let profile = median_profile(surface);
     let mut steps: Vec<f64> =
         profile.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs()).collect();
-    let noise = median(&mut steps).unwrap_or(0.0).max(f64::MIN_POSITIVE);
-    let scaled: Vec<_> = profile.iter().map(|[x, z]| [*x, z * NOISE / noise]).collect();
+    let low = profile.iter().map(|point| point[1]).fold(f64::INFINITY, f64::min);
+    let high = profile.iter().map(|point| point[1]).fold(f64::NEG_INFINITY, f64::max);
+    let noise = median(&mut steps).unwrap_or(0.0).max(LEAST_NOISE * (high - low));
+    let scale = |z: f64| if noise > 0.0 { z * NOISE / noise } else { 0.0 };
+    let scaled: Vec<_> = profile.iter().map(|[x, z]| [*x, scale(*z)]).collect();
     let pieces = plateaus::cut(&scaled, 3).map_err(|error| match error {
         PlateauError::Count { places, .. } => StepHeightError::Edges { parts_m: places },
         _ => StepHeightError::Short(profile.len()),

@@ -61,3 +61,22 @@ fn a_surface_without_a_step_is_an_error() {
     let beside = measure(&ridge(SIGMA_M, 1, 1), Some([0.01, 0.02]));
     assert!(matches!(beside, Err(StepHeightError::TooFew(50))));
 }
+
+#[test]
+fn edges_are_found_without_noise() {
+    for height_m in [3e-3, 0.3e-3, 1.0] {
+        for blur_m in [0.0, 0.15e-3] {
+            let z = |x: f64, _| {
+                let inside: f64 = 0.8e-3 - x.abs();
+                let share = if blur_m > 0.0 { 0.5 + 0.5 * (inside / blur_m).tanh() } else { 0.0 };
+                height_m * if blur_m > 0.0 { share } else { f64::from(u8::from(inside > 0.0)) }
+            };
+            let found = measure(&surface(z, 0.0, 1, 0), None).unwrap();
+            assert!((found.height_m / height_m - 1.0).abs() < 1e-3, "{height_m} {found:?}");
+            let off = found.edges_m.map(|edge| (edge.abs() - 0.8e-3).abs());
+            assert!(off.iter().all(|off| *off < 1.5e-4), "{found:?}");
+        }
+    }
+    let level = surface(|_, _| 0.25, 0.0, 1, 0);
+    assert!(matches!(measure(&level, None), Err(StepHeightError::Edges { .. })));
+}
