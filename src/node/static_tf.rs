@@ -93,14 +93,14 @@ impl StaticTf {
         now_ns: i64,
     ) -> Result<(), SendError> {
         let PlaneFrames { camera: camera_frame, laser: laser_frame } = frames;
-        if self.is_placed(camera, camera_frame, laser_frame, camera_from_laser) {
-            return Ok(());
-        }
         if let Err(error) = self.check(camera, camera_frame, laser_frame) {
             self.refuse(camera, error);
             return Ok(());
         }
         self.refused[camera] = None;
+        if self.is_placed(camera, camera_frame, laser_frame, camera_from_laser) {
+            return Ok(());
+        }
         let place = Place {
             camera_frame: camera_frame.to_owned(),
             laser_frame: laser_frame.to_owned(),
@@ -114,7 +114,7 @@ impl StaticTf {
         sent
     }
 
-    /// Returns the reason why the pose of a camera's laser plane was last not published.
+    /// Returns the reason why a camera's laser plane could not be placed for the last image.
     pub(crate) fn refusal(&self, camera: usize) -> Option<&StaticFrameError> {
         self.refused[camera].as_ref()
     }
@@ -263,5 +263,10 @@ mod tests {
         assert_eq!(take(&received), ["left>laser 0.3"]);
         assert!(rig.tf.refusal(0).is_none());
         assert!(matches!(rig.tf.refusal(1), Some(StaticFrameError::Taken(_))));
+        // The reason ends with the fault, even if the pose is still the published one.
+        rig.place(0, ["", "laser"], 0.3);
+        assert!(matches!(rig.tf.refusal(0), Some(StaticFrameError::Empty { .. })));
+        rig.place(0, ["left", "laser"], 0.3);
+        assert!(rig.tf.refusal(0).is_none() && take(&received).is_empty());
     }
 }

@@ -113,7 +113,8 @@ impl Observer {
     pub(super) fn notes(&self) -> Vec<Note> {
         let seen = lock(&self.seen);
         let warning = |key, text| Note { level: DiagnosticStatus::WARN, key, text };
-        let malformed = |num, topic| (num > 0).then(|| format!("{num} malformed {topic} messages"));
+        let malformed =
+            |num, topic| (num > 0).then(|| format!("malformed {topic} messages: {num}"));
         let not_placed = lock(&self.tf).refusal(self.camera).map(ToString::to_string);
         [
             seen.conflict.clone().map(|text| warning("camera_info", text)),

@@ -92,7 +92,7 @@ fn a_missing_or_malformed_clock_is_reported() {
     wait_for_text(&rig, "use_sim_time is set, but no /clock has arrived");
     let mut clock = publisher::<Clock>(&rig, "/clock");
     clock.publish(&Arc::from([0, 1, 0, 0, 7].as_slice()), 0).unwrap();
-    wait_for_text(&rig, "1 malformed /clock messages");
+    wait_for_text(&rig, "malformed /clock messages: 1");
     rig.end();
 }
 
