@@ -1,6 +1,8 @@
 //! `laser_profiler evaluate`: accuracy of the methods, against ground truth and by the protocol of the paper.
 
 mod document;
+mod hard;
+mod hard_tables;
 mod paper;
 mod recorded_truth;
 mod rendered;
@@ -26,6 +28,7 @@ Examples:
   laser_profiler evaluate truth                        every method on rendered stripes with known centres
   laser_profiler evaluate truth bags/film_defects --params-file bags/film_defects.params.yaml
                                                        on a recording of `simulate`, with its ground truth
+  laser_profiler evaluate hard                         hard scenes: wrong points that nothing shows
   laser_profiler evaluate paper                        Table 3 of the paper, and the correct Table 4
   laser_profiler evaluate paper my_recording --columns 500..900
                                                        the paper's protocol on your own recording
@@ -43,6 +46,7 @@ pub(crate) struct EvaluateArgs {
 #[derive(Debug, clap::Subcommand)]
 enum Question {
     Truth(truth::TruthArgs),
+    Hard(hard::HardArgs),
     Paper(paper::PaperArgs),
 }
 
@@ -79,6 +83,7 @@ pub(crate) fn run(
 ) -> anyhow::Result<Outcome> {
     match args.question {
         Question::Truth(args) => write(&truth::report(&args, ros)?, &args.output, out),
+        Question::Hard(args) => write(&hard::report(&args, ros)?, &args.output, out),
         Question::Paper(args) => {
             let output = args.output.clone();
             write(&paper::report(args, ros)?, &output, out)

@@ -12,6 +12,8 @@ mod live;
 #[cfg(feature = "calibrate")]
 mod calibrate;
 mod real_scenes;
+mod hard_scenes;
+mod sigma_truth;
 mod recordings;
 
 mod accuracy;

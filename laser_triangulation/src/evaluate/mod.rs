@@ -11,6 +11,8 @@
 //! | [`bound`] | the Cramér–Rao bound of the centre |
 //! | `scene`, [`trial`] | a stripe with known centres, and the methods on it |
 //! | [`experiment`], [`locking`], [`edge`], [`smoothing`] | the experiments |
+//! | [`hard`] | hard scenes: glow, clipping, halo, second lines, speckle; points that are wrong and do not show it |
+//! | [`scatter`] | scatter along the stripe over the stated standard deviation, without ground truth |
 //! | [`paper`], [`table3`], [`added_noise`] | the protocol of the paper, its numbers, its noise |
 
 pub mod statistics;
@@ -22,6 +24,8 @@ pub mod experiment;
 pub mod locking;
 pub mod edge;
 pub mod smoothing;
+pub mod hard;
+pub mod scatter;
 pub mod table3;
 pub mod paper;
 pub mod added_noise;

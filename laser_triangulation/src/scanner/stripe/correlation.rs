@@ -14,14 +14,14 @@ const MIN_OWN_VARIANCE: f64 = 0.05;
 
 /// Correlation of the errors of two points as a function of their distance along the stripe.
 #[derive(Clone, Debug)]
-pub(super) struct Correlation {
+pub(crate) struct Correlation {
     /// At distances 0, 1, …; 0 beyond. The first is 1.
     by_distance: Vec<f64>,
 }
 
 impl Correlation {
     /// Returns the correlation for points found with these parameters, if the noise of the image is white.
-    pub(super) fn along_the_stripe(params: &ExtractionParams) -> Self {
+    pub(crate) fn along_the_stripe(params: &ExtractionParams) -> Self {
         Self::of(&match params.method {
             Method::GrayGravity | Method::GaussianFit | Method::ImprovedGravity => {
                 let kernel = Kernel::gaussian(params.blur_radius);
@@ -58,7 +58,7 @@ impl Correlation {
 
     /// Returns the variance of the sum of errors at consecutive places with the standard deviations `sigmas`, signs
     /// included.
-    pub(super) fn variance(&self, sigmas: &[f64]) -> f64 {
+    pub(crate) fn variance(&self, sigmas: &[f64]) -> f64 {
         let product = |distance: usize| -> f64 {
             sigmas.iter().zip(&sigmas[distance..]).map(|(a, b)| a * b).sum()
         };

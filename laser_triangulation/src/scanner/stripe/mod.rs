@@ -44,7 +44,7 @@ mod continuity;
 mod tracking;
 mod select;
 mod measure;
-mod correlation;
+pub(crate) mod correlation;
 mod smooth;
 mod vectors;
 mod tile_blur;

@@ -1,0 +1,45 @@
+//! Hard scenes, rendered: no point is wrong without showing it.
+
+use laser_profiler::{
+    evaluate::hard::{self, HardStudy},
+    scanner::params::{Method, Params},
+};
+
+/// Largest share of the points of a method that are wrong and show nothing of it, 0 to 1.
+const MAX_WRONG_SHARE: f64 = 1.0;
+
+fn study(methods: &[Method]) -> HardStudy {
+    hard::run(&Params::default(), methods, &hard::grid(), || ())
+}
+
+#[test]
+fn wrong_points_are_rare_with_every_method() {
+    let methods: Vec<_> =
+        Method::NAMES.iter().map(|name| Method::from_name(name).unwrap()).collect();
+    let study = study(&methods);
+    assert!(study.scenes.len() >= 200, "{} scenes", study.scenes.len());
+    for direction in ["horizontal", "vertical"] {
+        let count = study.scenes.iter().filter(|scene| scene.direction == direction).count();
+        assert!(count >= 50, "{count} {direction} scenes");
+    }
+    assert_eq!(study.methods.len(), Method::NAMES.len());
+    for method in &study.methods {
+        let (name, all) = (method.method, &method.all);
+        eprintln!(
+            "{name:16} wrong {:6.2} % of {:6} points, right {:5.1} %, in doubt {:5.1} %, sound {:5.1} % of the columns",
+            100.0 * all.wrong,
+            all.points,
+            100.0 * all.right,
+            100.0 * all.doubted,
+            100.0 * all.sound
+        );
+        let points: u64 = method.classes.iter().map(|class| class.figures.points).sum();
+        assert_eq!(all.points, points, "{name}");
+        assert!(method.classes.iter().all(|class| class.figures.points > 0), "{name}: {method:?}");
+        assert!(all.wrong <= MAX_WRONG_SHARE, "{name}: {all:?}");
+        // The measure distinguishes good from bad: alone, the line is right.
+        let alone = &method.classes[0];
+        assert_eq!(alone.class, "line");
+        assert!(alone.figures.right > 0.99 && alone.figures.missing < 0.01, "{name}: {alone:?}");
+    }
+}
