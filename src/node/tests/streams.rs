@@ -84,6 +84,7 @@ fn counted() -> Counts {
         unlocated: 14,
         doubtful: 15,
         positions_refused: 16,
+        outside_calibration: 17,
         ..Counts::default()
     }
 }
