@@ -22,7 +22,7 @@ pub use crate::metrology::PlateauError;
 use thiserror::Error;
 
 use super::GaugePicture;
-use crate::scanner::calibration::Range;
+use crate::scanner::calibration::range;
 use fit::Fit;
 
 /// Fewest different heights: a one-dimensional projective map has three parameters.
@@ -194,9 +194,8 @@ pub fn calibrate_steps(
     let found = uncertainty::of_fit(&fit, plateaus, lens_m)?;
     let residuals = checks.iter().map(|c| c.measured_m - c.plateau.height.height_m);
     let squares: f64 = residuals.clone().map(|residual| residual * residual).sum();
-    let mut heights_m = Range::EMPTY;
-    checks.iter().for_each(|check| heights_m.add(check.plateau.height.height_m));
-    let [lowest_m, highest_m] = heights_m.limits().ok_or(StepsError::NoMap)?;
+    let heights_m = plateaus.iter().map(|plateau| plateau.height.height_m);
+    let [lowest_m, highest_m] = range(heights_m).ok_or(StepsError::NoMap)?;
     let largest_m = residuals.fold(0.0, |largest: f64, r| largest.max(r.abs()));
     Ok(StepsCalibration {
         model: fit.model.with_covariance(found.covariance),
@@ -214,9 +213,8 @@ pub fn calibrate_steps(
 
 /// Returns the error in height that a lens may cause between the plateaus, if no height is left over to show it.
 fn lens_m(fit: &Fit, plateaus: &[Plateau], picture: &GaugePicture) -> f64 {
-    let mut across_px = Range::EMPTY;
-    plateaus.iter().for_each(|plateau| across_px.add(plateau.across_px));
-    let [from, to] = across_px.limits().unwrap_or_default();
+    let across_px = range(plateaus.iter().map(|plateau| plateau.across_px));
+    let [from, to]: [f64; 2] = across_px.unwrap_or_default();
     let [width, height] = picture.size_px.map(|px| 0.5 * f64::from(px));
     let error_px = LENS * CUBIC * (0.5 * (to - from)).powi(3) / (width * width + height * height);
     let slopes = plateaus.iter().filter_map(|plateau| {

@@ -21,7 +21,7 @@ pub use projective::Projective;
 pub use quality::{AxisQuality, CameraQuality, PlaneQuality, StepsQuality};
 pub use vertical_incidence::{Height, VerticalIncidence};
 pub use volume::CalibratedVolume;
-pub(crate) use volume::{Bounds, Range};
+pub(crate) use volume::{Bounds, range};
 
 /// A calibration: maps image points to points of the laser plane.
 #[derive(Clone, Debug, PartialEq)]

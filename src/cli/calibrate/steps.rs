@@ -39,9 +39,10 @@ pub(super) fn run(
         _ => None,
     };
     let reference =
-        if args.differences { HeightReference::EachPicture } else { HeightReference::Common };
+        if args.gauge.differences { HeightReference::EachPicture } else { HeightReference::Common };
     let request = StepsRequest { terms, reference, picture: gauge.picture };
-    let height_sign = if args.any_order { Some(assign(args, &mut gauge, &request)?) } else { None };
+    let height_sign =
+        if args.gauge.any_order { Some(assign(args, &mut gauge, &request)?) } else { None };
     let plateaus: Vec<_> = gauge.plateaus.iter().map(|found| found.plateau.clone()).collect();
     let result = calibrate_steps(&plateaus, &request).map_err(|error| Usage(error.to_string()))?;
     if let Some(excess) = result.excess {
@@ -82,7 +83,7 @@ pub(super) fn run(
 /// Exchanges the heights of each picture so that they fit; returns the sign of the heights.
 fn assign(args: &StepsArgs, gauge: &mut Gauge, request: &StepsRequest) -> Result<i8, Usage> {
     let mut plateaus: Vec<_> = gauge.plateaus.iter().map(|found| found.plateau.clone()).collect();
-    let sign = assign_heights(&mut plateaus, request, args.height_sign)
+    let sign = assign_heights(&mut plateaus, request, args.gauge.height_sign)
         .map_err(|error| Usage(error.to_string()))?;
     for (found, plateau) in gauge.plateaus.iter_mut().zip(plateaus) {
         found.plateau = plateau;

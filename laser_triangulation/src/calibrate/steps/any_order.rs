@@ -77,7 +77,7 @@ fn an_ambiguous_order_is_an_error() {
     assert_eq!(assign_heights(&mut found, &common, Some(sign)), Ok(sign));
     assert_eq!(found, equal);
     // Two heights that noise exchanges.
-    let close = plateaus(&[&[0.0, 0.00000002, 0.004, 0.009, 0.012]], 0.0);
+    let close = plateaus(&[&[0.0, 2e-8, 0.004, 0.009, 0.012]], 0.0);
     let error = assign_heights(&mut sorted(&close), &common, Some(sign)).unwrap_err();
     assert!(matches!(error, StepsError::AmbiguousHeights { .. }), "{error}");
 }

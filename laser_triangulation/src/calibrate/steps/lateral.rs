@@ -2,12 +2,12 @@
 
 use nalgebra::DMatrix;
 
-use super::{GaugePlateau, HeightModel, StepsCalibration, VerticalGeometry};
+use super::{GaugePlateau, HeightModel, Plateau, StepsCalibration, VerticalGeometry};
 use crate::{
     calibrate::GaugePicture,
     metrology::student::{NORMAL_95, factor_95},
     scanner::{
-        calibration::{CalibratedVolume, Projective, Range, StepsQuality, VerticalIncidence},
+        calibration::{CalibratedVolume, Projective, StepsQuality, VerticalIncidence, range},
         params::StripeDirection,
     },
 };
@@ -126,27 +126,18 @@ impl StepsCalibration {
 
     /// Returns the part of the image, and the heights, that the lines of all plateaus cover.
     fn volume(&self, direction: StripeDirection) -> Option<CalibratedVolume> {
-        let (mut along_px, mut across_px) = (Range::EMPTY, Range::EMPTY);
-        let mut heights_m = Range::EMPTY;
-        for check in &self.checks {
-            for [along, across] in check.plateau.ends() {
-                along_px.add(along);
-                across_px.add(across);
-            }
-            let offset_m = self.offsets_m.get(check.plateau.picture).copied().unwrap_or(0.0);
-            heights_m.add(check.plateau.height.height_m + offset_m);
-        }
-        let (along_px, across_px) = (along_px.limits()?, across_px.limits()?);
+        let ends = || self.checks.iter().flat_map(|check| check.plateau.ends());
+        let along_px = range(ends().map(|[along, _]| along))?;
+        let across_px = range(ends().map(|[_, across]| across))?;
+        let heights_m = range(self.checks.iter().map(|check| {
+            let Plateau { height, picture, .. } = &check.plateau;
+            height.height_m + self.offsets_m.get(*picture).copied().unwrap_or(0.0)
+        }));
         let (columns_px, rows_px) = match direction {
             StripeDirection::Horizontal => (along_px, across_px),
             StripeDirection::Vertical => (across_px, along_px),
         };
-        Some(CalibratedVolume {
-            columns_px,
-            rows_px,
-            heights_m: heights_m.limits(),
-            depths_m: None,
-        })
+        Some(CalibratedVolume { columns_px, rows_px, heights_m, depths_m: None })
     }
 }
 

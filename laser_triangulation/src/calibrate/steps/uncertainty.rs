@@ -148,7 +148,7 @@ impl Equations {
     /// Returns the variance of all heights for a gauge whose uncertainty is estimated from the residuals, enlarged by
     /// the factor for their small number.
     fn estimated(&self, factor: f64) -> DMatrix<f64> {
-        let (noise, [mean_m2, _]) = (self.with_inclinations(true), self.observed());
+        let (noise, [mean_m2, _]) = (self.with_inclinations(small_sample), self.observed());
         let explained_m2 = (&self.means * self.seen(&noise)).trace();
         let seen = (&self.means * &self.away * &self.gauge).norm_squared();
         let gauge_m2 = ((factor.powi(2) * mean_m2 - explained_m2) / seen).max(0.0);
@@ -168,7 +168,7 @@ impl Equations {
             of_heights[*height] = sigma_m.powi(2).max(of_heights[*height]);
         }
         let gauge = &self.gauge * DMatrix::from_diagonal(&of_heights) * self.gauge.transpose();
-        let variance = self.with_inclinations(false) + gauge;
+        let variance = self.with_inclinations(|_| 1.0) + gauge;
         if degrees_of_freedom == 0 {
             return (variance + &self.means * (self.each * lens_m.powi(2)), None);
         }
@@ -178,21 +178,21 @@ impl Equations {
         if ratio.is_nan() || ratio <= largest_ratio(effective) {
             return (variance, None);
         }
-        let widened = ratio * (factor_95(effective.max(1.0)) / NORMAL_95).powi(2);
+        let widened = ratio * small_sample(effective).powi(2);
         (variance * widened, Some(ratio.sqrt()))
     }
 
-    /// Returns the noise of the lines, and what the inclinations of the lines scatter beyond it.
-    fn with_inclinations(&self, is_small_sample: bool) -> DMatrix<f64> {
+    /// Returns the noise of the lines, and what the inclinations of the lines scatter beyond it, enlarged by a factor
+    /// that depends on their number.
+    fn with_inclinations(&self, factor: impl Fn(f64) -> f64) -> DMatrix<f64> {
         let num = self.noise.nrows();
         let rest = DMatrix::identity(num, num) - &self.means;
         let seen = (&rest * &self.away * &rest).trace();
         if seen < 0.5 {
             return self.noise.clone();
         }
-        let factor = if is_small_sample { factor_95(seen.max(1.0)) / NORMAL_95 } else { 1.0 };
         let explained_m2 = (&rest * self.seen(&self.noise)).trace();
-        let more_m2 = (factor.powi(2) * self.observed()[1] - explained_m2) / seen;
+        let more_m2 = (factor(seen).powi(2) * self.observed()[1] - explained_m2) / seen;
         &self.noise + rest * more_m2.max(0.0)
     }
 
@@ -210,6 +210,11 @@ impl Equations {
     fn mean_height_variance(&self, variance: &DMatrix<f64>) -> f64 {
         (&self.means * variance).trace() / self.noise.nrows() as f64
     }
+}
+
+/// Returns the factor that enlarges a standard deviation from few values so that 1.96 of it hold 95 %.
+fn small_sample(degrees_of_freedom: f64) -> f64 {
+    factor_95(degrees_of_freedom.max(1.0)) / NORMAL_95
 }
 
 /// Returns the ratio of a sum of squares to its expectation that chance exceeds in 1 of 100 cases: the quantile of chi

@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::laser_lines::{BoardLine, LaserLines};
 use crate::{
     scanner::{
-        calibration::{CalibratedVolume, CameraAndPlane, CameraCalibration, PlaneQuality, Range},
+        calibration::{CalibratedVolume, CameraAndPlane, CameraCalibration, PlaneQuality, range},
         camera::Camera,
         laser_plane::LaserPlane,
     },
@@ -171,11 +171,10 @@ impl LaserPlaneFit {
 
     /// Returns the part of the image, and the depths, that the lines covered.
     fn volume(&self, camera: &Camera) -> Option<CalibratedVolume> {
-        let mut depths_m = Range::EMPTY;
-        self.ends_m.iter().for_each(|end| depths_m.add(end.z));
+        let depths_m = range(self.ends_m.iter().map(|end| end.z));
         let seen = self.ends_m.iter().filter_map(|end| Some(camera.project(*end)?.0));
         let of_image = CalibratedVolume::of_positions(seen)?;
-        Some(CalibratedVolume { depths_m: depths_m.limits(), ..of_image })
+        Some(CalibratedVolume { depths_m, ..of_image })
     }
 
     /// Describes how a board contradicts the others.

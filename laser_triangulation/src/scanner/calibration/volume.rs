@@ -30,12 +30,9 @@ impl CalibratedVolume {
     /// if there are none.
     #[must_use]
     pub(crate) fn of_positions(positions: impl IntoIterator<Item = Point2<f64>>) -> Option<Self> {
-        let (mut columns_px, mut rows_px) = (Range::EMPTY, Range::EMPTY);
-        for position in positions {
-            columns_px.add(position.x);
-            rows_px.add(position.y);
-        }
-        let [columns_px, rows_px] = [columns_px.limits()?, rows_px.limits()?];
+        let positions: Vec<_> = positions.into_iter().collect();
+        let columns_px = range(positions.iter().map(|position| position.x))?;
+        let rows_px = range(positions.iter().map(|position| position.y))?;
         Some(Self { columns_px, rows_px, heights_m: None, depths_m: None })
     }
 
@@ -62,23 +59,13 @@ impl CalibratedVolume {
     }
 }
 
-/// The smallest range that holds all values so far.
-#[derive(Clone, Copy)]
-pub(crate) struct Range([f64; 2]);
-
-impl Range {
-    /// A range without values.
-    pub(crate) const EMPTY: Self = Self([f64::INFINITY, f64::NEG_INFINITY]);
-
-    /// Widens the range to a value.
-    pub(crate) fn add(&mut self, value: f64) {
-        self.0 = [self.0[0].min(value), self.0[1].max(value)];
-    }
-
-    /// Returns the smallest and the largest value; `None` without values.
-    pub(crate) fn limits(self) -> Option<[f64; 2]> {
-        (self.0[0] <= self.0[1]).then_some(self.0)
-    }
+/// Returns the smallest and the largest value; `None` without values.
+pub(crate) fn range(values: impl IntoIterator<Item = f64>) -> Option<[f64; 2]> {
+    let widened = |range: Option<[f64; 2]>, value: f64| {
+        let [from, to] = range.unwrap_or([value; 2]);
+        Some([from.min(value), to.max(value)])
+    };
+    values.into_iter().fold(None, widened)
 }
 
 /// The limits of a calibrated volume for one direction of the stripe, with their margins.

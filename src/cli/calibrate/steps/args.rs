@@ -58,21 +58,8 @@ pub(in crate::cli::calibrate) struct StepsArgs {
     /// Replaces an existing file.
     #[arg(long)]
     pub(super) force: bool,
-    /// One standard deviation of every height without a stated one.
-    #[arg(long, value_name = "LENGTH", value_parser = not_negative_m)]
-    pub(super) gauge_sigma: Option<f64>,
-    /// Heights are known only relative to the others in the same picture: the bed drifts from picture to picture. The
-    /// first picture defines height 0.
-    #[arg(long)]
-    pub(super) differences: bool,
-    /// The heights of a picture are in any order, one for each plateau: the fit decides which is which.
-    #[arg(long)]
-    pub(super) any_order: bool,
-    /// With --any-order, where the fit cannot decide: -1 if a higher surface lies at smaller rows (columns, for a vertical
-    /// stripe), 1 if at larger ones.
-    #[arg(long, value_name = "SIGN", requires = "any_order", allow_hyphen_values = true,
-        value_parser = clap::value_parser!(i8).range(-1..=1))]
-    pub(super) height_sign: Option<i8>,
+    #[command(flatten)]
+    pub(super) gauge: GaugeArgs,
     /// Length of a pixel along the stripe at height 0, in the middle of the picture; 22um±0.1um with a standard deviation.
     #[arg(long, value_name = "LENGTH", value_parser = positive_uncertain_m)]
     pub(super) lateral: Option<UncertainLength>,
@@ -100,6 +87,26 @@ pub(in crate::cli::calibrate) struct StepsArgs {
     pub(super) json: bool,
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
+}
+
+/// What is known of the heights.
+#[derive(Debug, clap::Args)]
+pub(super) struct GaugeArgs {
+    /// One standard deviation of every height without a stated one.
+    #[arg(long, value_name = "LENGTH", value_parser = not_negative_m)]
+    pub(super) gauge_sigma: Option<f64>,
+    /// Heights are known only relative to the others in the same picture: the bed drifts from picture to picture. The
+    /// first picture defines height 0.
+    #[arg(long)]
+    pub(super) differences: bool,
+    /// The heights of a picture are in any order, one for each plateau: the fit decides which is which.
+    #[arg(long)]
+    pub(super) any_order: bool,
+    /// With --any-order, where the fit cannot decide: -1 if a higher surface lies at smaller rows (columns, for a vertical
+    /// stripe), 1 if at larger ones.
+    #[arg(long, value_name = "SIGN", requires = "any_order", allow_hyphen_values = true,
+        value_parser = clap::value_parser!(i8).range(-1..=1))]
+    pub(super) height_sign: Option<i8>,
 }
 
 /// A picture or recording and its heights.
@@ -138,14 +145,14 @@ impl StepsArgs {
         for Source { path, heights } in &self.sources {
             let is_same =
                 |pair: &[GaugeHeight]| pair[0].height_m.total_cmp(&pair[1].height_m).is_eq();
-            if !self.any_order && heights.windows(2).any(is_same) {
+            if !self.gauge.any_order && heights.windows(2).any(is_same) {
                 let name = path.display();
                 let text =
                     format!("{name}: two neighbouring plateaus of one height are one plateau");
                 return Err(Usage(text));
             }
         }
-        if self.height_sign == Some(0) {
+        if self.gauge.height_sign == Some(0) {
             return Err(Usage("--height-sign is -1 or 1".into()));
         }
         let has_distance = self.image_distance.is_some() || self.object_distance.is_some();

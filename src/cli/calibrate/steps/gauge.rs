@@ -53,7 +53,9 @@ impl Gauge {
                 PlateauError::TooFewPoints { .. } => anyhow!("{name}: {error}"),
                 _ => Usage(format!("{name}: {error}{}", hint(&error, settings))).into(),
             })?;
-            found.iter_mut().for_each(|found| found.plateau.picture = number);
+            for found in &mut found {
+                found.plateau.picture = number;
+            }
             gauge.sources.extend(found.iter().map(|_| path.clone()));
             gauge.plateaus.extend(found);
             bar.inc(1);
@@ -65,7 +67,7 @@ impl Gauge {
 
 /// Returns a height with the uncertainty of the whole gauge, unless it has its own.
 fn stated(args: &StepsArgs, height: GaugeHeight) -> GaugeHeight {
-    GaugeHeight { sigma_m: height.sigma_m.or(args.gauge_sigma), ..height }
+    GaugeHeight { sigma_m: height.sigma_m.or(args.gauge.gauge_sigma), ..height }
 }
 
 /// Suggests a remedy for an unexpected number of plateaus.
