@@ -1,5 +1,4 @@
 //! Intervals of a measured step contain the truth as often as stated, for calibrations whose gauges are off.
-#![expect(clippy::print_stdout, reason = "figures for docs/metrology.md")]
 
 use nalgebra::Point3;
 use rand::SeedableRng;
@@ -134,7 +133,6 @@ fn a_stated_gauge_is_covered_as_stated() {
     ];
     for (name, case) in cases {
         let share = share(&case);
-        println!("{name}: {:.1} % within the stated 95 %", 100.0 * share);
         assert!((0.93..=0.97).contains(&share), "{name}: {share}");
     }
 }
@@ -143,7 +141,6 @@ fn a_stated_gauge_is_covered_as_stated() {
 fn without_redundancy_the_stated_gauge_counts_and_an_unknown_one_is_refused() {
     let three = Case { pictures: &[&[0.0], &[0.005], &[0.012]], ..WHOLE };
     let covered = share(&three);
-    println!("three heights: {:.1} % within the stated 95 %", 100.0 * covered);
     assert!((0.93..=1.0).contains(&covered), "{covered}");
     let twice = Case {
         pictures: &[&[0.0], &[0.005], &[0.012], &[0.0], &[0.005], &[0.012]],
@@ -164,7 +161,6 @@ fn a_gauge_of_unknown_uncertainty_is_covered_by_its_residuals() {
     let four: [Stated<'_>; 4] = [&[0.0], &[0.004], &[0.008], &[0.012]];
     for pictures in [WHOLE.pictures, &four] {
         let share = share(&Case { pictures, is_stated: false, ..WHOLE });
-        println!("{} heights, from the residuals: {:.1} %", pictures.len(), 100.0 * share);
         assert!(share >= 0.93, "{share}");
     }
 }

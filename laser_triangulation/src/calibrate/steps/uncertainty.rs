@@ -169,17 +169,25 @@ impl Equations {
         }
         let gauge = &self.gauge * DMatrix::from_diagonal(&of_heights) * self.gauge.transpose();
         let variance = self.with_inclinations(|_| 1.0) + gauge;
-        if degrees_of_freedom == 0 {
-            return (variance + &self.means * (self.each * lens_m.powi(2)), None);
-        }
+        let is_checked = degrees_of_freedom > 0;
+        let lens_m2 = if is_checked { 0.0 } else { self.each * lens_m.powi(2) };
+        let variance = variance + &self.means * lens_m2;
+        let freedom = (&self.means * &self.away).trace();
         let expected = &self.means * self.seen(&variance) * &self.means;
         let effective = expected.trace().powi(2) / (&expected * &expected).trace();
-        let ratio = self.observed()[0] / expected.trace();
-        if ratio.is_nan() || ratio <= largest_ratio(effective) {
+        let (observed_m2, expected_m2) = (self.observed()[0], expected.trace());
+        let ratio = observed_m2 / expected_m2;
+        if freedom < 0.5 || ratio.is_nan() || ratio <= largest_ratio(effective) {
             return (variance, None);
         }
-        let widened = ratio * small_sample(effective).powi(2);
-        (variance * widened, Some(ratio.sqrt()))
+        let widened = if is_checked {
+            variance * (ratio * small_sample(effective).powi(2))
+        } else {
+            // Equal heights in different places contradict each other, whatever the gauge's errors are.
+            let more_m2 = small_sample(freedom).powi(2) * observed_m2 - expected_m2;
+            variance + &self.means * (more_m2 / freedom)
+        };
+        (widened, Some(ratio.sqrt()))
     }
 
     /// Returns the noise of the lines, and what the inclinations of the lines scatter beyond it, enlarged by a factor
