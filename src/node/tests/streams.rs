@@ -140,6 +140,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("slices", "8"),
         ("frames without their other exposure", "12"),
         ("frames too bright for the threshold", "13"),
+        ("points outside the calibrated volume", "17"),
         ("frames without a position", "14"),
         ("frames with a doubtful position", "15"),
         ("positions refused", "16"),
