@@ -84,6 +84,7 @@ fn counted() -> Counts {
         unlocated: 14,
         doubtful: 15,
         positions_refused: 16,
+        outside_calibration: 17,
         ..Counts::default()
     }
 }
@@ -139,6 +140,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("slices", "8"),
         ("frames without their other exposure", "12"),
         ("frames too bright for the threshold", "13"),
+        ("points outside the calibrated volume", "17"),
         ("frames without a position", "14"),
         ("frames with a doubtful position", "15"),
         ("positions refused", "16"),

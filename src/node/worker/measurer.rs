@@ -23,6 +23,7 @@ use crate::{
         motion::Position,
         params::MotionParams,
         pipeline::{Pipeline, Stage},
+        profile::Profile,
     },
 };
 
@@ -48,6 +49,8 @@ pub(super) struct Outcome {
     pub(super) position: Option<Position>,
     /// True if positions are measured rather than assumed.
     pub(super) measures_positions: bool,
+    /// Points of the profile outside the calibrated volume.
+    pub(super) num_outside_calibration: u64,
 }
 
 /// Pipeline, positions, results and their buffers.
@@ -110,6 +113,7 @@ impl Measurer {
             share_above_threshold: output.share_above_threshold,
             position: output.position,
             measures_positions: self.positions.is_some(),
+            num_outside_calibration: output.profile.map_or(0, Profile::num_outside_calibration),
         };
         let measured = Measured { header, image, place, index, output, time_ns };
         self.results.publish_frame(&measured, out)?;
