@@ -84,6 +84,7 @@ fn counted() -> Counts {
         unlocated: 14,
         doubtful: 15,
         positions_refused: 16,
+        standing: 17,
         ..Counts::default()
     }
 }
@@ -101,7 +102,7 @@ fn every_counter_reaches_its_field_of_the_status() {
     let note = |level, text: &str| Note { level, key: "disk", text: text.to_owned() };
     let state = State {
         counts,
-        interval: Interval { rate_hz: 12.5, has_faults: true },
+        interval: Interval { rate_hz: 12.5, has_faults: true, stands: false },
         load: Load::default(),
         notes: vec![note(0, "roomy"), note(2, "full")],
         last_rejection: Some("odd".to_owned()),
@@ -142,6 +143,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("frames without a position", "14"),
         ("frames with a doubtful position", "15"),
         ("positions refused", "16"),
+        ("profiles at the place of the one before", "17"),
         ("last rejection", "odd"),
         ("disk", "roomy"),
         ("disk", "full"),

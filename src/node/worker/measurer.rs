@@ -46,6 +46,8 @@ pub(super) struct Outcome {
     pub(super) pairing: Option<ExposurePairing>,
     pub(super) share_above_threshold: Option<f64>,
     pub(super) position: Option<Position>,
+    /// True if the profile lies where the one before it in the scan lies.
+    pub(super) stands: bool,
     /// True if positions are measured rather than assumed.
     pub(super) measures_positions: bool,
 }
@@ -109,6 +111,7 @@ impl Measurer {
             pairing: output.pairing,
             share_above_threshold: output.share_above_threshold,
             position: output.position,
+            stands: output.stands,
             measures_positions: self.positions.is_some(),
         };
         let measured = Measured { header, image, place, index, output, time_ns };
