@@ -70,6 +70,7 @@ fn triangulate(criterion: &mut Criterion) {
         k5: 0.1,
         k6: 0.01,
     };
+    let equidistant = Distortion::Equidistant { k1: -0.01, k2: 0.02, k3: -0.01, k4: 0.001 };
     let lines = Lines { direction: Horizontal, first: 0, count: FULL.0 as usize };
     let mut profile = Profile::default();
     for (name, calibration) in [
@@ -77,6 +78,7 @@ fn triangulate(criterion: &mut Criterion) {
         ("pinhole", bent(Distortion::None, [0.0; 2])),
         ("plumb_bob", bent(plumb_bob, [0.0; 2])),
         ("rational_polynomial", bent(rational, [0.0; 2])),
+        ("equidistant", bent(equidistant, [0.0; 2])),
         ("rational_polynomial_tilted", bent(rational, [0.1, -0.05])),
     ] {
         group.bench_function(name, |bencher| {

@@ -38,7 +38,8 @@ fn normal(random: &mut impl Rng) -> f64 {
 pub(crate) fn lens(values: &[f64]) -> Lens {
     let &[fx, fy, cx, cy, k1, k2, ..] = values else { panic!("{values:?}") };
     let distortion = [k1, k2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    Lens { focal_px: [fx, fy], center_px: [cx, cy], distortion, tilt_rad: [0.0; 2] }
+    let (focal_px, center_px) = ([fx, fy], [cx, cy]);
+    Lens { focal_px, center_px, distortion, equidistant: None, tilt_rad: [0.0; 2] }
 }
 
 /// Corners of all boards for camera values followed by rotation and place of each board.

@@ -63,9 +63,56 @@ fn the_simulated_lens_is_that_of_opencv() {
             focal_px: [camera.fx_px, camera.fy_px],
             center_px: [camera.cx_px, camera.cy_px],
             distortion,
+            equidistant: None,
             tilt_rad: camera.tilt_rad,
         };
         let seen = Point2::from(lens.project(point.into()).unwrap());
         assert!((seen - expected).norm() < 1e-8, "{lens:?}: {seen}, OpenCV states {expected}");
+    }
+}
+
+/// Returns the lines of the table of fisheyes: the camera, a point, and its projection by OpenCV.
+fn fisheyes() -> Vec<(Camera, Point3<f64>, Point2<f64>)> {
+    let table = include_str!("../data/opencv/fisheye.csv");
+    let lines = table.lines().filter(|line| !line.starts_with(['#', 'c']));
+    lines
+        .map(|line| {
+            let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
+            let &[_, fx_px, fy_px, cx_px, cy_px, k1, k2, k3, k4, x, y, z, column, row] =
+                values.as_slice()
+            else {
+                panic!("{line}");
+            };
+            let distortion = Distortion::Equidistant { k1, k2, k3, k4 };
+            let (width_px, height_px, tilt_rad) = (2592, 2048, [0.0; 2]);
+            let camera =
+                Camera { width_px, height_px, fx_px, fy_px, cx_px, cy_px, distortion, tilt_rad };
+            (camera, Point3::new(x, y, z), Point2::new(column, row))
+        })
+        .collect()
+}
+
+/// Forwards and backwards, from the axis to the edge of the field of view: 82 degrees off the axis.
+#[test]
+fn a_fisheye_is_that_of_opencv() {
+    let fisheyes = fisheyes();
+    assert_eq!(fisheyes.len(), 160);
+    for (camera, point, expected) in fisheyes {
+        let DistortedPixel(seen) = camera.project(point).unwrap();
+        assert!((seen - expected).norm() < 1e-8, "{camera:?}: {seen}, OpenCV states {expected}");
+        let ray = camera.ray(DistortedPixel(expected)).unwrap();
+        let error = (ray.normalize() - point.coords.normalize()).norm() * camera.fx_px;
+        assert!(error < 1e-6, "{camera:?}: {ray} for {point}: {error} px");
+
+        let Distortion::Equidistant { k1, k2, k3, k4 } = camera.distortion else { panic!() };
+        let lens = Lens {
+            focal_px: [camera.fx_px, camera.fy_px],
+            center_px: [camera.cx_px, camera.cy_px],
+            distortion: [0.0; 8],
+            equidistant: Some([k1, k2, k3, k4]),
+            tilt_rad: [0.0; 2],
+        };
+        let simulated = Point2::from(lens.project(point.into()).unwrap());
+        assert!((simulated - expected).norm() < 1e-8, "{simulated}, OpenCV states {expected}");
     }
 }

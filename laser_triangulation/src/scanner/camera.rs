@@ -2,7 +2,7 @@
 //!
 //! Camera frame, as ROS has optical frames: x right, y down, z forward, metres. Image positions: (column, row), (0, 0) is
 //! the centre of the top-left pixel. The model is OpenCV's (calib3d documentation, "Detailed Description"): pinhole,
-//! distortion, tilted sensor, K.
+//! distortion (or its fisheye camera model), tilted sensor, K.
 
 mod distortion;
 mod point;
@@ -121,6 +121,7 @@ mod tests {
                 k5: 0.1,
                 k6: 0.01,
             },
+            Distortion::Equidistant { k1: -0.0071, k2: 0.0427, k3: -0.0402, k4: 0.0074 },
         ])
     }
 

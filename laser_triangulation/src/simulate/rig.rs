@@ -140,6 +140,9 @@ impl Rig {
     }
 
     fn distortion(&self) -> Distortion {
+        if let Some([k1, k2, k3, k4]) = self.lens.equidistant {
+            return Distortion::Equidistant { k1, k2, k3, k4 };
+        }
         let [k1, k2, p1, p2, k3, k4, k5, k6] = self.lens.distortion;
         let is_zero = |coefficients: &[f64]| coefficients.iter().all(|value| *value == 0.0);
         if is_zero(&self.lens.distortion) {

@@ -45,8 +45,8 @@ pub(crate) enum Misfit {
     },
     /// The distortion model cannot be compared.
     #[error(
-        "camera_info has distortion model {model:?} with {count} coefficients: allowed are plumb_bob (5) and \
-         rational_polynomial (8)"
+        "camera_info has distortion model {model:?} with {count} coefficients: allowed are plumb_bob (5), \
+         rational_polynomial (8) and equidistant (4), and zeros after these"
     )]
     Model {
         /// Its name.
@@ -223,7 +223,8 @@ laser_plane: {normal: [0.0, -0.866, 0.5], distance_m: 0.15}
             (CameraInfo { width: 1280, ..info() }, "1280 x 480"),
             (CameraInfo { roi: roi(600, 41), ..info() }, "roi"),
             (CameraInfo { roi: roi(u32::MAX, u32::MAX), ..info() }, "roi"),
-            (CameraInfo { distortion_model: "equidistant".into(), ..info() }, "equidistant"),
+            (CameraInfo { distortion_model: "fov".into(), ..info() }, "\"fov\""),
+            (CameraInfo { distortion_model: "equidistant".into(), ..info() }, "px from where"),
             (CameraInfo { d: vec![0.1], ..info() }, "1 coefficients"),
             (CameraInfo { d: vec![0.0; 5], ..info() }, "px from where"),
             (longer, "px from where"),

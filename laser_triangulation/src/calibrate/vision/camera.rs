@@ -14,7 +14,7 @@ use super::{
 use crate::{
     scanner::{
         calibration::{CameraCalibration, CameraQuality},
-        camera::{Camera, Distortion},
+        camera::Camera,
     },
     statistics::median,
 };
@@ -229,20 +229,6 @@ fn checked(found: &Uncertainty, camera: &Camera) -> Result<CameraUncertainty, Ca
     Ok(CameraUncertainty { parameters, covariance, view_scatter })
 }
 
-/// Names of the lens's coefficients, in ROS's order.
-const COEFFICIENTS: [&str; 8] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
-
-/// Returns the lens's coefficients in ROS's order; none for a pinhole.
-fn coefficients(distortion: &Distortion) -> Vec<f64> {
-    match *distortion {
-        Distortion::None => Vec::new(),
-        Distortion::PlumbBob { k1, k2, p1, p2, k3 } => vec![k1, k2, p1, p2, k3],
-        Distortion::RationalPolynomial { k1, k2, p1, p2, k3, k4, k5, k6 } => {
-            vec![k1, k2, p1, p2, k3, k4, k5, k6]
-        }
-    }
-}
-
 impl CameraFit {
     /// Returns the name and value of every parameter, in the order of the calibration file.
     #[must_use]
@@ -254,8 +240,8 @@ impl CameraFit {
             ("cx", camera.cx_px),
             ("cy", camera.cy_px),
         ];
-        let lens = coefficients(&camera.distortion);
-        pinhole.into_iter().chain(COEFFICIENTS.into_iter().zip(lens)).collect()
+        let names = camera.distortion.coefficient_names().iter().copied();
+        pinhole.into_iter().chain(names.zip(camera.distortion.coefficients())).collect()
     }
 
     /// Returns the radial coefficients whose standard deviation exceeds their value: the views do not determine them.

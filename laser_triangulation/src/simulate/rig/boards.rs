@@ -232,15 +232,13 @@ impl<'a> Sights<'a> {
     /// Returns the ray of a pixel, on the plane z = 1, by Newton's method.
     fn ray(&mut self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         let seen = |ray: Vector2<f64>| self.lens.project(ray.push(1.0).into()).map(Vector2::from);
-        let [fx, fy] = self.lens.focal_px;
-        let [cx, cy] = self.lens.center_px;
-        let pinhole = Vector2::new((pixel.x - cx) / fx, (pixel.y - cy) / fy);
-        let mut ray = pinhole + self.bend;
+        let start = Vector2::from(self.lens.without_coefficients(pixel.into()));
+        let mut ray = start + self.bend;
         for _ in 0..NEWTON_STEPS {
             let missing = pixel - seen(ray)?;
             ray += slope(seen, ray)?.try_inverse()? * missing;
             if missing.norm() < 1e-4 {
-                self.bend = ray - pinhole;
+                self.bend = ray - start;
                 return Some(ray);
             }
         }

@@ -208,7 +208,7 @@ impl CameraFile {
             None => CalibrationError::value(
                 "distortion_model",
                 self.distortion_model.clone(),
-                "plumb_bob or rational_polynomial",
+                "plumb_bob, rational_polynomial or equidistant",
             ),
         })
     }

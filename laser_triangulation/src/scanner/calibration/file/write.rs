@@ -38,9 +38,9 @@ impl Yaml {
         self.entry(key, quoted)
     }
 
-    fn matrix<const COLS: usize>(self, key: &str, data: &[f64]) -> Self {
-        let rows = data.len() / COLS;
-        self.entry(key, format_args!("{{rows: {rows}, cols: {COLS}, data: {data:?}}}"))
+    fn matrix(self, key: &str, cols: usize, data: &[f64]) -> Self {
+        let rows = data.len() / cols;
+        self.entry(key, format_args!("{{rows: {rows}, cols: {cols}, data: {data:?}}}"))
     }
 
     /// A structure on one line: JSON is YAML.
@@ -159,17 +159,16 @@ fn camera_entries(
         .text("camera_name", name)
         .entry("image_width", camera.width_px)
         .entry("image_height", camera.height_px)
-        .matrix::<3>("camera_matrix", &[fx_px, 0.0, cx_px, 0.0, fy_px, cy_px, 0.0, 0.0, 1.0])
-        .entry("distortion_model", camera.distortion.name());
-    let yaml = match coefficients.len() {
-        8 => yaml.matrix::<8>("distortion_coefficients", &coefficients),
-        _ => yaml.matrix::<5>("distortion_coefficients", &coefficients),
-    };
+        .matrix("camera_matrix", 3, &[fx_px, 0.0, cx_px, 0.0, fy_px, cy_px, 0.0, 0.0, 1.0])
+        .entry("distortion_model", camera.distortion.name())
+        .matrix("distortion_coefficients", coefficients.len(), &coefficients);
     let rectification = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let projection = [fx_px, 0.0, cx_px, 0.0, 0.0, fy_px, cy_px, 0.0, 0.0, 0.0, 1.0, 0.0];
-    let yaml = yaml
-        .matrix::<3>("rectification_matrix", &rectification)
-        .matrix::<4>("projection_matrix", &projection);
+    let yaml = yaml.matrix("rectification_matrix", 3, &rectification).matrix(
+        "projection_matrix",
+        4,
+        &projection,
+    );
     let is_tilted = camera.tilt_rad.iter().any(|angle| *angle != 0.0);
     let yaml = if is_tilted {
         yaml.entry("tilt_rad", format_args!("{:?}", camera.tilt_rad))
