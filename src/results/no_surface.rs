@@ -37,9 +37,12 @@ impl Results {
             ends if may_stand => check_positions(ends),
             _ => Ok(()),
         };
-        // The axis may return to its first position within a slice.
-        let all = || self.positions().map_or(stands, check_positions);
-        stands.or_else(|_ends| all()).map_err(|reason| self.no_surface(reason))?;
+        // The axis may return to its first position within a slice. Where the recording has no positions, the points decide.
+        let all = |reason| match reason {
+            NoSurface::OneProfile => Err(reason),
+            NoSurface::OnePlace { .. } => self.positions().map_or(Ok(()), check_positions),
+        };
+        stands.or_else(all).map_err(|reason| self.no_surface(reason))?;
         if num_degraded > 0 {
             tracing::warn!(
                 "{num_degraded} of {num} slices are DEGRADED: positions are in doubt, or the part stood still"

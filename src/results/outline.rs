@@ -102,11 +102,11 @@ impl Outline {
         color_scale_m(&self.heights_m)
     }
 
-    /// Checks that the selected points extend further across the stripe than neighbouring points of a profile are apart.
+    /// Checks that the selected points extend further across the stripe than half the distance of neighbouring points in a profile.
     fn check(&self, results: &Results) -> Result<(), ScanIsNoSurface> {
         let narrow_m =
             (0..2).map(|axis| self.to_m[axis] - self.from_m[axis]).fold(f64::INFINITY, f64::min);
-        if narrow_m < self.in_profile_m {
+        if narrow_m < 0.5 * self.in_profile_m {
             let profiles = self.counts.profiles as usize;
             return Err(results.no_surface(NoSurface::OnePlace { profiles }));
         }

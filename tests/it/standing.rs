@@ -124,7 +124,7 @@ fn profiles_at_one_place_are_reported_and_refused_with_the_parameter() {
     let cases: [(&Path, &[&str], &str); 3] = [
         (&recording.bag, &[], "motion.source is none"),
         (&zero, &velocity, "set motion.step in its place"),
-        (&zero, &["points.slice_profiles:=5"], "motion.source is none"),
+        (&zero, &["slice.profiles:=5"], "motion.source is none"),
     ];
     for (bag, parameters, remedy) in cases {
         let (summary, stderr) = recording.replayed(bag, parameters);
@@ -149,10 +149,8 @@ fn a_scan_that_stood_still_in_part_is_counted_and_measured() {
     // The stamps advance in the second half only.
     let half = FRAMES as i64 / 2;
     let bag = recording.stamped(|number| (number - half + 1).max(0) * 20_000_000);
-    let (summary, _) = recording.replayed(
-        &bag,
-        &["motion.source:=constant", "motion.velocity:=0.1", "points.slice_profiles:=6"],
-    );
+    let (summary, _) = recording
+        .replayed(&bag, &["motion.source:=constant", "motion.velocity:=0.1", "slice.profiles:=6"]);
     assert_eq!(summary["standing"], FRAMES / 2 - 1, "{summary}");
     let states = recording.states();
     assert_eq!(states, [2, 2, 0, 0]);

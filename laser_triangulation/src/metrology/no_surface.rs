@@ -32,7 +32,7 @@ pub enum NoSurface {
 
 impl Surface {
     /// Checks that the points are a surface, as the tools for areas require. Seen from above, profiles at different places
-    /// extend further across the stripe than neighbouring points of a profile are apart.
+    /// extend further across the stripe than half the distance of neighbouring points in a profile.
     ///
     /// # Errors
     /// There is one profile, or all lie at one place. A surface without points is neither.
@@ -40,7 +40,7 @@ impl Surface {
         match self.num_profiles() {
             0 => Ok(()),
             1 => Err(NoSurface::OneProfile),
-            profiles if self.narrow_extent_m() < self.pitch_m()[0] => {
+            profiles if self.narrow_extent_m() < 0.5 * self.pitch_m()[0] => {
                 Err(NoSurface::OnePlace { profiles })
             }
             _ => Ok(()),
