@@ -52,6 +52,41 @@ pub(super) fn interval_m(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
+/// A length and one standard deviation of it, if given, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct UncertainLength {
+    pub(super) length_m: f64,
+    pub(super) sigma_m: Option<f64>,
+}
+
+/// Parses a length with or without its standard deviation: `3.68mm`, `3.68mm±0.002mm`, `3.68mm+-2um`.
+///
+/// # Errors
+/// Not lengths, or a standard deviation below 0.
+pub(super) fn uncertain_m(text: &str) -> Result<UncertainLength, String> {
+    let parts = ["±", "+/-", "+-"].into_iter().find_map(|sign| text.split_once(sign));
+    let Some((length, sigma)) = parts else {
+        return Ok(UncertainLength { length_m: length_m(text)?, sigma_m: None });
+    };
+    match length_m(sigma)? {
+        sigma_m if sigma_m >= 0.0 => {
+            Ok(UncertainLength { length_m: length_m(length)?, sigma_m: Some(sigma_m) })
+        }
+        _ => Err(format!("{sigma:?} must be 0 or more: one standard deviation")),
+    }
+}
+
+/// Parses a length above 0 with or without its standard deviation.
+///
+/// # Errors
+/// As [`uncertain_m`]; a length that is not above 0.
+pub(super) fn positive_uncertain_m(text: &str) -> Result<UncertainLength, String> {
+    match uncertain_m(text)? {
+        length if length.length_m > 0.0 => Ok(length),
+        _ => Err(format!("{text:?} must be above 0")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -67,6 +102,20 @@ mod tests {
             assert!(length_m(text).unwrap_err().contains("2.5mm"), "{text}");
         }
         assert!(positive_m("0mm").is_err() && positive_m("1mm").is_ok());
+    }
+
+    #[test]
+    fn a_length_may_have_an_uncertainty() {
+        for text in ["3.68mm±0.002mm", "3.68mm+-2um", "3.68mm +/- 2 µm", "0.00368±0.000002"] {
+            let UncertainLength { length_m, sigma_m } = uncertain_m(text).unwrap();
+            assert!((length_m - 3.68e-3).abs() < 1e-12, "{text}");
+            assert!((sigma_m.unwrap() - 2e-6).abs() < 1e-15, "{text}");
+        }
+        assert_eq!(uncertain_m("1mm").unwrap().sigma_m, None);
+        for text in ["1mm±", "±1mm", "1mm±-1um", "1mm±two"] {
+            assert!(uncertain_m(text).is_err(), "{text}");
+        }
+        assert!(positive_uncertain_m("0mm±1um").is_err());
     }
 
     #[test]

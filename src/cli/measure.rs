@@ -31,7 +31,9 @@ Correlated neighbours, as after smoothing or on a wavy surface, count as fewer i
 
 --json prints one object:
   tool, topic, profiles, points, rejected (clouds), calibration (text of the file in the recording; null without),
-  calibration_unknown (reason why the uncertainties do not include the calibration)
+  calibration_unknown (reason why the uncertainties do not include the calibration),
+  outside_calibrated_volume (points whose place the calibration extrapolates: the stated uncertainty does not cover them; null if
+  the calibration does not state its volume)
   plane:   tilt_rad, normal, center_m, height_m, scatter_m, flatness_d95_m, peak_to_valley_m, outliers, effective;
            profiles_sigma_m (scatter of the profiles' mean heights over the plane: the repeatability of a height),
            profiles_compared (profiles with at least half the usual number of points; with fewer than two, both are missing)

@@ -19,6 +19,7 @@ fn frames_per_second(summary: &Summary) -> f64 {
 pub(super) struct SummaryJson<'a> {
     frames: Frames,
     points: u64,
+    outside_calibrated_volume: u64,
     slices: u64,
     /// Profiles that lie where the one before lies; `None` if there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -82,6 +83,7 @@ impl<'a> SummaryJson<'a> {
                 lost: counts.lost(),
             },
             points: counts.points,
+            outside_calibrated_volume: counts.outside_calibration,
             slices: counts.slices,
             standing: (counts.standing > 0).then_some(counts.standing),
             positions: positions(counts),
@@ -133,6 +135,9 @@ pub(super) fn text(summary: &Summary) -> String {
     }
     if counts.flooded > 0 {
         _ = writeln!(out, "frames too bright for extraction.segment_threshold: {}", counts.flooded);
+    }
+    if counts.outside_calibration > 0 {
+        _ = writeln!(out, "points outside the calibrated volume: {}", counts.outside_calibration);
     }
     if let Some(Positions { known, doubtful, unknown, refused }) = positions(counts) {
         _ = writeln!(
@@ -191,7 +196,7 @@ mod tests {
         let zero = r#"{"p50":0.0,"p99":0.0}"#;
         let expected = format!(
             "{}{}",
-            r#"{"frames":{"received":10,"processed":4,"rejected":3,"dropped":3,"lost":5},"points":60,"slices":2,"#,
+            r#"{"frames":{"received":10,"processed":4,"rejected":3,"dropped":3,"lost":5},"points":60,"outside_calibrated_volume":0,"slices":2,"#,
             format_args!(
                 r#""seconds":2.0,"frames_per_second":2.0,"stages_ms":{{"decode":{zero},"extract":{zero},"triangulate":{zero},"encode":{zero}}},"output":"out"}}"#
             )

@@ -45,6 +45,8 @@ pub struct Counts {
     pub(crate) positions_refused: u64,
     /// Frames with too many pixels above the segment threshold for a stripe.
     pub(crate) flooded: u64,
+    /// Points of profiles outside the calibrated volume.
+    pub(crate) outside_calibration: u64,
 }
 
 impl Counts {
@@ -79,6 +81,7 @@ impl Counts {
         self.standing += other.standing;
         self.positions_refused += other.positions_refused;
         self.flooded += other.flooded;
+        self.outside_calibration += other.outside_calibration;
     }
 
     /// True if every frame was measured and no result was dropped.

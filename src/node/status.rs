@@ -222,6 +222,7 @@ impl Reporter {
             ("slices", counts.slices.to_string()),
             ("frames without their other exposure", counts.unpaired.to_string()),
             ("frames too bright for the threshold", counts.flooded.to_string()),
+            ("points outside the calibrated volume", counts.outside_calibration.to_string()),
             ("frames without a position", counts.unlocated.to_string()),
             ("frames with a doubtful position", counts.doubtful.to_string()),
             ("positions refused", counts.positions_refused.to_string()),

@@ -45,7 +45,7 @@ pub(crate) fn calibration_share<const N: usize>(
 }
 
 /// Returns the position of each row of each surface; empty if the calibration does not need them.
-fn positions(
+pub(super) fn positions(
     results: &Results,
     calibration: &Calibration,
     scanned: &[&Scanned],

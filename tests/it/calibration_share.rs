@@ -199,6 +199,7 @@ fn off(random: &mut impl Rng, camera: &[f64], plane: &LaserPlane, axis: &Axis) -
             views_rejected: 0,
             parameters: ["fx", "fy", "cx", "cy", "k1", "k2"].map(str::to_owned).into(),
             covariance: of_camera.as_slice().to_vec(),
+            volume: None,
         }),
         plane: LaserPlane {
             normal: Unit::new_normalize(normal),
@@ -208,6 +209,7 @@ fn off(random: &mut impl Rng, camera: &[f64], plane: &LaserPlane, axis: &Axis) -
             rms_m: 3e-4,
             boards_used: 20,
             covariance: of_plane.as_slice().try_into().ok(),
+            volume: None,
         }),
         alignment: None,
         part: None,
@@ -259,8 +261,12 @@ fn formula_6(number: u64) -> [f64; 2] {
     let true_m = (one[0] - other[0]).hypot(one[1] - other[1]);
     let of_all = covariance(&VERTICAL_SIGMA, 0.6);
     let by = draw(random, &of_all);
-    let quality =
-        StepsQuality { rms_m: 1e-5, heights_used: 5, covariance: of_all.as_slice().to_vec() };
+    let quality = StepsQuality {
+        rms_m: 1e-5,
+        heights_used: 5,
+        covariance: of_all.as_slice().to_vec(),
+        volume: None,
+    };
     let found = truth.moved([by[0], by[1], by[2], by[3]]);
     let calibration = VerticalIncidence { quality: Some(quality), ..found };
     // As it is written and read.

@@ -108,8 +108,16 @@ fn the_summary_has_the_published_keys() {
     let parameters = ["--params-file", "bags/film_defects.params.yaml"];
     let (summary, _) = replay(&bundled("film_defects"), &output, 3, &parameters);
     let keys = |json: &Json| json.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-    let expected =
-        ["frames", "frames_per_second", "output", "points", "seconds", "slices", "stages_ms"];
+    let expected = [
+        "frames",
+        "frames_per_second",
+        "output",
+        "outside_calibrated_volume",
+        "points",
+        "seconds",
+        "slices",
+        "stages_ms",
+    ];
     assert_eq!(keys(&summary), expected);
     assert_eq!(
         summary["frames"],

@@ -126,6 +126,7 @@ fn camera(random: &mut impl Rng) -> (Lens, Camera, CameraQuality) {
             .iter()
             .copied()
             .collect(),
+        volume: None,
     };
     (lens(values.as_slice()), camera, quality)
 }
@@ -155,6 +156,7 @@ fn plane(random: &mut impl Rng) -> (LaserPlane, LaserPlane, PlaneQuality) {
         rms_m: PLANE_SIGMA_M,
         boards_used: 10,
         covariance: covariance.as_slice().try_into().ok(),
+        volume: None,
     };
     (truth, found, quality)
 }

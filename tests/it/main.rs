@@ -18,6 +18,7 @@ mod accuracy;
 mod evaluate;
 mod estimators;
 mod steps;
+mod gauges;
 mod measure;
 mod report;
 mod metrology;

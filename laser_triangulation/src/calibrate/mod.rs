@@ -30,9 +30,10 @@ mod vision;
 pub use level::level_part;
 pub use median_stripe::{GaugePicture, GaugeStripe, MedianStripe, MedianStripeError};
 pub use steps::{
-    GaugePlateau, HeightModel, HeightTerms, KnownDistance, KnownLateral, MIN_HEIGHTS, Plateau,
-    PlateauCheck, PlateauError, StepsCalibration, StepsError, VerticalGeometry,
-    VerticalIncidenceError, calibrate_steps, find_plateaus, vertical_incidence,
+    GaugeHeight, GaugePlateau, HeightModel, HeightReference, HeightTerms, KnownDistance,
+    KnownLateral, KnownLength, LateralScale, MIN_HEIGHTS, Plateau, PlateauCheck, PlateauError,
+    StepsCalibration, StepsError, StepsRequest, VerticalGeometry, VerticalIncidenceError,
+    assign_heights, calibrate_steps, find_plateaus, vertical_incidence,
 };
 #[cfg(feature = "calibrate")]
 pub use vision::*;

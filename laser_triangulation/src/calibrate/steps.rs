@@ -1,29 +1,64 @@
 //! Calibration from known heights: fits the projective map from image positions to heights.
 
+mod assignment;
+mod fit;
 mod lateral;
 mod model;
+mod order;
 mod plateau;
+mod uncertainty;
 mod vertical_incidence;
 
-pub use lateral::KnownLateral;
+pub use assignment::assign_heights;
+pub use lateral::{KnownLateral, KnownLength, LateralScale};
 pub use model::{HeightModel, HeightTerms};
-pub use plateau::{GaugePlateau, Plateau, find_plateaus};
+pub use plateau::{GaugeHeight, GaugePlateau, Plateau, find_plateaus};
 pub use vertical_incidence::{
     KnownDistance, VerticalGeometry, VerticalIncidenceError, vertical_incidence,
 };
 
 pub use crate::metrology::PlateauError;
 
-use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
-use crate::metrology::student::factor_95;
+use super::GaugePicture;
+use crate::scanner::calibration::range;
+use fit::Fit;
 
 /// Fewest different heights: a one-dimensional projective map has three parameters.
 pub const MIN_HEIGHTS: usize = 3;
 /// Significance level: terms along the stripe are added if chance alone would improve the fit as much in less than 1 of
 /// 100 cases.
 const CHANCE: f64 = 0.01;
+/// Displacement by a lens in the corner of the image that goes unnoticed without redundancy, as a share of the distance
+/// from the middle: usual lenses for machine vision stay below.
+const LENS: f64 = 0.01;
+/// Largest value of |x³ - x| between -1 and 1: the cubic displacement by a lens that a map through three heights leaves.
+const CUBIC: f64 = 0.385;
+/// Heights contradict the order of their positions from this many standard deviations on.
+const REVERSED: f64 = 3.0;
+
+/// The zero of the stated heights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HeightReference {
+    /// All heights are stated over one zero.
+    #[default]
+    Common,
+    /// Heights are known relative to the others in the same picture only: the bed drifts between pictures. The first
+    /// picture defines the zero of the map.
+    EachPicture,
+}
+
+/// The map that is wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct StepsRequest {
+    /// Terms of the map; `None` adds terms along the stripe only if they fit better than by chance.
+    pub terms: Option<HeightTerms>,
+    /// Zero of the heights.
+    pub reference: HeightReference,
+    /// Size and direction of the pictures.
+    pub picture: GaugePicture,
+}
 
 /// The reason why heights determine no map.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -36,9 +71,51 @@ pub enum StepsError {
         /// Different heights given.
         found: usize,
     },
+    /// Too few differences within the pictures.
+    #[error(
+        "{found} height differences within a picture are given, 2 or more are needed: a camera sees equal steps the smaller the farther they are"
+    )]
+    TooFewDifferences {
+        /// Differences given.
+        found: usize,
+    },
+    /// The heights determine the map exactly, and the gauge's uncertainty is unknown.
+    #[error(
+        "as many heights as the map has parameters: they fit exactly, and nothing shows how wrong they are. Give one more height, or \
+         state the uncertainty of the gauge: 3.68mm±0.002mm, or --gauge-sigma for all heights"
+    )]
+    NoRedundancy,
+    /// Some heights have an uncertainty, others do not.
+    #[error(
+        "the height {height_m} m has no uncertainty, others have one: state it for all but 0, or with --gauge-sigma for the rest"
+    )]
+    PartlyStated {
+        /// A height without uncertainty, metres.
+        height_m: f64,
+    },
+    /// The heights fit in both directions.
+    #[error(
+        "the heights fit whether a higher surface lies at smaller or at larger positions in the picture: state --height-sign -1 (smaller) \
+         or 1 (larger), or give them in their order along the stripe"
+    )]
+    AmbiguousSign,
+    /// Two heights of a picture can be exchanged.
+    #[error(
+        "the plateaus near {:.0} and {:.0} px along the stripe fit the heights {lower_m} m and {upper_m} m either way round: give the \
+         heights in their order along the stripe", .places_px[0], .places_px[1]
+    )]
+    AmbiguousHeights {
+        /// The lower height, metres.
+        lower_m: f64,
+        /// The higher one, metres.
+        upper_m: f64,
+        /// Middle of the plateaus to which they were assigned, pixels along the stripe.
+        places_px: [f64; 2],
+    },
     /// The stripe does not move with the height, or not always in the same direction.
     #[error(
-        "the stripe does not move steadily with the height: {lower_m} m lies at {lower_px:.2} px, {upper_m} m at {upper_px:.2} px across the stripe; are the heights in their order along the stripe?"
+        "the stripe does not move steadily with the height: {lower_m} m lies at {lower_px:.2} px, {upper_m} m at {upper_px:.2} px across the \
+         stripe; are the heights in their order along the stripe? --any-order finds it; a tilted line needs --terms both"
     )]
     Order {
         /// A height, metres.
@@ -62,17 +139,25 @@ pub struct StepsCalibration {
     pub model: HeightModel,
     /// Residual of each plateau, in the order given.
     pub checks: Vec<PlateauCheck>,
+    /// Height of each picture's zero over that of the first, metres; empty if all pictures have one zero.
+    pub offsets_m: Vec<f64>,
     /// Root mean square of the residuals, metres.
     pub rms_m: f64,
     /// Largest residual as a share of the range of heights.
     pub linearity: f64,
-    /// Number of equations beyond the unknowns; 0: the residuals carry no information.
+    /// Number of independent heights beyond the unknowns; 0: the residuals carry no information. A height that is given
+    /// several times counts once: its error is the same each time.
     pub degrees_of_freedom: usize,
-    /// One standard deviation of a plateau's height, metres: the larger of the estimates from the residuals and from
-    /// the noise of the lines.
+    /// One standard deviation of a plateau's height, metres: from the stated uncertainty of the gauge and the noise of
+    /// the lines, or from the residuals.
     pub sigma_m: f64,
-    /// Half width of the 95 % interval, metres; infinite without redundancy.
+    /// Half width of the 95 % interval, metres.
     pub u95_m: f64,
+    /// True if the uncertainty of the gauge was stated, false if it was estimated from the residuals.
+    pub is_stated: bool,
+    /// Size of the residuals over what the stated uncertainty explains, if they contradict it; all uncertainties are
+    /// widened accordingly.
+    pub excess: Option<f64>,
 }
 
 /// A plateau and its height by the map.
@@ -80,7 +165,7 @@ pub struct StepsCalibration {
 pub struct PlateauCheck {
     /// The plateau.
     pub plateau: Plateau,
-    /// Its height according to the map, metres.
+    /// Its height according to the map, over the zero of the stated height, metres.
     pub measured_m: f64,
     /// Its height according to the map fitted to all other plateaus, metres; `None` if those are too few.
     pub left_out_m: Option<f64>,
@@ -88,92 +173,133 @@ pub struct PlateauCheck {
     pub noise_m: f64,
 }
 
-/// Fits the map. `terms` selects its terms; `None` adds terms along the stripe only if they fit better than by chance.
+/// Fits the map.
 ///
 /// # Errors
-/// Fewer than three different heights, heights in another order than their positions, or positions that fit no map.
+/// Too few different heights, heights in another order than their positions, positions that fit no map, or as many
+/// heights as unknowns without a stated uncertainty of the gauge.
 pub fn calibrate_steps(
     plateaus: &[Plateau],
-    terms: Option<HeightTerms>,
+    request: &StepsRequest,
 ) -> Result<StepsCalibration, StepsError> {
-    check_heights(plateaus)?;
-    let across = HeightModel::fit(plateaus, HeightTerms::Across).ok_or(StepsError::NoMap)?;
-    let model = match terms {
-        Some(HeightTerms::Across) => across,
-        Some(HeightTerms::Both) => {
-            HeightModel::fit(plateaus, HeightTerms::Both).ok_or(StepsError::NoMap)?
-        }
-        None => match HeightModel::fit(plateaus, HeightTerms::Both) {
-            Some(both) if is_better(&both, &across, plateaus) => both,
-            _ => across,
-        },
-    };
+    check_number(plateaus, request.reference)?;
+    let fit = choose(plateaus, request)
+        .ok_or_else(|| order::of_positions(plateaus).unwrap_or(StepsError::NoMap))?;
     let checks: Vec<_> = (0..plateaus.len())
-        .map(|at| check(plateaus, at, &model))
+        .map(|at| check(plateaus, at, &fit, request))
         .collect::<Option<_>>()
         .ok_or(StepsError::NoMap)?;
-    let residuals: Vec<_> = checks.iter().map(|c| c.measured_m - c.plateau.height_m).collect();
-    let squares: f64 = residuals.iter().map(|residual| residual * residual).sum();
-    let num = plateaus.len() as f64;
-    let heights = || plateaus.iter().map(|plateau| plateau.height_m);
-    let range_m = heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min);
-    let largest_m = residuals.iter().fold(0.0, |largest: f64, r| largest.max(r.abs()));
-    let noise_m = (checks.iter().map(|c| c.noise_m.powi(2)).sum::<f64>() / num).sqrt();
-    // The terms along the stripe are determined by the inclinations of the lines, not by their middles.
-    let degrees_of_freedom = plateaus.len().saturating_sub(3);
-    let by_residuals_m =
-        if degrees_of_freedom > 0 { (squares / degrees_of_freedom as f64).sqrt() } else { 0.0 };
-    let sigma_m = by_residuals_m.max(noise_m);
+    order::check(&checks, request.reference)?;
+    let lens_m = lens_m(&fit, plateaus, &request.picture);
+    let found = uncertainty::of_fit(&fit, plateaus, lens_m)?;
+    let residuals = checks.iter().map(|c| c.measured_m - c.plateau.height.height_m);
+    let squares: f64 = residuals.clone().map(|residual| residual * residual).sum();
+    let heights_m = plateaus.iter().map(|plateau| plateau.height.height_m);
+    let [lowest_m, highest_m] = range(heights_m).ok_or(StepsError::NoMap)?;
+    let largest_m = residuals.fold(0.0, |largest: f64, r| largest.max(r.abs()));
     Ok(StepsCalibration {
-        model: model.with_spread(plateaus, sigma_m),
+        model: fit.model.with_covariance(found.covariance),
+        rms_m: (squares / checks.len() as f64).sqrt(),
+        linearity: largest_m / (highest_m - lowest_m),
         checks,
-        rms_m: (squares / num).sqrt(),
-        linearity: largest_m / range_m,
-        degrees_of_freedom,
-        sigma_m,
-        u95_m: factor_95(degrees_of_freedom as f64) * sigma_m,
+        offsets_m: fit.offsets_m,
+        degrees_of_freedom: found.degrees_of_freedom,
+        sigma_m: found.sigma_m,
+        u95_m: found.u95_m,
+        is_stated: found.is_stated,
+        excess: found.excess,
     })
 }
 
-fn check(plateaus: &[Plateau], at: usize, model: &HeightModel) -> Option<PlateauCheck> {
+/// Returns the error in height that a lens may cause between the plateaus, if no height is left over to show it.
+fn lens_m(fit: &Fit, plateaus: &[Plateau], picture: &GaugePicture) -> f64 {
+    let across_px = range(plateaus.iter().map(|plateau| plateau.across_px));
+    let [from, to]: [f64; 2] = across_px.unwrap_or_default();
+    let [width, height] = picture.size_px.map(|px| 0.5 * f64::from(px));
+    let error_px = LENS * CUBIC * (0.5 * (to - from)).powi(3) / (width * width + height * height);
+    let slopes = plateaus.iter().filter_map(|plateau| {
+        fit.model.slope_m_per_px([plateau.middle_px(), plateau.across_px]).map(f64::abs)
+    });
+    error_px * slopes.fold(0.0, f64::max)
+}
+
+/// Fits the map with the terms that are wanted, or those along the stripe too if they fit better than by chance.
+fn choose(plateaus: &[Plateau], request: &StepsRequest) -> Option<Fit> {
+    let fit = |term| Fit::new(plateaus, term, request.reference);
+    match request.terms {
+        Some(term) => fit(term),
+        None => match (fit(HeightTerms::Across), fit(HeightTerms::Both)) {
+            (Some(across), Some(both)) if !is_better(&both, &across, plateaus) => Some(across),
+            (across, both) => both.or(across),
+        },
+    }
+}
+
+fn check(
+    plateaus: &[Plateau],
+    at: usize,
+    fit: &Fit,
+    request: &StepsRequest,
+) -> Option<PlateauCheck> {
     let plateau = plateaus[at].clone();
     let place = [plateau.middle_px(), plateau.across_px];
     let others: Vec<_> =
         plateaus.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, p)| p.clone()).collect();
-    let is_enough = check_heights(&others).is_ok();
-    let left_out = if is_enough { HeightModel::fit(&others, model.term) } else { None };
+    let has_zero = request.reference == HeightReference::Common
+        || others.iter().any(|other| other.picture == plateau.picture);
+    let is_enough = has_zero && check_number(&others, request.reference).is_ok();
+    let left_out =
+        is_enough.then(|| Fit::new(&others, fit.model.term, request.reference)).flatten();
+    let height_m = |fit: &Fit| Some(fit.model.height_m(place)? - fit.offset_m(plateau.picture));
     Some(PlateauCheck {
-        measured_m: model.height_m(place)?,
-        left_out_m: left_out.and_then(|model| model.height_m(place)),
-        noise_m: model.slope_m_per_px(place)?.abs() * plateau.sigma_px,
+        measured_m: height_m(fit)?,
+        left_out_m: left_out.and_then(|left_out| height_m(&left_out)),
+        noise_m: fit.model.slope_m_per_px(place)?.abs() * plateau.sigma_px,
         plateau,
     })
 }
 
-/// Checks that there are at least three different heights and that their positions are monotonic.
-fn check_heights(plateaus: &[Plateau]) -> Result<(), StepsError> {
-    let mut levels: Vec<(f64, f64)> = plateaus.iter().map(|p| (p.height_m, p.across_px)).collect();
-    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let found = 1 + levels.windows(2).filter(|pair| pair[0].0 < pair[1].0).count();
-    if levels.is_empty() || found < MIN_HEIGHTS {
-        return Err(StepsError::TooFew { found: if levels.is_empty() { 0 } else { found } });
-    }
-    let (first, last) = (levels[0], levels[levels.len() - 1]);
-    let sense = (last.1 - first.1).signum();
-    for pair in levels.windows(2) {
-        let ((lower_m, lower_px), (upper_m, upper_px)) = (pair[0], pair[1]);
-        if lower_m < upper_m && (upper_px - lower_px) * sense <= 0.0 {
-            return Err(StepsError::Order { lower_m, lower_px, upper_m, upper_px });
+/// Checks that there are at least three different heights, or two differences within pictures.
+fn check_number(plateaus: &[Plateau], reference: HeightReference) -> Result<(), StepsError> {
+    let mut heights: Vec<(usize, f64)> = plateaus
+        .iter()
+        .map(|plateau| match reference {
+            HeightReference::Common => (0, plateau.height.height_m),
+            HeightReference::EachPicture => (plateau.picture, plateau.height.height_m),
+        })
+        .collect();
+    heights.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    heights.dedup();
+    let mut pictures: Vec<usize> = heights.iter().map(|(picture, _)| *picture).collect();
+    pictures.dedup();
+    match reference {
+        HeightReference::Common if heights.len() < MIN_HEIGHTS => {
+            Err(StepsError::TooFew { found: heights.len() })
         }
+        HeightReference::EachPicture if heights.len() < pictures.len() + 2 => {
+            Err(StepsError::TooFewDifferences { found: heights.len() - pictures.len() })
+        }
+        _ => Ok(()),
     }
-    Ok(())
 }
 
-/// Returns true if the two additional parameters explain more than chance: Fisher's test, whose quantile has a closed
-/// form for two parameters.
-fn is_better(both: &HeightModel, across: &HeightModel, plateaus: &[Plateau]) -> bool {
-    let freedom = 2 * plateaus.len() as i64 - 5;
-    let (with, without) = (both.squares(plateaus), across.squares(plateaus));
+/// Returns true if the two additional parameters explain more than chance: in all positions, or in the inclinations of
+/// the lines alone, which do not depend on the heights of the gauge.
+fn is_better(both: &Fit, across: &Fit, plateaus: &[Plateau]) -> bool {
+    let places = fit::places(plateaus, HeightTerms::Both);
+    let num_offsets = both.offsets_m.len().saturating_sub(1);
+    let of_all = both.squares(&places).zip(across.squares(&places));
+    let of_inclinations = both.inclinations(plateaus).zip(across.inclinations(plateaus));
+    let is_beyond = |squares: Option<(f64, f64)>, freedom: usize| {
+        squares.is_some_and(|(with, without)| is_beyond_chance(with, without, freedom))
+    };
+    is_beyond(of_all, (2 * plateaus.len()).saturating_sub(5 + num_offsets))
+        || is_beyond(of_inclinations, plateaus.len().saturating_sub(2))
+}
+
+/// Fisher's test, whose quantile has a closed form for two parameters. `with` and `without` are sums of squares,
+/// `freedom` is the number of equations beyond the unknowns.
+fn is_beyond_chance(with: f64, without: f64, freedom: usize) -> bool {
     if freedom < 1 || !(with.is_finite() && without.is_finite()) {
         return false;
     }
@@ -182,15 +308,9 @@ fn is_better(both: &HeightModel, across: &HeightModel, plateaus: &[Plateau]) -> 
     (without - with) / 2.0 > limit * with / freedom as f64
 }
 
-/// Solves a linear least-squares problem by singular values; `None` if it is singular within rounding.
-fn least_squares(rows: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
-    let svd = rows.clone().svd(true, true);
-    let (largest, smallest) = (svd.singular_values.max(), svd.singular_values.min());
-    if smallest.is_nan() || smallest <= 1e-10 * largest {
-        return None;
-    }
-    svd.solve(values, 0.0).ok()
-}
-
+#[cfg(test)]
+mod any_order;
+#[cfg(test)]
+mod coverage;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 //! The effect of a calibration's uncertainty on measured points.
 
 mod axes;
+mod outside;
 mod rig;
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
@@ -13,6 +14,7 @@ use crate::scanner::{
     pose::perpendicular_basis,
 };
 use axes::axes;
+pub use outside::num_outside;
 use rig::Rig;
 
 /// Largest angle between the axis and the laser plane's normal at which the position equals y: the sideways shift of

@@ -8,6 +8,7 @@ mod lines;
 mod projective;
 mod quality;
 mod vertical_incidence;
+mod volume;
 
 use thiserror::Error;
 
@@ -19,6 +20,8 @@ pub use lines::Lines;
 pub use projective::Projective;
 pub use quality::{AxisQuality, CameraQuality, PlaneQuality, StepsQuality};
 pub use vertical_incidence::{Height, VerticalIncidence};
+pub use volume::CalibratedVolume;
+pub(crate) use volume::{Bounds, range};
 
 /// A calibration: maps image points to points of the laser plane.
 #[derive(Clone, Debug, PartialEq)]
@@ -163,15 +166,16 @@ impl Calibration {
             Self::VerticalIncidence(_) => self.clone(),
             Self::CameraAndPlane(geometry) => {
                 let camera = geometry.camera.seen_through(view);
-                Self::CameraAndPlane(Box::new(CameraAndPlane { camera, ..(**geometry).clone() }))
+                let seen = CameraAndPlane { camera, ..(**geometry).clone() };
+                Self::CameraAndPlane(Box::new(seen.with_volumes_seen_through(view)))
             }
             Self::Projective(geometry) => Self::Projective(Box::new(geometry.seen_through(view))),
         }
     }
 
     /// Step 9: replaces `profile` by the centreline in metres, one entry per searched line. A point that the geometry
-    /// cannot place, or that lies outside `lines`, counts as not measured. `full_scale` is the level of a saturated
-    /// sample.
+    /// cannot place, or that lies outside `lines`, counts as not measured; one outside the calibrated volume is flagged.
+    /// `full_scale` is the level of a saturated sample.
     pub fn triangulate(
         &self,
         centerline: &Centerline,
@@ -179,21 +183,26 @@ impl Calibration {
         full_scale: u32,
         profile: &mut Profile,
     ) {
+        let bounds = self.bounds(lines.direction);
+        let checked = |point, along_px, across_px| {
+            Some(Bounds::flag(bounds.as_ref(), [along_px, across_px], point?))
+        };
         match self {
             Self::VerticalIncidence(geometry) => {
                 lines.fill(centerline, full_scale, profile, |along_px, across_px| {
-                    geometry.place(along_px, across_px)
+                    checked(geometry.place(along_px, across_px), along_px, across_px)
                 });
             }
             Self::CameraAndPlane(geometry) => {
                 let mut cuts = geometry.cuts(lines.direction);
                 lines.fill(centerline, full_scale, profile, |along_px, across_px| {
-                    cuts.place(along_px, across_px)
+                    checked(cuts.place(along_px, across_px), along_px, across_px)
                 });
             }
             Self::Projective(geometry) => {
                 lines.fill(centerline, full_scale, profile, |along_px, across_px| {
-                    geometry.place(lines.direction, along_px, across_px)
+                    let point = geometry.place(lines.direction, along_px, across_px);
+                    checked(point, along_px, across_px)
                 });
             }
         }
@@ -211,6 +220,8 @@ pub(crate) struct PlacedPoint {
     pub(crate) x_m_per_px: f64,
     /// dz/d(pixel across the stripe), metres a pixel.
     pub(crate) z_m_per_px: f64,
+    /// Flags that the calibration adds to those of the centre.
+    pub(crate) flags: u8,
 }
 
 #[cfg(test)]

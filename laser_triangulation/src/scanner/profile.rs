@@ -1,5 +1,7 @@
 //! One metric cross-section of the part: the heights along the stripe of a frame.
 
+use super::stripe::flag;
+
 /// The stripe of one frame cut by the laser plane, one entry for every searched column (or row, for a vertical stripe).
 ///
 /// All arrays have the same length, the number of searched columns (rows). Frame: the laser plane's, x along the
@@ -23,6 +25,12 @@ pub struct Profile {
 }
 
 impl Profile {
+    /// Returns the number of points outside the volume from which the calibration has data.
+    #[must_use]
+    pub fn num_outside_calibration(&self) -> u64 {
+        self.flags.iter().filter(|flags| **flags & flag::OUTSIDE_CALIBRATION != 0).count() as u64
+    }
+
     /// `length` entries, none of them measured; keeps the memory.
     pub(crate) fn reset(&mut self, length: usize) {
         for values in [&mut self.x_m, &mut self.z_m, &mut self.sigma_x_m, &mut self.sigma_z_m] {

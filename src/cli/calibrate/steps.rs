@@ -8,15 +8,17 @@ use std::io::Write;
 
 use crate::{
     calibrate::{
-        HeightTerms, KnownDistance, KnownLateral, StepsCalibration, VerticalGeometry,
-        calibrate_steps, vertical_incidence,
+        HeightReference, HeightTerms, KnownDistance, KnownLateral, KnownLength, LateralScale,
+        StepsCalibration, StepsRequest, VerticalGeometry, assign_heights, calibrate_steps,
+        vertical_incidence,
     },
-    cli::{Outcome, Usage, output, settings::Settings},
+    cli::{Outcome, Usage, length::UncertainLength, output, settings::Settings},
     ros::arguments::RosArguments,
     scanner::calibration::Calibration,
 };
 pub(super) use args::StepsArgs;
 use gauge::Gauge;
+use report::Answer;
 
 /// Calibrates and prints the result to `out`.
 ///
@@ -29,15 +31,26 @@ pub(super) fn run(
     out: &mut dyn Write,
 ) -> anyhow::Result<Outcome> {
     args.check()?;
-    let gauge = Gauge::find(args, &Settings::load(&args.settings, ros)?)?;
+    let mut gauge = Gauge::find(args, &Settings::load(&args.settings, ros)?)?;
     let terms = match args.terms.as_str() {
         "across" => Some(HeightTerms::Across),
         "both" => Some(HeightTerms::Both),
         _ if args.pixel_pitch.is_some() => Some(HeightTerms::Across),
         _ => None,
     };
+    let reference =
+        if args.gauge.differences { HeightReference::EachPicture } else { HeightReference::Common };
+    let request = StepsRequest { terms, reference, picture: gauge.picture };
+    let height_sign =
+        if args.gauge.any_order { Some(assign(args, &mut gauge, &request)?) } else { None };
     let plateaus: Vec<_> = gauge.plateaus.iter().map(|found| found.plateau.clone()).collect();
-    let result = calibrate_steps(&plateaus, terms).map_err(|error| Usage(error.to_string()))?;
+    let result = calibrate_steps(&plateaus, &request).map_err(|error| Usage(error.to_string()))?;
+    if let Some(excess) = result.excess {
+        tracing::warn!(
+            "the residuals are {excess:.1} times as large as the stated uncertainty of the gauge explains: check the heights, their \
+             order and the lens; all uncertainties are widened accordingly"
+        );
+    }
     let geometry = geometry(args, &result)?;
     let scale = scale(args, &gauge, &result, geometry.as_ref())?;
     if let (Some(path), Some(scale)) = (&args.output, scale) {
@@ -57,13 +70,30 @@ pub(super) fn run(
         output::write_file(path, calibration.to_yaml())?;
     }
     let lateral_m = scale.map(|scale| result.meters_per_pixel(scale, &gauge.picture));
+    let answer = Answer { result: &result, geometry: geometry.as_ref(), height_sign, lateral_m };
     let text = if args.json {
-        report::json(args, &gauge, &result, geometry.as_ref(), lateral_m)
+        report::json(args, &gauge, &answer)
     } else {
-        report::text(args, &gauge, &result, geometry.as_ref(), lateral_m)
+        report::text(args, &gauge, &answer)
     };
     output::print(out, &text)?;
     Ok(Outcome::Done)
+}
+
+/// Exchanges the heights of each picture so that they fit; returns the sign of the heights.
+fn assign(args: &StepsArgs, gauge: &mut Gauge, request: &StepsRequest) -> Result<i8, Usage> {
+    let mut plateaus: Vec<_> = gauge.plateaus.iter().map(|found| found.plateau.clone()).collect();
+    let sign = assign_heights(&mut plateaus, request, args.gauge.height_sign)
+        .map_err(|error| Usage(error.to_string()))?;
+    for (found, plateau) in gauge.plateaus.iter_mut().zip(plateaus) {
+        found.plateau = plateau;
+    }
+    Ok(sign)
+}
+
+/// A length without a stated uncertainty is taken as exact.
+fn known(length: UncertainLength) -> KnownLength {
+    KnownLength { length_m: length.length_m, sigma_m: length.sigma_m.unwrap_or(0.0) }
 }
 
 fn geometry(
@@ -85,13 +115,14 @@ fn scale(
     gauge: &Gauge,
     result: &StepsCalibration,
     geometry: Option<&VerticalGeometry>,
-) -> Result<Option<f64>, Usage> {
+) -> Result<Option<LateralScale>, Usage> {
     let known = match (geometry, args.pixel_pitch, args.pitch, args.lateral) {
-        (Some(geometry), Some(pitch_m), ..) => KnownLateral::PerPixel(
-            pitch_m * geometry.object_distance_m[0] / geometry.image_distance_m[0],
-        ),
-        (_, _, Some(width_m), _) => KnownLateral::PlateauWidth(width_m),
-        (_, _, _, Some(lateral_m)) => KnownLateral::PerPixel(lateral_m),
+        (Some(geometry), Some(pitch_m), ..) => KnownLateral::PerPixel(KnownLength {
+            length_m: pitch_m * geometry.object_distance_m[0] / geometry.image_distance_m[0],
+            sigma_m: 0.0,
+        }),
+        (_, _, Some(width), _) => KnownLateral::PlateauWidth(known(width)),
+        (_, _, _, Some(lateral)) => KnownLateral::PerPixel(known(lateral)),
         _ => return Ok(None),
     };
     let scale = result.lateral_scale(known, &gauge.plateaus, &gauge.picture).ok_or_else(|| {

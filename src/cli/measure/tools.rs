@@ -20,7 +20,7 @@ use crate::{
         surface::{Region, Surface, is_measured},
         volume,
     },
-    results::{ANY_HEIGHT_M, Figure, ReadCounts, Results, Scanned, calibration_share},
+    results::{ANY_HEIGHT_M, Figure, Results, Scanned, calibration_share, num_outside_calibration},
 };
 
 /// Reads the points of a region.
@@ -58,7 +58,8 @@ fn shares<const N: usize>(
 }
 
 /// Adds the description of the input to the answer.
-fn input(answer: &mut Answer, results: &Results, counts: ReadCounts, num_points: usize) {
+fn input(answer: &mut Answer, results: &Results, scanned: &[&Scanned], num_points: usize) {
+    let counts = scanned.first().map(|scanned| scanned.counts).unwrap_or_default();
     answer.text_line("topic", "points of", results.topic());
     answer.count("profiles", "profiles", counts.profiles);
     answer.count("points", "points", num_points as u64);
@@ -66,6 +67,16 @@ fn input(answer: &mut Answer, results: &Results, counts: ReadCounts, num_points:
         answer.count("rejected", "clouds skipped", counts.rejected);
     } else {
         answer.hidden("rejected", json!(0));
+    }
+    match num_outside_calibration(results, scanned) {
+        Some(num) if num > 0 => {
+            answer.count(
+                "outside_calibrated_volume",
+                "extrapolated: outside the calibrated volume",
+                num,
+            );
+        }
+        num => answer.hidden("outside_calibrated_volume", json!(num)),
     }
     answer.hidden("calibration", json!(results.provenance().calibration));
     answer.outcome = Outcome::with_losses(counts.rejected);
@@ -76,7 +87,7 @@ pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let (scanned, results) = surface_points(&args.common, &region)?;
     let plane = plane::fit(&scanned.surface)?;
     let mut answer = Answer::new("plane");
-    input(&mut answer, &results, scanned.counts, plane.num_points);
+    input(&mut answer, &results, &[&scanned], plane.num_points);
     answer.hidden("normal", json!([plane.normal.x, plane.normal.y, plane.normal.z]));
     answer.place("center_m", "centre", plane.center_m.coords.as_slice());
     let [x_m, y_m] = [plane.center_m.x, plane.center_m.y];
@@ -121,7 +132,7 @@ pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
     };
     let step = measured(&scanned.surface, args.edges)?;
     let mut answer = Answer::new("step");
-    input(&mut answer, &results, scanned.counts, scanned.surface.num_measured());
+    input(&mut answer, &results, &[&scanned], scanned.surface.num_measured());
     answer.text_line("direction", "profiles along", &args.direction);
     let [by_height] = shares(&mut answer, &results, &[&scanned], |s| {
         Ok([measured(&s[0], Some(step.edges_m))?.height_m])
@@ -147,7 +158,7 @@ pub(super) fn sphere(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let (scanned, results) = surface_points(&args.common, &region)?;
     let sphere = sphere::fit(&scanned.surface)?;
     let mut answer = Answer::new("sphere");
-    input(&mut answer, &results, scanned.counts, sphere.num_points);
+    input(&mut answer, &results, &[&scanned], sphere.num_points);
     let by = shares(&mut answer, &results, &[&scanned], |s| Ok(numbers(&sphere::fit(&s[0])?)));
     add_sphere(&mut answer, &sphere, by);
     Ok(answer)
@@ -185,7 +196,7 @@ pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
         sphere::fit(&one.surface).context("sphere 1")?,
         sphere::fit(&other.surface).context("sphere 2")?,
     ];
-    input(&mut answer, &results, one.counts, fits[0].num_points + fits[1].num_points);
+    input(&mut answer, &results, &[&one, &other], fits[0].num_points + fits[1].num_points);
     let by = shares(&mut answer, &results, &[&one, &other], |s| {
         let fits = [sphere::fit(&s[0])?, sphere::fit(&s[1])?];
         let [a, b] = fits.each_ref().map(numbers);
@@ -238,7 +249,7 @@ pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
     };
     let found = over(surface, &plane);
     let mut answer = Answer::new("volume");
-    input(&mut answer, &results, scanned.counts, num_inside);
+    input(&mut answer, &results, &[&scanned], num_inside);
     let [by_volume] = shares(&mut answer, &results, &[&scanned], |s| {
         Ok([over(&s[0], &plane::fit_where(&s[0], &is_base)?).volume_m3])
     });

@@ -84,7 +84,8 @@ fn counted() -> Counts {
         unlocated: 14,
         doubtful: 15,
         positions_refused: 16,
-        standing: 17,
+        outside_calibration: 17,
+        standing: 18,
         ..Counts::default()
     }
 }
@@ -140,10 +141,11 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("slices", "8"),
         ("frames without their other exposure", "12"),
         ("frames too bright for the threshold", "13"),
+        ("points outside the calibrated volume", "17"),
         ("frames without a position", "14"),
         ("frames with a doubtful position", "15"),
         ("positions refused", "16"),
-        ("profiles at the place of the one before", "17"),
+        ("profiles at the place of the one before", "18"),
         ("last rejection", "odd"),
         ("disk", "roomy"),
         ("disk", "full"),

@@ -149,6 +149,7 @@ impl Ledger {
             self.counts.unlocated += u64::from(outcome.position.is_none());
         }
         self.count_flooded(outcome.share_above_threshold);
+        self.count_outside(outcome.num_outside_calibration);
         self.count_doubtful(outcome.stamp_ns, outcome.position);
         self.counts.standing += u64::from(outcome.stands);
     }
@@ -223,6 +224,18 @@ impl Ledger {
                 100.0 * share
             );
         }
+    }
+
+    /// Counts points outside the calibrated volume. Warns about the first.
+    fn count_outside(&mut self, num_points: u64) {
+        if num_points > 0 && self.counts.outside_calibration == 0 {
+            tracing::warn!(
+                "{num_points} points of this profile lie outside the volume from which the calibration has data (`volume` in \
+                 its file): their heights are extrapolated. They carry FLAG_OUTSIDE_CALIBRATION; calibrate over the whole \
+                 range of the parts, or set roi.*; further such points are only counted"
+            );
+        }
+        self.counts.outside_calibration += num_points;
     }
 
     /// Counts a frame with a doubtful position. Warns about the first.

@@ -23,6 +23,7 @@ use crate::{
         motion::Position,
         params::MotionParams,
         pipeline::{Pipeline, Stage},
+        profile::Profile,
     },
 };
 
@@ -50,6 +51,8 @@ pub(super) struct Outcome {
     pub(super) stands: bool,
     /// True if positions are measured rather than assumed.
     pub(super) measures_positions: bool,
+    /// Points of the profile outside the calibrated volume.
+    pub(super) num_outside_calibration: u64,
 }
 
 /// Pipeline, positions, results and their buffers.
@@ -113,6 +116,7 @@ impl Measurer {
             position: output.position,
             stands: output.stands,
             measures_positions: self.positions.is_some(),
+            num_outside_calibration: output.profile.map_or(0, Profile::num_outside_calibration),
         };
         let measured = Measured { header, image, place, index, output, time_ns };
         self.results.publish_frame(&measured, out)?;

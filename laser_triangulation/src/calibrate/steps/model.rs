@@ -2,9 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Plateau, least_squares};
-
-const MAX_ROUNDS: usize = 50;
+use super::Plateau;
 
 /// The image coordinates on which the height depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,62 +37,38 @@ pub(super) struct AcrossModel {
     pub(super) middle_px: f64,
 }
 
-/// A position in the image and the height that belongs to it.
-#[derive(Clone, Copy)]
-struct PlaceHeight {
-    /// (along, across), pixels.
-    px: [f64; 2],
-    height_m: f64,
+impl HeightTerms {
+    /// Returns the number of values of the map.
+    pub(super) const fn num_values(self) -> usize {
+        match self {
+            Self::Across => 3,
+            Self::Both => 5,
+        }
+    }
 }
 
 impl HeightModel {
-    /// Returns the best fit with equal weights for all plateaus; `None` if the plateaus do not determine it.
-    pub(super) fn fit(plateaus: &[Plateau], term: HeightTerms) -> Option<Self> {
+    /// Returns a map of zeros for plateaus in these places; `None` if they all coincide.
+    pub(super) fn blank(plateaus: &[Plateau], term: HeightTerms) -> Option<Self> {
         let (middle_px, unit_px) = extent(plateaus)?;
-        let num = if term == HeightTerms::Both { 5 } else { 3 };
-        let blank = Self {
-            term,
-            middle_px,
-            unit_px,
-            values: DVector::zeros(num),
-            covariance: DMatrix::zeros(num, num),
-        };
-        let places: Vec<_> = equations(plateaus, term).collect();
-        // z (r·v + 1) = p·v + q is linear in the parameters: the initial guess.
-        let rows = DMatrix::from_fn(places.len(), num, |i, j| {
-            let PlaceHeight { px, height_m } = places[i];
-            let [u, v] = blank.local(px);
-            [v, 1.0, -height_m * v, u, -height_m * u][j]
-        });
-        let heights =
-            DVector::from_iterator(places.len(), places.iter().map(|place| place.height_m));
-        let mut model = Self { values: least_squares_scaled(&rows, &heights)?, ..blank };
-        for _ in 0..MAX_ROUNDS {
-            let (jacobian, residuals) = model.linearised(&places)?;
-            let step = least_squares_scaled(&jacobian, &residuals)?;
-            model.values += &step;
-            if step.amax() <= 1e-14 * model.values.amax() {
-                break;
-            }
-        }
-        let is_sound = places.iter().all(|place| model.denominator(place.px) > 0.0);
-        is_sound.then_some(model)
+        let num = term.num_values();
+        let values = DVector::zeros(num);
+        Some(Self { term, middle_px, unit_px, values, covariance: DMatrix::zeros(num, num) })
     }
 
-    /// Returns the map with the covariance of its parameters, for plateau heights with the standard deviation
-    /// `sigma_m`.
-    pub(super) fn with_spread(self, plateaus: &[Plateau], sigma_m: f64) -> Self {
-        let places: Vec<_> = equations(plateaus, self.term).collect();
-        let each = places.len() as f64 / plateaus.len() as f64;
-        let spread = self.linearised(&places).and_then(|(jacobian, _)| {
-            let normal = jacobian.transpose() * jacobian / each;
-            Some(normal.try_inverse()? * sigma_m.powi(2))
-        });
-        let num = self.values.len();
-        Self {
-            covariance: spread.unwrap_or_else(|| DMatrix::from_element(num, num, f64::INFINITY)),
-            ..self
-        }
+    /// Returns the map with these values of p, q, r, then p', r'.
+    pub(super) fn with_values(&self, values: DVector<f64>) -> Self {
+        Self { values, ..self.clone() }
+    }
+
+    /// Returns the values p, q, r, then p', r'.
+    pub(super) const fn values(&self) -> &DVector<f64> {
+        &self.values
+    }
+
+    /// Returns the map with the covariance of its values.
+    pub(super) fn with_covariance(self, covariance: DMatrix<f64>) -> Self {
+        Self { covariance, ..self }
     }
 
     /// Returns the height at (along, across) in pixels, metres; `None` behind the camera.
@@ -163,15 +137,8 @@ impl HeightModel {
         AcrossModel { values, covariance, middle_px: self.middle_px[1] }
     }
 
-    /// Returns the sum of squared residuals over two positions per plateau, square metres.
-    pub(super) fn squares(&self, plateaus: &[Plateau]) -> f64 {
-        let residual = |place: PlaceHeight| {
-            self.height_m(place.px).map_or(f64::INFINITY, |measured_m| measured_m - place.height_m)
-        };
-        equations(plateaus, HeightTerms::Both).map(|equation| residual(equation).powi(2)).sum()
-    }
-
-    fn local(&self, [along, across]: [f64; 2]) -> [f64; 2] {
+    /// Returns a position relative to the centre, in units of the extent.
+    pub(super) fn local(&self, [along, across]: [f64; 2]) -> [f64; 2] {
         [(along - self.middle_px[0]) / self.unit_px, (across - self.middle_px[1]) / self.unit_px]
     }
 
@@ -181,40 +148,21 @@ impl HeightModel {
         x[0] * v + x[1] + x.get(3).map_or(0.0, |p| p * u)
     }
 
-    fn denominator(&self, place: [f64; 2]) -> f64 {
+    /// Returns the map's denominator: the relative depth.
+    pub(super) fn denominator(&self, place: [f64; 2]) -> f64 {
         let [u, v] = self.local(place);
         let x = &self.values;
         x[2] * v + 1.0 + x.get(4).map_or(0.0, |r| r * u)
     }
 
     /// Returns the derivatives of the height with respect to the parameters.
-    fn gradient(&self, place: [f64; 2]) -> Option<DVector<f64>> {
+    pub(super) fn gradient(&self, place: [f64; 2]) -> Option<DVector<f64>> {
         let z_m = self.height_m(place)?;
         let [u, v] = self.local(place);
         let w = self.denominator(place);
         let all = [v / w, 1.0 / w, -z_m * v / w, u / w, -z_m * u / w];
         Some(DVector::from_row_slice(&all[..self.values.len()]))
     }
-
-    fn linearised(&self, places: &[PlaceHeight]) -> Option<(DMatrix<f64>, DVector<f64>)> {
-        let mut jacobian = DMatrix::zeros(places.len(), self.values.len());
-        let mut residuals = DVector::zeros(places.len());
-        for (i, place) in places.iter().enumerate() {
-            jacobian.set_row(i, &self.gradient(place.px)?.transpose());
-            residuals[i] = place.height_m - self.height_m(place.px)?;
-        }
-        Some((jacobian, residuals))
-    }
-}
-
-/// Returns positions and their heights: the middle of each plateau, or two positions if its inclination counts too.
-fn equations(plateaus: &[Plateau], term: HeightTerms) -> impl Iterator<Item = PlaceHeight> {
-    plateaus.iter().flat_map(move |plateau| {
-        let middle = [plateau.middle_px(), plateau.across_px];
-        let places =
-            if term == HeightTerms::Both { plateau.places().to_vec() } else { vec![middle] };
-        places.into_iter().map(|px| PlaceHeight { px, height_m: plateau.height_m })
-    })
 }
 
 /// Returns the middle of all plateaus and half of their extent, pixels.
@@ -230,18 +178,4 @@ fn extent(plateaus: &[Plateau]) -> Option<([f64; 2], f64)> {
     let unit_px = 0.5 * (high[0] - low[0]).max(high[1] - low[1]);
     let middle_px = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
     (unit_px > 0.0 && unit_px.is_finite()).then_some((middle_px, unit_px))
-}
-
-/// Solves least squares with normalised columns: heights are metres and small.
-fn least_squares_scaled(rows: &DMatrix<f64>, values: &DVector<f64>) -> Option<DVector<f64>> {
-    let norms: Vec<f64> = rows.column_iter().map(|column| column.norm()).collect();
-    if norms.iter().any(|norm| !(*norm > 0.0 && norm.is_finite())) {
-        return None;
-    }
-    let scaled = DMatrix::from_fn(rows.nrows(), rows.ncols(), |i, j| rows[(i, j)] / norms[j]);
-    let mut solved = least_squares(&scaled, values)?;
-    for (value, norm) in solved.iter_mut().zip(&norms) {
-        *value /= norm;
-    }
-    Some(solved)
 }

@@ -9,11 +9,30 @@ use crate::metrology::{
     robust::{self, Equation},
 };
 
+/// The height of a flat piece of a gauge, and how well it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GaugeHeight {
+    /// Height, metres.
+    pub height_m: f64,
+    /// One standard deviation of it, metres: half of the expanded uncertainty (k = 2) of a certificate. `None`: unknown.
+    pub sigma_m: Option<f64>,
+}
+
+impl GaugeHeight {
+    /// A height of unknown uncertainty, metres.
+    #[must_use]
+    pub const fn of(height_m: f64) -> Self {
+        Self { height_m, sigma_m: None }
+    }
+}
+
 /// A flat piece of a gauge in the image: a straight line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plateau {
-    /// Known height, metres.
-    pub height_m: f64,
+    /// Known height.
+    pub height: GaugeHeight,
+    /// Index of its picture, from 0.
+    pub picture: usize,
     /// Ends of the piece along the stripe, pixels.
     pub along_px: [f64; 2],
     /// Position across the stripe at its middle, pixels.
@@ -30,7 +49,11 @@ impl Plateau {
     /// Fits a straight line to a piece of a stripe, `points` being (along, across) in pixels. Outliers do not bend
     /// it; the uncertainty accounts for correlated neighbours. `None` if the piece has too few points.
     #[must_use]
-    pub(crate) fn fit(points: &[[f64; 2]], piece: &Range<usize>, height_m: f64) -> Option<Self> {
+    pub(crate) fn fit(
+        points: &[[f64; 2]],
+        piece: &Range<usize>,
+        height: GaugeHeight,
+    ) -> Option<Self> {
         let points = points.get(piece.clone())?;
         let along_px = [points.first()?[0], points.last()?[0]];
         let middle = 0.5 * (along_px[0] + along_px[1]);
@@ -47,7 +70,8 @@ impl Plateau {
             .collect();
         let correlated = inflation(&kept, kept.len())[0];
         Some(Self {
-            height_m,
+            height,
+            picture: 0,
             along_px,
             across_px: fit.x[0],
             slope: fit.x[1],
@@ -62,6 +86,12 @@ impl Plateau {
         let half = 0.5 * (self.along_px[1] - self.along_px[0]) / 3.0_f64.sqrt();
         let middle = self.middle_px();
         [-half, half].map(|from| [middle + from, self.across_px + self.slope * from])
+    }
+
+    /// Returns both ends of the line, (along, across) in pixels.
+    pub(super) fn ends(&self) -> [[f64; 2]; 2] {
+        let middle = self.middle_px();
+        self.along_px.map(|along| [along, self.across_px + self.slope * (along - middle)])
     }
 
     /// Returns the middle along the stripe, pixels.
@@ -81,18 +111,18 @@ pub struct GaugePlateau {
 }
 
 /// Finds one plateau for each height, in their order along the stripe. `points` are (along, across) in pixels, ascending
-/// along the stripe; `heights_m` are metres.
+/// along the stripe. All plateaus are of picture 0.
 ///
 /// # Errors
 /// Too few points, or a number of plateaus other than the number of heights.
 pub fn find_plateaus(
     points: &[[f64; 2]],
-    heights_m: &[f64],
+    heights: &[GaugeHeight],
 ) -> Result<Vec<GaugePlateau>, PlateauError> {
-    let pieces = plateaus::cut(points, heights_m.len())?;
+    let pieces = plateaus::cut(points, heights.len())?;
     let between = |at: usize| 0.5 * (points[at - 1][0] + points[at][0]);
-    let found = pieces.iter().zip(heights_m).enumerate().map(|(at, (piece, &height_m))| {
-        let plateau = Plateau::fit(points, &piece.inner, height_m)
+    let found = pieces.iter().zip(heights).enumerate().map(|(at, (piece, &height))| {
+        let plateau = Plateau::fit(points, &piece.inner, height)
             .ok_or(PlateauError::TooFewPoints { plateau: at })?;
         let is_between = at > 0 && at + 1 < pieces.len();
         let borders_px = is_between.then(|| [between(piece.whole.start), between(piece.whole.end)]);

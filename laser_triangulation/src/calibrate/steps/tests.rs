@@ -1,4 +1,5 @@
 use super::*;
+use crate::{metrology::student::NORMAL_95, scanner::params::StripeDirection};
 use nalgebra::{Rotation3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -6,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 /// A pinhole camera built from vectors, independent of the formulas under test. It looks down at a vertical laser
 /// plane.
-struct Pinhole {
+pub(super) struct Pinhole {
     lens: Vector3<f64>,
     /// Right, down, forward.
     axes: [Vector3<f64>; 3],
@@ -18,7 +19,7 @@ struct Pinhole {
 const RIG: [f64; 4] = [0.026, 4.8e-6, 0.3, 0.5];
 
 impl Pinhole {
-    fn new(roll_rad: f64) -> Self {
+    pub(super) fn new(roll_rad: f64) -> Self {
         let [a, pitch, b, beta] = RIG;
         let lens = Vector3::new(0.0, beta.sin(), beta.cos()) * b;
         let forward = -lens.normalize();
@@ -30,14 +31,20 @@ impl Pinhole {
     }
 
     /// Column and row of a point of the laser plane.
-    fn see(&self, x_m: f64, z_m: f64) -> [f64; 2] {
+    pub(super) fn see(&self, x_m: f64, z_m: f64) -> [f64; 2] {
         let ray = Vector3::new(x_m, 0.0, z_m) - self.lens;
         let depth = ray.dot(&self.axes[2]);
         [0, 1].map(|i| self.middle_px[i] + self.focal_px * ray.dot(&self.axes[i]) / depth)
     }
 
     /// Returns the image of a flat at a height, column by column, with noise in pixels.
-    fn plateau(&self, height_m: f64, columns: [f64; 2], noise_px: f64, seed: u64) -> Plateau {
+    pub(super) fn plateau(
+        &self,
+        height_m: f64,
+        columns: [f64; 2],
+        noise_px: f64,
+        seed: u64,
+    ) -> Plateau {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
         let ends = [-0.02, 0.02].map(|x_m| self.see(x_m, height_m));
@@ -46,7 +53,7 @@ impl Pinhole {
             .map(f64::from)
             .map(|u| [u, ends[0][1] + slope * (u - ends[0][0]) + noise_px * normal()])
             .collect();
-        Plateau::fit(&points, &(0..points.len()), height_m).unwrap()
+        Plateau::fit(&points, &(0..points.len()), GaugeHeight::of(height_m)).unwrap()
     }
 
     fn whole(&self, heights_m: &[f64], noise_px: f64, seed: u64) -> Vec<Plateau> {
@@ -57,12 +64,27 @@ impl Pinhole {
     }
 }
 
+/// The pictures of the pinhole camera.
+pub(super) const PICTURE: GaugePicture =
+    GaugePicture { size_px: [2592, 2048], direction: StripeDirection::Horizontal };
+
+fn request(terms: Option<HeightTerms>) -> StepsRequest {
+    StepsRequest { terms, reference: HeightReference::Common, picture: PICTURE }
+}
+
+fn calibrate(
+    plateaus: &[Plateau],
+    terms: Option<HeightTerms>,
+) -> Result<StepsCalibration, StepsError> {
+    calibrate_steps(plateaus, &request(terms))
+}
+
 const HEIGHTS_M: [f64; 5] = [0.0, 0.002, 0.005, 0.009, 0.012];
 
 #[test]
 fn three_parameters_fit_a_camera_without_roll() {
     let pinhole = Pinhole::new(0.0);
-    let result = calibrate_steps(&pinhole.whole(&HEIGHTS_M, 0.0, 0), None).unwrap();
+    let result = calibrate(&pinhole.whole(&HEIGHTS_M, 0.0, 0), None).unwrap();
     assert!(result.rms_m < 1e-12, "{}", result.rms_m);
     for z_m in [-0.002, 0.007, 0.015] {
         let measured = result.model.height_m(pinhole.see(0.004, z_m)).unwrap();
@@ -74,20 +96,20 @@ fn three_parameters_fit_a_camera_without_roll() {
 fn a_rolled_camera_gets_terms_along_the_stripe() {
     let pinhole = Pinhole::new(0.02);
     let plateaus = pinhole.whole(&HEIGHTS_M, 0.02, 1);
-    let result = calibrate_steps(&plateaus, None).unwrap();
+    let result = calibrate(&plateaus, None).unwrap();
     assert_eq!(result.model.term, HeightTerms::Both);
     for (x_m, z_m) in [(-0.015, 0.001), (0.0, 0.006), (0.015, 0.011)] {
         let measured = result.model.height_m(pinhole.see(x_m, z_m)).unwrap();
         assert!((measured - z_m).abs() < 2e-6, "{measured} {z_m}");
     }
-    let level = calibrate_steps(&Pinhole::new(0.0).whole(&HEIGHTS_M, 0.02, 1), None).unwrap();
+    let level = calibrate(&Pinhole::new(0.0).whole(&HEIGHTS_M, 0.02, 1), None).unwrap();
     assert_eq!(level.model.term, HeightTerms::Across, "nothing to gain");
 }
 
 #[test]
 fn rows_are_the_map() {
     let plateaus = Pinhole::new(0.02).whole(&HEIGHTS_M, 0.02, 2);
-    let model = calibrate_steps(&plateaus, None).unwrap().model;
+    let model = calibrate(&plateaus, None).unwrap().model;
     let [z, w] = model.rows();
     for place in [[300.0, 900.0], [2000.0, 700.0]] {
         let row = |row: [f64; 3]| row[0] * place[0] + row[1] * place[1] + row[2];
@@ -101,16 +123,14 @@ fn the_stated_uncertainty_of_a_height_covers_the_truth() {
     let (mut covered, num) = (0, 400);
     for seed in 0..num {
         let result =
-            calibrate_steps(&pinhole.whole(&HEIGHTS_M, 0.3, seed), Some(HeightTerms::Across))
-                .unwrap();
+            calibrate(&pinhole.whole(&HEIGHTS_M, 0.3, seed), Some(HeightTerms::Across)).unwrap();
         let place = pinhole.see(0.0, 0.007);
         let error = result.model.height_m(place).unwrap() - 0.007;
-        let u95 =
-            factor_95(result.degrees_of_freedom as f64) * result.model.sigma_m(place).unwrap();
+        let u95 = NORMAL_95 * result.model.sigma_m(place).unwrap();
         covered += u32::from(error.abs() < u95);
     }
     let share = f64::from(covered) / num as f64;
-    // The coverage is never less than stated; it may be more, because the larger of two estimates is taken.
+    // The coverage is never less than stated; it may be more, because noise is added to an estimate that contains it.
     assert!((0.92..=1.0).contains(&share), "{share}");
 }
 
@@ -118,7 +138,7 @@ fn the_stated_uncertainty_of_a_height_covers_the_truth() {
 fn one_more_length_determines_the_geometry_of_formula_6() {
     let pinhole = Pinhole::new(0.0);
     let plateaus = pinhole.whole(&[0.0, 0.01, 0.02, 0.03, 0.045], 0.005, 3);
-    let model = calibrate_steps(&plateaus, Some(HeightTerms::Across)).unwrap().model;
+    let model = calibrate(&plateaus, Some(HeightTerms::Across)).unwrap().model;
     let [a, pitch, b, beta] = RIG;
     for known in [KnownDistance::ImageDistance(a), KnownDistance::ObjectDistance(b)] {
         let found = vertical_incidence(&model, pitch, known).unwrap();
@@ -142,7 +162,7 @@ fn one_more_length_determines_the_geometry_of_formula_6() {
 #[test]
 fn flat_perspective_is_an_error() {
     let plateaus = Pinhole::new(0.0).whole(&[0.0, 0.0002, 0.0004, 0.0006], 0.5, 4);
-    let model = calibrate_steps(&plateaus, Some(HeightTerms::Across)).unwrap().model;
+    let model = calibrate(&plateaus, Some(HeightTerms::Across)).unwrap().model;
     let error =
         vertical_incidence(&model, 4.8e-6, KnownDistance::ImageDistance(0.026)).unwrap_err();
     assert!(matches!(error, VerticalIncidenceError::NotIdentified { .. }), "{error}");
@@ -152,17 +172,17 @@ fn flat_perspective_is_an_error() {
 fn wrong_heights_are_detected() {
     let pinhole = Pinhole::new(0.0);
     let mut plateaus = pinhole.whole(&HEIGHTS_M, 0.02, 5);
-    plateaus[2].height_m += 50e-6;
-    let result = calibrate_steps(&plateaus, None).unwrap();
+    plateaus[2].height.height_m += 50e-6;
+    let result = calibrate(&plateaus, None).unwrap();
     let left_out = |i: usize| {
         let check = &result.checks[i];
-        (check.left_out_m.unwrap() - check.plateau.height_m).abs()
+        (check.left_out_m.unwrap() - check.plateau.height.height_m).abs()
     };
     assert!(left_out(2) > 45e-6 && left_out(2) > left_out(1), "{} {}", left_out(2), left_out(1));
     assert!(result.rms_m > 10e-6);
 
-    assert_eq!(calibrate_steps(&plateaus[..2], None).unwrap_err(), StepsError::TooFew { found: 2 });
-    plateaus[1].height_m = 0.02;
-    let error = calibrate_steps(&plateaus, None).unwrap_err().to_string();
+    assert_eq!(calibrate(&plateaus[..2], None).unwrap_err(), StepsError::TooFew { found: 2 });
+    plateaus[1].height.height_m = 0.02;
+    let error = calibrate(&plateaus, None).unwrap_err().to_string();
     assert!(error.contains("0.02 m") && error.contains("order"), "{error}");
 }

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     scanner::{
-        calibration::{CameraCalibration, CameraQuality},
+        calibration::{CalibratedVolume, CameraCalibration, CameraQuality},
         camera::Camera,
     },
     statistics::median,
@@ -96,6 +96,8 @@ pub struct CameraFit {
     pub rms_px: f64,
     /// Standard deviations and correlations.
     pub uncertainty: CameraUncertainty,
+    /// Part of the image with corners of the boards that took part.
+    pub volume: Option<CalibratedVolume>,
 }
 
 /// The reason why views determine no camera.
@@ -147,7 +149,10 @@ pub fn calibrate_camera(
         check(&kept)?;
         solved = solve(views, &kept, model, RobustLoss::None)?;
     }
-    finish(solved, outliers)
+    let fit = finish(solved, outliers)?;
+    let corners = fit.used.iter().flat_map(|view| &views.boards[view.index].corners);
+    let volume = CalibratedVolume::of_positions(corners.map(|corner| corner.seen));
+    Ok(CameraFit { volume, ..fit })
 }
 
 struct Solved {
@@ -176,7 +181,7 @@ fn finish(solved: Solved, mut outliers: Vec<OutlierView>) -> Result<CameraFit, C
     let residuals = || used.iter().flat_map(|view| &view.pose.residuals_px);
     let sum: f64 = residuals().map(|(u, v)| u * u + v * v).sum();
     let rms_px = (sum / residuals().count() as f64).sqrt();
-    Ok(CameraFit { camera, used, outliers, rms_px, uncertainty })
+    Ok(CameraFit { camera, used, outliers, rms_px, uncertainty, volume: None })
 }
 
 /// Returns the boards' poses under a camera, without boards that it cannot see.
@@ -267,6 +272,7 @@ impl CameraFit {
                 parameters: self.uncertainty.parameters.clone(),
                 // Symmetric: by columns is by rows.
                 covariance: self.uncertainty.covariance.as_slice().to_vec(),
+                volume: self.volume,
             }),
             calibrated_at: None,
         }

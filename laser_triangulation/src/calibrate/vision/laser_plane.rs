@@ -1,12 +1,13 @@
 //! The laser's plane through its lines on many boards.
 
-use nalgebra::{Matrix3, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::laser_lines::{BoardLine, LaserLines};
 use crate::{
     scanner::{
-        calibration::{CameraAndPlane, CameraCalibration, PlaneQuality},
+        calibration::{CalibratedVolume, CameraAndPlane, CameraCalibration, PlaneQuality, range},
+        camera::Camera,
         laser_plane::LaserPlane,
     },
     statistics::median,
@@ -51,6 +52,8 @@ pub struct LaserPlaneFit {
     /// Covariance of two tilts of the normal along [`LaserPlane::tangents`], radians, and of the distance, metres.
     /// Estimated by leaving out one board at a time, because all points of a board share its errors.
     pub covariance: Matrix3<f64>,
+    /// Both ends of every line that was used, in the camera's frame, metres.
+    pub ends_m: Vec<Point3<f64>>,
 }
 
 /// The reason why lines determine no plane.
@@ -126,7 +129,12 @@ pub fn calibrate_plane(found: &LaserLines) -> Result<LaserPlaneFit, LaserPlaneEr
         return Err(LaserPlaneError::NoPlane { rms_mm: 1e3 * rms_m });
     }
     let covariance = leave_one_out(&kept, &start)?;
-    Ok(LaserPlaneFit { plane: start, rms_m, used, outliers, covariance })
+    let ends = kept.iter().flat_map(|board| {
+        let points = &board.line.points;
+        [points.first(), points.last()].into_iter().flatten().copied()
+    });
+    let ends_m = ends.collect();
+    Ok(LaserPlaneFit { plane: start, rms_m, used, outliers, covariance, ends_m })
 }
 
 impl LaserPlaneFit {
@@ -151,6 +159,7 @@ impl LaserPlaneFit {
                 rms_m: self.rms_m,
                 boards_used: self.used.len() as u32,
                 covariance: Some(covariance),
+                volume: self.volume(&camera.camera),
             }),
             alignment: None,
             part: None,
@@ -158,6 +167,14 @@ impl LaserPlaneFit {
             axis_quality: None,
             calibrated_at: None,
         }
+    }
+
+    /// Returns the part of the image, and the depths, that the lines covered.
+    fn volume(&self, camera: &Camera) -> Option<CalibratedVolume> {
+        let depths_m = range(self.ends_m.iter().map(|end| end.z));
+        let seen = self.ends_m.iter().filter_map(|end| Some(camera.project(*end)?.0));
+        let of_image = CalibratedVolume::of_positions(seen)?;
+        Some(CalibratedVolume { depths_m, ..of_image })
     }
 
     /// Describes how a board contradicts the others.

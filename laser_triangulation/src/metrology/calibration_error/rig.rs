@@ -1,6 +1,6 @@
 //! Maps a point of the part to the image with one rig, and back with another.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point2, Point3};
 
 use crate::scanner::{
     axis::RawPosition,
@@ -31,6 +31,17 @@ impl Rig {
     /// Returns the laser plane's frame in the part's frame at a position.
     fn part_from_laser(&self, position: f64) -> Isometry3<f64> {
         self.placement.clone().place(&mut Position::at(RawPosition(position)))
+    }
+
+    /// Returns the pose of the part in the laser plane's frame. Without a position, y is the position: it is left out.
+    pub(super) fn laser_from_part(&self, position: Option<f64>) -> Isometry3<f64> {
+        position.map_or_else(Isometry3::identity, |at| self.part_from_laser(at).inverse())
+    }
+
+    /// Returns the pixel that sees a point of the laser plane; `None` if the camera does not.
+    pub(super) fn seen(&self, [x_m, z_m]: [f64; 2]) -> Option<Point2<f64>> {
+        let in_camera = self.camera_from_laser * Point3::new(x_m, 0.0, z_m);
+        Some(self.geometry.camera.project(in_camera)?.0)
     }
 }
 

@@ -27,7 +27,7 @@ fn geometry(covariance: Option<[f64; 9]>) -> CameraAndPlane {
             normal: Unit::new_normalize(Vector3::new(0.0, -0.8, 0.6)),
             distance_m: 0.18,
         },
-        plane_quality: Some(PlaneQuality { rms_m: 0.0, boards_used: 20, covariance }),
+        plane_quality: Some(PlaneQuality { rms_m: 0.0, boards_used: 20, covariance, volume: None }),
         alignment: None,
         part: None,
         axis: None,
@@ -63,7 +63,7 @@ fn a_homography_with_one_uncertain_entry_moves_along_it() {
         width_px: 640,
         height_px: 480,
         homography: [1e-4, 0.0, 0.0, 0.0, 2e-4, 0.0, 0.0, 0.0, 1.0],
-        quality: Some(StepsQuality { rms_m: 0.0, heights_used: 5, covariance }),
+        quality: Some(StepsQuality { rms_m: 0.0, heights_used: 5, covariance, volume: None }),
         calibrated_at: None,
     };
     let calibration = Calibration::Projective(Box::new(map));

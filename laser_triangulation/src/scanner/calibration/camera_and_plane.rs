@@ -6,7 +6,9 @@ mod part;
 
 pub use part::PartPose;
 
-use super::{AxisQuality, CalibrationError, CameraQuality, PlaneQuality, file::Id};
+use super::{
+    AxisQuality, CalibratedVolume, CalibrationError, CameraQuality, PlaneQuality, file::Id,
+};
 use crate::scanner::{axis::Axis, camera::Camera, laser_plane::LaserPlane};
 
 /// Smallest slope of the optical axis against the plane; closer to parallel, the origin is far away and 32-bit floats
@@ -80,6 +82,8 @@ impl CameraAndPlane {
                 "a plane that the optical axis meets before the lens: normal with a third value of 0.05 or more",
             ));
         }
-        Ok(())
+        let [of_camera, of_plane] = self.volumes();
+        CalibratedVolume::check(of_camera, "camera_quality.volume")?;
+        CalibratedVolume::check(of_plane, "plane_quality.volume")
     }
 }

@@ -57,7 +57,7 @@ impl Lines {
             profile.x_m[entry] = x_m;
             profile.z_m[entry] = z_m;
             profile.intensity[entry] = (centerline.intensity[i] / full_scale as f32).min(1.0);
-            profile.flags[entry] = centerline.flags[i];
+            profile.flags[entry] = centerline.flags[i] | point.flags;
             profile.sigma_x_m[entry] = (point.x_m_per_px.abs() * sigma_px) as f32;
             profile.sigma_z_m[entry] = (point.z_m_per_px.abs() * sigma_px) as f32;
             profile.valid_count += 1;

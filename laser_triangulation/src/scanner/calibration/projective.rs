@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point2};
 
-use super::{CalibrationError, PlacedPoint, StepsQuality, file::Id};
+use super::{CalibratedVolume, CalibrationError, PlacedPoint, StepsQuality, file::Id};
 use crate::scanner::{camera::View, params::StripeDirection};
 
 /// A plane seen by a pinhole camera: with `(x, z, w) = H (column, row, 1)`, the point is at x/w and z/w.
@@ -42,7 +42,8 @@ impl Projective {
         }
         let (x_m, z_m) = (row(0) / w, row(1) / w);
         let slope = |r: usize, value: f64| (h[3 * r + across] - value * h[6 + across]) / w;
-        Some(PlacedPoint { x_m, z_m, x_m_per_px: slope(0, x_m), z_m_per_px: slope(1, z_m) })
+        let (x_m_per_px, z_m_per_px) = (slope(0, x_m), slope(1, z_m));
+        Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px, flags: 0 })
     }
 
     /// The same map for images of a part of the sensor.
@@ -56,7 +57,15 @@ impl Projective {
             row[1] *= by;
         }
         let [width_px, height_px] = view.size_px;
-        Self { width_px, height_px, homography, ..self.clone() }
+        let mut quality = self.quality.clone();
+        if let Some(volume) = quality.as_mut().and_then(|quality| quality.volume.as_mut()) {
+            *volume = volume.seen_through(view);
+        }
+        Self { width_px, height_px, homography, quality, ..self.clone() }
+    }
+
+    pub(super) fn volume(&self) -> Option<&CalibratedVolume> {
+        self.quality.as_ref()?.volume.as_ref()
     }
 
     pub(super) fn id(&self) -> String {
@@ -80,7 +89,7 @@ impl Projective {
                 "nine finite numbers of a matrix that can be inverted",
             ));
         }
-        Ok(())
+        CalibratedVolume::check(self.volume(), "steps_quality.volume")
     }
 }
 

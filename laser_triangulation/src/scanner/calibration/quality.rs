@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::CalibratedVolume;
+
 /// Quality of a camera calibrated from views of a board.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -18,6 +20,9 @@ pub struct CameraQuality {
     /// Covariance of those values, row-major, in their units; as many rows as parameters, or empty if unknown.
     #[serde(default)]
     pub covariance: Vec<f64>,
+    /// Part of the image with corners of the boards; `None` if unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume: Option<CalibratedVolume>,
 }
 
 /// Quality of a laser plane.
@@ -33,6 +38,9 @@ pub struct PlaneQuality {
     /// metres; 3 x 3.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<[f64; 9]>,
+    /// Part of the image, and depths, with the laser's lines on the boards; `None` if unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume: Option<CalibratedVolume>,
 }
 
 /// Quality of an axis.
@@ -70,4 +78,7 @@ pub struct StepsQuality {
     /// [`VerticalIncidence::VALUES`](super::VerticalIncidence::VALUES), 4 x 4; or empty if unknown.
     #[serde(default)]
     pub covariance: Vec<f64>,
+    /// Part of the image, and heights, of the gauge; `None` if unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume: Option<CalibratedVolume>,
 }

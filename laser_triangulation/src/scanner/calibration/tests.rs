@@ -47,6 +47,13 @@ pub(in crate::scanner) fn rig() -> CameraAndPlane {
     }
 }
 
+const VOLUME: CalibratedVolume = CalibratedVolume {
+    columns_px: [20.5, 600.0],
+    rows_px: [12.0, 470.25],
+    heights_m: None,
+    depths_m: None,
+};
+
 /// A calibration with every optional entry.
 fn full() -> CameraAndPlane {
     CameraAndPlane {
@@ -56,11 +63,13 @@ fn full() -> CameraAndPlane {
             views_rejected: 15,
             parameters: vec!["fx".into(), "k1".into()],
             covariance: vec![1.0, 0.1, 0.1, 0.02],
+            volume: Some(VOLUME),
         }),
         plane_quality: Some(PlaneQuality {
             rms_m: 0.00048,
             boards_used: 22,
             covariance: Some([1e-8, 0.0, 0.0, 0.0, 1e-8, 0.0, 0.0, 0.0, 1e-9]),
+            volume: Some(CalibratedVolume { depths_m: Some([0.3, 0.5]), ..VOLUME }),
         }),
         alignment: Some(Alignment { origin_m: [0.01, -0.25], angle_rad: 0.1 }),
         part: Some(PartPose { origin_m: [0.01, -0.25, 1e-3], rotation_rad: [0.1, -0.2, 1e-3] }),
@@ -122,7 +131,12 @@ fn a_file_gives_back_what_was_written() {
         assert_eq!(CameraCalibration::from_yaml(&camera.to_yaml()).unwrap(), camera);
     }
     let homography = [1e-4, 0.0, -0.05, 0.0, -2e-4, 0.1, 0.0, 1e-3, 1.0];
-    let quality = StepsQuality { rms_m: 1e-6, heights_used: 4, covariance: vec![] };
+    let quality = StepsQuality {
+        rms_m: 1e-6,
+        heights_used: 4,
+        covariance: vec![],
+        volume: Some(CalibratedVolume { heights_m: Some([-1e-3, 0.02]), ..VOLUME }),
+    };
     let calibration = Calibration::Projective(Box::new(Projective {
         frame_id: "laser".into(),
         width_px: 640,

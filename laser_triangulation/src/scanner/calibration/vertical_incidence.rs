@@ -1,6 +1,6 @@
 //! The camera of Yao et al. 2023: formula 6.
 
-use super::{CalibrationError, PlacedPoint, StepsQuality, file::Id};
+use super::{CalibratedVolume, CalibrationError, PlacedPoint, StepsQuality, file::Id};
 
 /// Vertical-incidence triangulation, formula 6 of Yao et al. 2023 (doi 10.3390/app13179831), after Figure 2 there:
 /// the laser plane is vertical; the camera's optical axis meets it at the base point under the angle β.
@@ -80,7 +80,7 @@ impl VerticalIncidence {
             * self.pixel_pitch_m
             / self.image_distance_m;
         let x_m = self.lateral(along_px, z_m);
-        Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px: m_per_px })
+        Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px: m_per_px, flags: 0 })
     }
 
     /// Returns the position along the stripe of a pixel column (row) that sees height `z_m`, metres.
@@ -107,6 +107,10 @@ impl VerticalIncidence {
     /// Returns the distance from the lens along the optical axis of a point at height `z_m`, metres.
     fn depth(&self, z_m: f64) -> f64 {
         self.object_distance_m - z_m * self.beta_rad.cos()
+    }
+
+    pub(super) fn volume(&self) -> Option<&CalibratedVolume> {
+        self.quality.as_ref()?.volume.as_ref()
     }
 
     pub(super) fn id(&self) -> String {
@@ -159,7 +163,7 @@ impl VerticalIncidence {
         if self.frame_id.is_empty() {
             return wrong("frame_id", &"\"\"", "a frame name, as in laser_plane");
         }
-        Ok(())
+        CalibratedVolume::check(self.volume(), "steps_quality.volume")
     }
 }
 

@@ -80,6 +80,9 @@ pub mod flag {
     pub const INTERPOLATED: u8 = 8;
     /// Below the configured signal-to-noise limit.
     pub const LOW_CONTRAST: u8 = 16;
+    /// In a profile only: outside the volume from which the calibration has data. The uncertainty of the calibration is
+    /// an extrapolation there.
+    pub const OUTSIDE_CALIBRATION: u8 = 64;
 }
 
 /// Sub-pixel centre of the stripe in one frame: one entry per column (row, for a vertical stripe) in which it was

@@ -6,7 +6,9 @@ use anyhow::anyhow;
 
 use super::args::{Source, StepsArgs};
 use crate::{
-    calibrate::{GaugePicture, GaugePlateau, GaugeStripe, PlateauError, find_plateaus},
+    calibrate::{
+        GaugeHeight, GaugePicture, GaugePlateau, GaugeStripe, PlateauError, find_plateaus,
+    },
     cli::{Usage, calibrate::line, progress::progress_bar, settings::Settings},
     scanner::params::StripeDirection,
 };
@@ -34,7 +36,7 @@ impl Gauge {
             picture: GaugePicture { size_px: [0, 0], direction: StripeDirection::Horizontal },
         };
         let bar = progress_bar(Some(args.sources.len() as u64), "pictures");
-        for Source { path, heights_m } in &args.sources {
+        for (number, Source { path, heights }) in args.sources.iter().enumerate() {
             let name = path.display();
             let GaugeStripe { points, picture, frames } = line::find(path, settings)?;
             tracing::debug!("{name}: {} points in {frames} frames", points.len());
@@ -46,10 +48,14 @@ impl Gauge {
                 return Err(Usage(text).into());
             }
             gauge.picture = picture;
-            let found = find_plateaus(&points, heights_m).map_err(|error| match error {
+            let heights: Vec<_> = heights.iter().map(|height| stated(args, *height)).collect();
+            let mut found = find_plateaus(&points, &heights).map_err(|error| match error {
                 PlateauError::TooFewPoints { .. } => anyhow!("{name}: {error}"),
                 _ => Usage(format!("{name}: {error}{}", hint(&error, settings))).into(),
             })?;
+            for found in &mut found {
+                found.plateau.picture = number;
+            }
             gauge.sources.extend(found.iter().map(|_| path.clone()));
             gauge.plateaus.extend(found);
             bar.inc(1);
@@ -57,6 +63,11 @@ impl Gauge {
         bar.finish_and_clear();
         Ok(gauge)
     }
+}
+
+/// Returns a height with the uncertainty of the whole gauge, unless it has its own.
+fn stated(args: &StepsArgs, height: GaugeHeight) -> GaugeHeight {
+    GaugeHeight { sigma_m: height.sigma_m.or(args.gauge.gauge_sigma), ..height }
 }
 
 /// Suggests a remedy for an unexpected number of plateaus.

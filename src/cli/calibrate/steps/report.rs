@@ -5,13 +5,19 @@ use serde_json::{Value as Json, json};
 use super::{args::StepsArgs, gauge::Gauge};
 use crate::calibrate::{HeightTerms, PlateauCheck, StepsCalibration, VerticalGeometry};
 
-pub(super) fn json(
-    args: &StepsArgs,
-    gauge: &Gauge,
-    result: &StepsCalibration,
-    geometry: Option<&VerticalGeometry>,
-    lateral_m: Option<f64>,
-) -> String {
+/// The result and what follows from it.
+pub(super) struct Answer<'a> {
+    pub(super) result: &'a StepsCalibration,
+    /// Formula 6.
+    pub(super) geometry: Option<&'a VerticalGeometry>,
+    /// Direction in which the stripe moves when the surface rises, if the fit found it.
+    pub(super) height_sign: Option<i8>,
+    /// Length of a pixel along the stripe at height 0, metres.
+    pub(super) lateral_m: Option<f64>,
+}
+
+pub(super) fn json(args: &StepsArgs, gauge: &Gauge, answer: &Answer<'_>) -> String {
+    let &Answer { result, geometry, height_sign, lateral_m } = answer;
     let heights: Vec<_> = gauge
         .sources
         .iter()
@@ -38,6 +44,10 @@ pub(super) fn json(
         "degrees_of_freedom": result.degrees_of_freedom,
         "sigma_m": result.sigma_m,
         "u95_m": result.u95_m,
+        "gauge_stated": result.is_stated,
+        "excess": result.excess,
+        "height_sign": height_sign,
+        "offsets_m": result.offsets_m,
         "lateral_m_per_px": lateral_m,
         "geometry": geometry,
         "output": args.output,
@@ -49,9 +59,10 @@ fn row(source: &std::path::Path, check: &PlateauCheck) -> Json {
     let plateau = &check.plateau;
     json!({
         "source": source,
-        "height_m": plateau.height_m,
+        "height_m": plateau.height.height_m,
+        "gauge_sigma_m": plateau.height.sigma_m,
         "measured_m": check.measured_m,
-        "residual_m": check.measured_m - plateau.height_m,
+        "residual_m": check.measured_m - plateau.height.height_m,
         "left_out_m": check.left_out_m,
         "noise_m": check.noise_m,
         "along_px": plateau.along_px,
@@ -72,29 +83,24 @@ fn model_name(result: &StepsCalibration, geometry: Option<&VerticalGeometry>) ->
 /// Returns the root mean square error of each plateau's height according to the map of all others; `None` when those
 /// are too few.
 fn rms_left_out(checks: &[PlateauCheck]) -> Option<f64> {
-    let errors = checks.iter().map(|check| Some(check.left_out_m? - check.plateau.height_m));
+    let errors = checks.iter().map(|check| Some(check.left_out_m? - check.plateau.height.height_m));
     let errors: Vec<f64> = errors.flatten().collect();
     let squares: f64 = errors.iter().map(|error| error * error).sum();
     (!errors.is_empty()).then(|| (squares / errors.len() as f64).sqrt())
 }
 
-pub(super) fn text(
-    args: &StepsArgs,
-    gauge: &Gauge,
-    result: &StepsCalibration,
-    geometry: Option<&VerticalGeometry>,
-    lateral_m: Option<f64>,
-) -> String {
+pub(super) fn text(args: &StepsArgs, gauge: &Gauge, answer: &Answer<'_>) -> String {
+    let &Answer { result, geometry, height_sign, lateral_m } = answer;
     let mut lines = vec![
         "  height [mm]  measured [mm]  residual [µm]  left out [µm]  across [px]  points  source"
             .to_owned(),
     ];
     for (source, check) in gauge.sources.iter().zip(&result.checks) {
         let plateau = &check.plateau;
-        let off = |measured_m: f64| format!("{:+.2}", 1e6 * (measured_m - plateau.height_m));
+        let off = |measured_m: f64| format!("{:+.2}", 1e6 * (measured_m - plateau.height.height_m));
         lines.push(format!(
             "{:13.4}{:15.4}{:>15}{:>15}{:13.3}{:8}  {}",
-            1e3 * plateau.height_m,
+            1e3 * plateau.height.height_m,
             1e3 * check.measured_m,
             off(check.measured_m),
             check.left_out_m.map_or("-".into(), off),
@@ -105,6 +111,8 @@ pub(super) fn text(
     }
     lines.push(String::new());
     lines.push(quality(result));
+    lines.extend(height_sign.map(sign_text));
+    lines.extend(offsets(result));
     lines.extend(geometry.map(geometry_text));
     lines.push(match lateral_m {
         Some(metres) => {
@@ -132,12 +140,22 @@ fn quality(result: &StepsCalibration) -> String {
         Some(metres) => format!("Each height by the map of the others: rms {}.", um(metres)),
         None => "No height is left over to check the others: give four or more.".to_owned(),
     };
-    let sigma = um(result.sigma_m);
-    let uncertainty = match result.degrees_of_freedom {
-        0 => format!("Without redundancy only the noise of the lines is known: {sigma} (1 sigma)."),
-        _ => format!("Uncertainty of a height: {sigma} (1 sigma), {} (95 %).", um(result.u95_m)),
-    };
+    let origin = if result.is_stated { "as stated for the gauge" } else { "from the residuals" };
+    let (sigma, u95) = (um(result.sigma_m), um(result.u95_m));
+    let uncertainty =
+        format!("Uncertainty of a height, {origin}: {sigma} (1 sigma), {u95} (95 %).");
     [fit, left_out, uncertainty].join("\n")
+}
+
+fn sign_text(sign: i8) -> String {
+    let end = if sign < 0 { "smaller" } else { "larger" };
+    format!("A higher surface lies at {end} positions in the picture (--height-sign {sign}).")
+}
+
+/// Describes the drift of the bed, if it was estimated.
+fn offsets(result: &StepsCalibration) -> Option<String> {
+    let all: Vec<_> = result.offsets_m.iter().map(|m| format!("{:+.4}", 1e3 * m)).collect();
+    (!all.is_empty()).then(|| format!("Zero of the pictures: {} mm.", all.join(", ")))
 }
 
 fn geometry_text(geometry: &VerticalGeometry) -> String {

@@ -100,7 +100,7 @@ impl Cuts<'_> {
             (value_m, (axis.xy().dot(&straight_per_px) - value_m * depth_slope) * depth)
         };
         let ((x_m, x_m_per_px), (z_m, z_m_per_px)) = (cut(&self.x), cut(&self.z));
-        Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px })
+        Some(PlacedPoint { x_m, z_m, x_m_per_px, z_m_per_px, flags: 0 })
     }
 
     /// Maps a position on the sensor and a step there to the plane z = 1.
