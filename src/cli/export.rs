@@ -181,6 +181,7 @@ fn motion(
         return Ok(None);
     }
     let region = args.level_on.as_ref().unwrap_or(region);
+    results.check_surface().context("--level")?;
     let scanned = results.surface(region, args.heights.unwrap_or(ANY_HEIGHT_M))?;
     let plane = plane::fit(&scanned.surface).context("--level")?;
     Ok(Some(plane::leveling(&plane)))

@@ -147,6 +147,10 @@ fn text(report: &CameraReport, recorder_rate: f64) -> String {
         report.reported.counts.processed,
         losses(&report.reported.counts)
     );
+    let standing = report.reported.counts.standing;
+    if standing > 0 {
+        _ = write!(out, ", {standing} profiles without motion");
+    }
     if report.is_recording {
         _ = write!(out, ", recording {}/s", BinaryBytes(recorder_rate as u64));
         if let Some(free_bytes) = report.free_bytes {

@@ -21,6 +21,9 @@ pub(super) struct SummaryJson<'a> {
     points: u64,
     outside_calibrated_volume: u64,
     slices: u64,
+    /// Profiles that lie where the one before lies; `None` if there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    standing: Option<u64>,
     /// `None` if positions are not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     positions: Option<Positions>,
@@ -82,6 +85,7 @@ impl<'a> SummaryJson<'a> {
             points: counts.points,
             outside_calibrated_volume: counts.outside_calibration,
             slices: counts.slices,
+            standing: (counts.standing > 0).then_some(counts.standing),
             positions: positions(counts),
             seconds: summary.elapsed.as_secs_f64(),
             frames_per_second: frames_per_second(summary),
@@ -140,6 +144,13 @@ pub(super) fn text(summary: &Summary) -> String {
             out,
             "positions: known for {known} frames, {doubtful} of them in doubt; {unknown} frames without a position are not in the \
              scan; {refused} samples rejected"
+        );
+    }
+    if counts.standing > 0 {
+        _ = writeln!(
+            out,
+            "profiles that lie where the one before lies: {} of {}; a scan of such profiles is no surface (see motion.source)",
+            counts.standing, counts.processed
         );
     }
     if summary.was_interrupted {

@@ -39,6 +39,8 @@ pub struct Counts {
     pub(crate) unlocated: u64,
     /// Frames whose position is in doubt.
     pub(crate) doubtful: u64,
+    /// Profiles of scans that lie where the one before lies: without a motion there is no surface.
+    pub(crate) standing: u64,
     /// Position messages that could not be used.
     pub(crate) positions_refused: u64,
     /// Frames with too many pixels above the segment threshold for a stripe.
@@ -76,6 +78,7 @@ impl Counts {
         self.located += other.located;
         self.unlocated += other.unlocated;
         self.doubtful += other.doubtful;
+        self.standing += other.standing;
         self.positions_refused += other.positions_refused;
         self.flooded += other.flooded;
         self.outside_calibration += other.outside_calibration;

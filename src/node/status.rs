@@ -61,6 +61,8 @@ pub(crate) struct Interval {
     pub(crate) rate_hz: f32,
     /// True if a frame was lost, dropped or rejected in the interval.
     pub(crate) has_faults: bool,
+    /// True if at least half of the interval's profiles lie where the one before lies.
+    pub(crate) stands: bool,
 }
 
 impl Schedule {
@@ -85,10 +87,12 @@ impl Schedule {
         let received = (counts.received - self.base.received) as f64;
         let rate_hz = if seconds > 0.0 { (received / seconds) as f32 } else { 0.0 };
         let has_faults = faults(counts) > faults(&self.base);
+        let standing = counts.standing - self.base.standing;
+        let stands = standing > 0 && 2 * standing >= counts.processed - self.base.processed;
         self.since_ns = Some(now_ns);
         self.base = *counts;
         self.had_faults = has_faults;
-        Interval { rate_hz, has_faults }
+        Interval { rate_hz, has_faults, stands }
     }
 
     /// Resets the schedule before another recording; the time in between belongs to no interval.
@@ -222,6 +226,7 @@ impl Reporter {
             ("frames without a position", counts.unlocated.to_string()),
             ("frames with a doubtful position", counts.doubtful.to_string()),
             ("positions refused", counts.positions_refused.to_string()),
+            ("profiles at the place of the one before", counts.standing.to_string()),
         ];
         let value = |(key, value)| KeyValue { key: Cow::Borrowed(key), value: Cow::Owned(value) };
         let rejection = state.last_rejection.iter().map(|text| ("last rejection", text.clone()));

@@ -88,6 +88,9 @@ fn heights(results: Results, notes: &mut Notes) -> anyhow::Result<Measured> {
     if rejected > 0 {
         notes.add_loss(format!("{}: {rejected} point clouds could not be read", results.topic()));
     }
+    if let Err(reason) = results.check_surface() {
+        notes.add(format!("the height map shows no surface: {reason}"));
+    }
     let [x, y, _] = extent.ranges.map(|[low, high]| 1e3 * f64::from(high - low));
     let caption = format!(
         "{} profiles of {} points, {} measured; {x:.1} mm by {y:.1} mm.{} Grey: not measured.",

@@ -4,6 +4,7 @@
 //! - `ResultsRecording`: all topics of one camera; reports what is missing instead of failing
 //! - `Provenance`: version, parameters and calibration that the bag carries
 //! - `calibration_share`: the law that adds the calibration's uncertainty to that of a measurement
+//! - `Results::check_surface`: the condition of every tool for areas
 //! - `outline`, `pairs`, `reasons`: extent of a scan, two results frame by frame, why they differ
 
 mod cloud;
@@ -13,6 +14,7 @@ mod provenance;
 mod recording;
 mod scan;
 mod positions;
+mod no_surface;
 mod outline;
 mod calibration_share;
 mod outside;

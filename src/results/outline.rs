@@ -3,10 +3,11 @@
 use anyhow::ensure;
 use nalgebra::{Isometry3, Point3};
 
-use super::{ReadCounts, Results, SelectionError};
+use super::{ReadCounts, Results, SelectionError, no_surface::ScanIsNoSurface};
 use crate::{
     metrology::{
         height_map::{GridLayout, RegularHeightMap, Resampler},
+        no_surface::NoSurface,
         surface::Region,
     },
     scanner::scan::Point,
@@ -81,6 +82,8 @@ pub(crate) struct Outline {
     pub(crate) pitch_m: [f64; 2],
     /// Profiles and clouds read.
     pub(crate) counts: ReadCounts,
+    /// Typical distance of neighbours in a profile, metres; 0 if there are none.
+    in_profile_m: f64,
     /// A sample of the heights in ascending order.
     heights_m: Vec<f32>,
 }
@@ -97,6 +100,17 @@ impl Outline {
     #[must_use]
     pub(crate) fn color_scale_m(&self) -> [f32; 2] {
         color_scale_m(&self.heights_m)
+    }
+
+    /// Checks that the selected points extend further across the stripe than half the distance of neighbouring points in a profile.
+    fn check(&self, results: &Results) -> Result<(), ScanIsNoSurface> {
+        let narrow_m =
+            (0..2).map(|axis| self.to_m[axis] - self.from_m[axis]).fold(f64::INFINITY, f64::min);
+        if narrow_m < 0.5 * self.in_profile_m {
+            let profiles = self.counts.profiles as usize;
+            return Err(results.no_surface(NoSurface::OnePlace { profiles }));
+        }
+        Ok(())
     }
 
     /// Returns a side of square cells that suits the density of the points, metres.
@@ -136,13 +150,15 @@ impl Results {
     /// Reads the scan again and returns its height map over the outline, with square cells of side `cell_m`, metres.
     ///
     /// # Errors
-    /// More cells than allowed in memory.
+    /// The scan is no surface, or more cells than allowed in memory.
     pub(crate) fn height_map(
         &self,
         placing: &Placing,
         outline: &Outline,
         cell_m: f64,
     ) -> anyhow::Result<RegularHeightMap> {
+        self.check_surface()?;
+        outline.check(self)?;
         let layout = GridLayout::covering(&outline.region(), cell_m)?;
         let mut resampler = Resampler::new(layout, outline.pitch_m);
         let not_measured = Point3::new(f64::NAN, f64::NAN, f64::NAN);
@@ -164,6 +180,7 @@ fn outline(results: &Results, placing: &Placing) -> anyhow::Result<Outline> {
         to_m: [f64::NEG_INFINITY; 3],
         pitch_m: [0.0; 2],
         counts: ReadCounts::default(),
+        in_profile_m: 0.0,
         heights_m: Vec::new(),
     };
     let mut distances = [Vec::new(), Vec::new()];
@@ -195,6 +212,7 @@ fn outline(results: &Results, placing: &Placing) -> anyhow::Result<Outline> {
     outline.counts = counts;
     ensure!(outline.num_points > 0, "{} has no measured point in the selection", results.topic());
     outline.pitch_m = distances.map(|values| median(values.into_iter()).unwrap_or(0.0));
+    outline.in_profile_m = outline.pitch_m[0];
     if outline.pitch_m.contains(&0.0) {
         outline.pitch_m = [outline.pitch_m[0].max(outline.pitch_m[1]); 2];
     }

@@ -240,6 +240,10 @@ pub(super) struct Account {
     /// First and last frame.
     pub(super) frames: [u64; 2],
     pub(super) profiles: u32,
+    /// Positions of its first and last profile, metres or radians.
+    pub(super) positions: [f64; 2],
+    /// True if its state is DEGRADED or worse.
+    pub(super) is_degraded: bool,
     /// True if the scan ends with the slice.
     is_last: bool,
 }
@@ -253,6 +257,8 @@ fn accounts(bag: &BagReader, topic: &str) -> Vec<Account> {
         Some(Account {
             frames: [info.first_frame, info.last_frame],
             profiles: info.frames_accepted,
+            positions: [info.first_position, info.last_position],
+            is_degraded: info.state >= SliceInfo::DEGRADED,
             is_last: info.last_slice,
         })
     };

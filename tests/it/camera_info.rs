@@ -176,7 +176,7 @@ fn another_camera_is_refused_with_its_reason() {
         ("focal", |info| info.k[0] *= 1.05, "px from where the calibration does"),
         ("distortion", |info| info.d = vec![0.0; 5], "rectified"),
         ("size", |info| info.width = 640, "640 x 200"),
-        ("model", |info| info.distortion_model = "equidistant".into(), "equidistant"),
+        ("model", |info| info.distortion_model = "fov".into(), "fov"),
     ];
     for (name, edit, reason) in cases {
         let bag = bags.edited(

@@ -31,6 +31,7 @@ mod bright_scene;
 mod labelled_scenes;
 mod alternating_exposures;
 mod positions;
+mod standing;
 mod smoothing;
 mod allocation;
 mod camera_info;

@@ -6,6 +6,7 @@ use thiserror::Error;
 use super::{
     correlation::inflation,
     form::{Form, form},
+    no_surface::NoSurface,
     robust::{self, Equation},
     surface::Surface,
 };
@@ -55,6 +56,9 @@ pub enum FormError {
         /// Points needed.
         needed: usize,
     },
+    /// The points are no surface.
+    #[error(transparent)]
+    NoSurface(#[from] NoSurface),
     /// The points do not determine the form.
     #[error("the {found} points lie so that {what} through them is not determined")]
     Degenerate {
@@ -111,13 +115,14 @@ pub fn fit_where(surface: &Surface, is_used: &[bool]) -> Result<PlaneFit, FormEr
 /// Uncertainties account for the correlation of neighbouring points' errors.
 ///
 /// # Errors
-/// Too few points, or collinear points.
+/// Too few points, points that are no surface ([`Surface::check`]), or points on one line within their noise.
 pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
     let points: Vec<Point3<f64>> = surface.measured().map(|(_, point)| *point).collect();
     let found = points.len();
     if found < MIN_POINTS {
         return Err(FormError::TooFew { found, needed: MIN_POINTS });
     }
+    surface.check()?;
     let degenerate = || FormError::Degenerate { found, what: "a plane" };
     let middle = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / found as f64);
     let mut normal = narrowest(&points, &middle).ok_or_else(degenerate)?;
@@ -140,9 +145,13 @@ pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
             // Among scattered points the weights may change in every round: stop when the remaining rotation is below
             // the fit's uncertainty.
             let [about_x, about_y] = fit.tilt_sigma_rad;
-            if turn_rad < STANDSTILL_RAD.max(about_x.hypot(about_y)) {
-                return Ok(fit);
+            if turn_rad >= STANDSTILL_RAD.max(about_x.hypot(about_y)) {
+                return Err(degenerate());
             }
+            if surface.is_laser_plane(&normal) {
+                return Err(NoSurface::OnePlace { profiles: surface.num_profiles() }.into());
+            }
+            return Ok(fit);
         }
     }
     Err(degenerate())

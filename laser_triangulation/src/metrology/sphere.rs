@@ -52,13 +52,14 @@ impl SphereFit {
 /// from the algebraic sphere, each by robust least squares, until they converge.
 ///
 /// # Errors
-/// Too few points, or points that are nearly flat.
+/// Too few points, points that are no surface ([`Surface::check`]), or points that are nearly flat.
 pub fn fit(surface: &Surface) -> Result<SphereFit, FormError> {
     let points: Vec<Point3<f64>> = surface.measured().map(|(_, point)| *point).collect();
     let found = points.len();
     if found < MIN_POINTS {
         return Err(FormError::TooFew { found, needed: MIN_POINTS });
     }
+    surface.check()?;
     let degenerate = || FormError::Degenerate { found, what: "a sphere" };
     let (mut center, mut radius) = algebraic(&points).ok_or_else(degenerate)?;
     for _ in 0..MAX_ROUNDS {

@@ -62,6 +62,12 @@ impl Surface {
         self.measured().count()
     }
 
+    /// Returns the number of profiles with a measured point.
+    #[must_use]
+    pub fn num_profiles(&self) -> usize {
+        self.rows().filter(|row| row.iter().any(is_measured)).count()
+    }
+
     /// Returns the transposed surface, with x and y exchanged.
     #[must_use]
     pub fn transposed(&self) -> Self {

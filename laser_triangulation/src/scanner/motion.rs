@@ -8,6 +8,7 @@ pub mod reading;
 pub mod counter;
 pub mod frames;
 mod travel;
+pub mod standstill;
 pub mod locator;
 pub mod placement;
 

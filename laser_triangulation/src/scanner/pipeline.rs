@@ -11,7 +11,7 @@ use super::{
     frame_index::FrameIndex,
     height_map::HeightMap,
     image::{Frame, OwnedImage},
-    motion::{Position, locator::Locator},
+    motion::{Position, locator::Locator, standstill},
     params::{Exposure, MotionSource, Params},
     profile::Profile,
     scan::{Completed, Scan, ScanEntry, Slice},
@@ -161,6 +161,7 @@ impl Pipeline {
         on_stage(Stage::Extract);
 
         let located = position.map(|position| self.locator.locate(position));
+        let is_in_scan = self.calibration.is_some() && self.scan.is_stacking();
         let mut completed = Completed::default();
         if let Some(calibration) = &self.calibration {
             // Step 9: metres.
@@ -179,6 +180,7 @@ impl Pipeline {
             share_above_threshold,
             position: located.map(|located| located.position),
             travelled: located.map(|located| located.travelled),
+            stands: is_in_scan && located.is_some_and(|located| located.stands),
             profile: self.calibration.is_some().then_some(&self.profile),
             slice: completed.slice,
             height_map: completed.height_map,
@@ -226,6 +228,12 @@ impl Pipeline {
         let axis = self.calibration.as_ref().and_then(Calibration::axis);
         self.params.motion.source != MotionSource::Tf
             && matches!(axis, Some(Axis { kind: AxisKind::Revolute, .. }))
+    }
+
+    /// Returns the parameter that moves the profiles of a standing scan apart, in a clause for messages.
+    #[must_use]
+    pub const fn standstill_remedy(&self) -> &'static str {
+        standstill::remedy(&self.params.motion)
     }
 
     /// Sets the identity of the next scan; `None`: derived from its first frame.
@@ -308,6 +316,8 @@ pub struct Output<'a> {
     pub position: Option<Position>,
     /// Distance from the first frame of the scan, never negative; `None` if the position is unknown.
     pub travelled: Option<AxisTravel>,
+    /// True if the profile is in the scan and lies where the one before lies: see [`Pipeline::standstill_remedy`].
+    pub stands: bool,
     /// The profile in metres, if calibrated.
     pub profile: Option<&'a Profile>,
     /// The slice that ended before this frame, if one did.

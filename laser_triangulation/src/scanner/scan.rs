@@ -191,6 +191,11 @@ impl Scan {
         (self.growing.height > 0).then_some(self.open.account.scan_id)
     }
 
+    /// True if profiles are stacked: not between [`stop`](Self::stop) and [`start`](Self::start).
+    pub(crate) const fn is_stacking(&self) -> bool {
+        self.is_stacking
+    }
+
     /// New limits, from the next profile on; see [`new`](Self::new).
     pub const fn set_limits(&mut self, limits: ScanLimits) {
         self.limits = limits;
@@ -237,6 +242,7 @@ impl Scan {
         account.count(1, index.frames_missing, index.frames_rejected);
         account.profiles_empty += u32::from(profile.valid_count == 0);
         account.points += u64::from(profile.valid_count);
+        account.profiles_standing += u32::from(located.stands);
         if located.position.doubts != 0 {
             account.state = account.state.max(SliceState::Degraded);
         }
@@ -255,9 +261,7 @@ impl Scan {
 
     fn close_slice(&mut self) {
         let account = &mut self.open.account;
-        if account.frames_missing + account.frames_rejected > 0 {
-            account.state = account.state.max(SliceState::Gaps);
-        }
+        account.close();
         let next = SliceAccount {
             scan_id: account.scan_id,
             slice_index: account.slice_index + 1,

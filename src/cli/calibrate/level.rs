@@ -67,6 +67,7 @@ pub(super) fn run(args: &LevelArgs, out: &mut dyn Write) -> anyhow::Result<Outco
     }
     let results = Results::open(&args.results.selection())?;
     let bag = args.results.bag.display();
+    results.check_surface().with_context(|| bag.to_string())?;
     let mut geometry = geometry(&results).with_context(|| bag.to_string())?;
     let scanned = results
         .surface(&args.region.unwrap_or(Region::ALL), args.heights.unwrap_or(ANY_HEIGHT_M))

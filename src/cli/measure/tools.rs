@@ -32,6 +32,15 @@ fn points(common: &Common, region: &Region) -> anyhow::Result<(Scanned, Results)
     Ok((scanned, results))
 }
 
+/// Reads the points of a region of a surface.
+fn surface_points(common: &Common, region: &Region) -> anyhow::Result<(Scanned, Results)> {
+    let (scanned, results) = points(common, region)?;
+    let bag = || format!("{}: {}", common.results.bag.display(), results.topic());
+    results.check_surface().with_context(bag)?;
+    scanned.surface.check().map_err(|reason| results.no_surface(reason)).with_context(bag)?;
+    Ok((scanned, results))
+}
+
 /// Returns the standard deviation of each value due to the calibration; adds the reason to the answer if it is unknown.
 fn shares<const N: usize>(
     answer: &mut Answer,
@@ -75,7 +84,7 @@ fn input(answer: &mut Answer, results: &Results, scanned: &[&Scanned], num_point
 
 pub(super) fn plane(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let region = args.region.unwrap_or(Region::ALL);
-    let (scanned, results) = points(&args.common, &region)?;
+    let (scanned, results) = surface_points(&args.common, &region)?;
     let plane = plane::fit(&scanned.surface)?;
     let mut answer = Answer::new("plane");
     input(&mut answer, &results, &[&scanned], plane.num_points);
@@ -114,7 +123,9 @@ fn form(answer: &mut Answer, key: &str, label: &str, form: Form, calibration: Op
 
 pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
     let region = args.region.unwrap_or(Region::ALL);
-    let (scanned, results) = points(&args.common, &region)?;
+    // Profiles along the stripe need no motion.
+    let read = if args.direction == "y" { surface_points } else { points };
+    let (scanned, results) = read(&args.common, &region)?;
     let measured = |surface: &Surface, edges_m| {
         let transposed = (args.direction == "y").then(|| surface.transposed());
         step_height::measure(transposed.as_ref().unwrap_or(surface), edges_m)
@@ -144,7 +155,7 @@ pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
 
 pub(super) fn sphere(args: &PlaneArgs) -> anyhow::Result<Answer> {
     let region = args.region.unwrap_or(Region::ALL);
-    let (scanned, results) = points(&args.common, &region)?;
+    let (scanned, results) = surface_points(&args.common, &region)?;
     let sphere = sphere::fit(&scanned.surface)?;
     let mut answer = Answer::new("sphere");
     input(&mut answer, &results, &[&scanned], sphere.num_points);
@@ -179,8 +190,8 @@ pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
         return Err(Usage("spheres needs two --region".into()).into());
     };
     let mut answer = Answer::new("spheres");
-    let (one, results) = points(&args.common, &first)?;
-    let (other, _) = points(&args.common, &second)?;
+    let (one, results) = surface_points(&args.common, &first)?;
+    let (other, _) = surface_points(&args.common, &second)?;
     let fits = [
         sphere::fit(&one.surface).context("sphere 1")?,
         sphere::fit(&other.surface).context("sphere 2")?,
@@ -211,7 +222,7 @@ pub(super) fn spheres(args: &SpheresArgs) -> anyhow::Result<Answer> {
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> anyhow::Result<Answer> {
-    let (scanned, results) = points(&args.common, &Region::ALL)?;
+    let (scanned, results) = surface_points(&args.common, &Region::ALL)?;
     let surface = &scanned.surface;
     let region = args.region.unwrap_or_else(|| surface.extent());
     let is_reference = |x: f64, y: f64| match &args.reference[..] {

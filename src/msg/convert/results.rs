@@ -234,6 +234,7 @@ mod tests {
             frames_missing: 2,
             frames_rejected: 1,
             profiles_empty: 4,
+            profiles_standing: 0,
             points: 60_000,
             state: SliceState::Gaps,
         };

@@ -85,6 +85,7 @@ fn counted() -> Counts {
         doubtful: 15,
         positions_refused: 16,
         outside_calibration: 17,
+        standing: 18,
         ..Counts::default()
     }
 }
@@ -102,7 +103,7 @@ fn every_counter_reaches_its_field_of_the_status() {
     let note = |level, text: &str| Note { level, key: "disk", text: text.to_owned() };
     let state = State {
         counts,
-        interval: Interval { rate_hz: 12.5, has_faults: true },
+        interval: Interval { rate_hz: 12.5, has_faults: true, stands: false },
         load: Load::default(),
         notes: vec![note(0, "roomy"), note(2, "full")],
         last_rejection: Some("odd".to_owned()),
@@ -144,6 +145,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("frames without a position", "14"),
         ("frames with a doubtful position", "15"),
         ("positions refused", "16"),
+        ("profiles at the place of the one before", "18"),
         ("last rejection", "odd"),
         ("disk", "roomy"),
         ("disk", "full"),

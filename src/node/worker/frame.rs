@@ -68,6 +68,7 @@ impl Worker {
         match self.measure(message, picture, out) {
             Ok(outcome) => {
                 self.ledger.count_processed(&outcome);
+                self.standing.note_profile(&outcome, &self.measurer.pipeline);
                 if let Some(online) = &mut self.online {
                     online.note_latency(outcome.stamp_ns);
                 }

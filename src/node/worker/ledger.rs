@@ -151,6 +151,7 @@ impl Ledger {
         self.count_flooded(outcome.share_above_threshold);
         self.count_outside(outcome.num_outside_calibration);
         self.count_doubtful(outcome.stamp_ns, outcome.position);
+        self.counts.standing += u64::from(outcome.stands);
     }
 
     /// Counts slices that ended without a subsequent frame.

@@ -47,6 +47,8 @@ pub(super) struct Outcome {
     pub(super) pairing: Option<ExposurePairing>,
     pub(super) share_above_threshold: Option<f64>,
     pub(super) position: Option<Position>,
+    /// True if the profile lies where the one before it in the scan lies.
+    pub(super) stands: bool,
     /// True if positions are measured rather than assumed.
     pub(super) measures_positions: bool,
     /// Points of the profile outside the calibrated volume.
@@ -112,6 +114,7 @@ impl Measurer {
             pairing: output.pairing,
             share_above_threshold: output.share_above_threshold,
             position: output.position,
+            stands: output.stands,
             measures_positions: self.positions.is_some(),
             num_outside_calibration: output.profile.map_or(0, Profile::num_outside_calibration),
         };

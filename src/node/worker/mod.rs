@@ -7,6 +7,7 @@ mod frame;
 mod framing;
 mod ledger;
 mod measurer;
+mod standing;
 pub(crate) mod online;
 
 use std::sync::Arc;
@@ -39,6 +40,7 @@ use framing::Framing;
 use ledger::Ledger;
 use measurer::Measurer;
 use online::Online;
+use standing::Standing;
 
 /// Options for the input of a worker.
 #[derive(Clone, Debug)]
@@ -68,6 +70,8 @@ pub(crate) struct Worker {
     waiting: Waiting,
     /// Descriptions of the camera.
     framing: Framing,
+    /// Scans without a motion.
+    standing: Standing,
     /// State that only a camera on a network has.
     online: Option<Online>,
 }
@@ -91,6 +95,7 @@ impl Worker {
             position_topics: Vec::new(),
             waiting: Waiting::default(),
             framing: Framing::default(),
+            standing: Standing::default(),
             online: None,
         }
     }
@@ -282,6 +287,7 @@ impl Worker {
     fn end_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
         let gap = self.ledger.take_gap();
         let has_slice = self.measurer.end_scan(gap, self.last_time_ns, out)?;
+        self.standing.end_scan();
         self.ledger.count_last_slices(usize::from(has_slice));
         Ok(())
     }
@@ -305,6 +311,7 @@ impl Worker {
             online.board.write(Reported { counts: *self.ledger.counts(), rate_hz, load });
         }
         let last_rejection = self.ledger.take_last_rejection();
+        notes.extend(self.standing.note(interval));
         let state = State { counts: *self.ledger.counts(), interval, load, notes, last_rejection };
         let status = self.reporter.stream_status(stamp_ns, &state);
         out.publish(Output::StreamStatus, now_ns, &status)?;

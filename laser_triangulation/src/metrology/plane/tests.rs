@@ -75,5 +75,5 @@ fn too_few_points_and_lines_are_errors() {
     assert_eq!(fit(&few).unwrap_err(), FormError::TooFew { found: 12, needed: 20 });
     let mut line = surface(|_, _| 0.0, 0.0, 1, 1);
     line.points.truncate(60);
-    assert!(matches!(fit(&line), Err(FormError::Degenerate { found: 60, .. })));
+    assert_eq!(fit(&line).unwrap_err(), NoSurface::OneProfile.into());
 }

@@ -2,7 +2,9 @@
 
 use nalgebra::Isometry3;
 
-use super::{Motion, Position, doubt, placement::Placement, travel::Travel};
+use super::{
+    Motion, Position, doubt, placement::Placement, standstill::Standstill, travel::Travel,
+};
 use crate::scanner::{
     axis::{AxisTravel, RawPosition},
     calibration::Calibration,
@@ -18,6 +20,8 @@ pub struct Located {
     pub part_from_laser: Isometry3<f64>,
     /// Distance from the first position of the scan, never negative.
     pub travelled: AxisTravel,
+    /// True if it lies where the profile before it in the scan lies: the axis did not move.
+    pub stands: bool,
 }
 
 /// Locates the profiles of one scan after the other.
@@ -26,6 +30,7 @@ pub struct Locator {
     motion: Motion,
     placement: Placement,
     travel: Travel,
+    standstill: Standstill,
 }
 
 impl Locator {
@@ -44,6 +49,7 @@ impl Locator {
                 None => placement,
             },
             travel: Travel::new(params.direction, params.backlash),
+            standstill: Standstill::new(params.backlash),
         }
     }
 
@@ -58,6 +64,7 @@ impl Locator {
         if old.motion != new.motion {
             self.motion = Motion::new(new.motion);
             self.travel = Travel::new(new.motion.direction, new.motion.backlash);
+            self.standstill = Standstill::new(new.motion.backlash);
         }
         if old.stripe_direction != new.stripe_direction {
             let camera_from_laser = camera_from_laser(new.stripe_direction, calibration);
@@ -69,6 +76,7 @@ impl Locator {
     pub fn restart(&mut self) {
         self.motion.restart();
         self.travel.restart();
+        self.standstill.restart();
         self.placement.restart();
     }
 
@@ -93,7 +101,9 @@ impl Locator {
             }
             self.travel.distance(along)
         };
-        Located { position, part_from_laser, travelled: travel.with_value(travelled) }
+        let (travelled, stands) =
+            (travel.with_value(travelled), self.standstill.stands(&part_from_laser));
+        Located { position, part_from_laser, travelled, stands }
     }
 }
 

@@ -15,7 +15,7 @@ pub enum SliceState {
     Complete = 0,
     /// Frames are missing or were rejected; positions are still correct.
     Gaps = 1,
-    /// Positions are in doubt.
+    /// Positions are in doubt, or at least half of the profiles lie where the one before lies: no surface.
     Degraded = 2,
     /// The scan ended early.
     Aborted = 3,
@@ -48,6 +48,8 @@ pub struct SliceAccount {
     pub frames_rejected: u32,
     /// Accepted frames without a single valid point.
     pub profiles_empty: u32,
+    /// Profiles that lie where the one before them in the scan lies.
+    pub profiles_standing: u32,
     /// Valid points in the slice.
     pub points: u64,
     /// Worst state in the slice.
@@ -65,6 +67,17 @@ impl SliceAccount {
             let counted = frames.min(u32::MAX - self.frames_expected);
             *counter += counted;
             self.frames_expected += counted;
+        }
+    }
+
+    /// Sets the final state of a full slice from its counters.
+    pub(super) fn close(&mut self) {
+        if self.frames_missing + self.frames_rejected > 0 {
+            self.state = self.state.max(SliceState::Gaps);
+        }
+        if self.profiles_standing > 0 && self.profiles_standing >= self.frames_accepted.div_ceil(2)
+        {
+            self.state = self.state.max(SliceState::Degraded);
         }
     }
 }

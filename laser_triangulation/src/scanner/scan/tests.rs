@@ -29,6 +29,7 @@ fn entry(profile: &Profile, frame_number: u64, frames_missing: u32) -> ScanEntry
         position: Position::at(RawPosition(position_m)),
         part_from_laser: Isometry3::translation(0.0, position_m, 0.0),
         travelled: AxisTravel::Metres(position_m),
+        stands: false,
     };
     ScanEntry {
         profile,
