@@ -20,7 +20,7 @@ const MAY_USE: [(&str, &[&str]); 15] = [
     ("scanner", &["parameters", "statistics"]),
     ("metrology", &["scanner", "statistics"]),
     ("simulate", &["scanner"]),
-    ("evaluate", &["scanner", "simulate"]),
+    ("evaluate", &["scanner", "simulate", "statistics"]),
     ("calibrate", &["metrology", "scanner", "statistics"]),
     ("msg", &["scanner"]),
     ("results", &["bag", "msg", "metrology", "scanner", "statistics"]),

@@ -125,28 +125,20 @@ fn examples(study: &HardStudy) -> Table {
 
 /// Describes a scene in a few words.
 fn described(scene: &SceneFigures) -> String {
-    let mut text = format!("{} × {}", scene.class, number(scene.saturation, 1));
-    if let Some(glow) = scene.glow {
-        text += &format!(
-            ", glow {} % s {} at {}",
-            number(100.0 * glow.share, 0),
-            number(glow.sigma_px, 0),
-            number(glow.distance_px, 0)
-        );
-    }
-    if let Some(halo) = scene.halo {
-        text +=
-            &format!(", halo {} % {} px", number(100.0 * halo.share, 0), number(halo.length_px, 0));
-    }
-    if let Some(second) = scene.second {
-        text += &format!(
-            ", second {} % at {}",
-            number(100.0 * second.share, 0),
-            number(second.distance_px, 0)
-        );
-    }
-    if let Some(texture) = scene.texture {
-        text += &format!(", {texture:?}");
-    }
-    text
+    let glow = scene.glow.map(|glow| {
+        let share = number(100.0 * glow.share, 0);
+        format!("glow {share} % s {} at {}", number(glow.sigma_px, 0), number(glow.distance_px, 0))
+    });
+    let halo = scene.halo.map(|halo| {
+        format!("halo {} % {} px", number(100.0 * halo.share, 0), number(halo.length_px, 0))
+    });
+    let second = scene.second.map(|second| {
+        let share = number(100.0 * second.share, 0);
+        format!("second {share} % at {}", number(second.distance_px, 0))
+    });
+    let texture = scene.texture.map(|texture| format!("{texture:?}"));
+    let line = format!("{} × {}", scene.class, number(scene.saturation, 1));
+    let parts: Vec<String> =
+        [Some(line), glow, halo, second, texture].into_iter().flatten().collect();
+    parts.join(", ")
 }

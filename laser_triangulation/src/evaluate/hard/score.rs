@@ -219,10 +219,10 @@ mod tests {
         for (figures, times) in [(tally.figures(), 1), (twice.figures(), 2)] {
             assert_eq!((figures.columns, figures.points), (640 * times, 8 * times));
             let shares = [figures.right, figures.doubted, figures.wrong, figures.wrong_unsaturated];
-            assert_eq!(shares, [3.0 / 8.0, 2.0 / 8.0, 3.0 / 8.0, 2.0 / 8.0]);
+            assert_eq!(shares.map(|share| (share * 8.0) as u32), [3, 2, 3, 2]);
             assert!((figures.missing - 632.0 / 640.0).abs() < 1e-12);
             assert!((figures.sound - 2.0 / 640.0).abs() < 1e-12);
-            assert!((figures.sound_rms_px - ((0.04 + 0.81) / 2.0_f64).sqrt()).abs() < 1e-4);
+            assert!((figures.sound_rms_px - f64::midpoint(0.04, 0.81).sqrt()).abs() < 1e-4);
         }
     }
 

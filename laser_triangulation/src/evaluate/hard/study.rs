@@ -131,7 +131,9 @@ fn measure(params: &Params, method: Method, scene: &HardScene, picture: &Picture
 
 fn figures(method: Method, classes: &[Tally]) -> MethodFigures {
     let mut all = Tally::default();
-    classes.iter().for_each(|class| all.merge(class));
+    for class in classes {
+        all.merge(class);
+    }
     let named = Class::NAMES.iter().zip(classes);
     let classes = named.map(|(class, tally)| ClassFigures { class, figures: tally.figures() });
     MethodFigures { method: method.name(), all: all.figures(), classes: classes.collect() }
