@@ -10,6 +10,7 @@ use thiserror::Error;
 pub(crate) use crate::scanner::calibration::{Calibration, CalibrationError};
 
 const MAX_BYTES: u64 = 1 << 20;
+const NO_TEXT: &str = "the file is no text, but a calibration is YAML";
 
 /// The reason that a calibration cannot be loaded.
 #[derive(Debug, Error)]
@@ -44,7 +45,10 @@ pub(crate) fn load(path: &Path) -> Result<(Calibration, String), CalibrationFile
         let reason = format!("{size} bytes exceed the limit of {MAX_BYTES}");
         return Err(content(CalibrationError::Syntax(reason)));
     }
-    let text = fs::read_to_string(path).map_err(io)?;
+    let text = fs::read_to_string(path).map_err(|error| match error.kind() {
+        io::ErrorKind::InvalidData => content(CalibrationError::Syntax(NO_TEXT.to_owned())),
+        _ => io(error),
+    })?;
     let calibration = Calibration::from_yaml(&text).map_err(content)?;
     Ok((calibration, text))
 }

@@ -37,7 +37,7 @@ pub enum Calibration {
 /// Reason to reject a calibration file.
 #[derive(Debug, Error)]
 pub enum CalibrationError {
-    /// Not the YAML of a calibration.
+    /// Not the YAML of a calibration; key, line and remedy.
     #[error("not a calibration: {0}")]
     Syntax(String),
     /// A value outside its range.
@@ -50,11 +50,23 @@ pub enum CalibrationError {
         /// Allowed values.
         allowed: &'static str,
     },
+    /// A camera file of another program that cannot be read.
+    #[error("{kind}: {problem}")]
+    Foreign {
+        /// The kind of file.
+        kind: &'static str,
+        /// What is wrong, and the remedy.
+        problem: String,
+    },
     /// Camera only: a profile needs the plane of light too.
     #[error(
-        "the file has a camera, but no laser plane: run `laser_profiler calibrate plane` with it"
+        "it is {kind}: a camera without a laser plane. Run `laser_profiler calibrate plane PICTURES --target \
+         checkerboard:COLUMNSxROWS:SQUARE --camera FILE -o rig.yaml` with this file as FILE, and use rig.yaml"
     )]
-    CameraOnly,
+    CameraOnly {
+        /// The kind of file.
+        kind: &'static str,
+    },
     /// The values were edited after the file was written.
     #[error(
         "id is {stated}, but these values have id {actual}: the file was edited; calibrate again, or remove the line \

@@ -56,8 +56,8 @@ pub(super) struct PlaneArgs {
     /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres. checkerboard:8x6:0.040 has 9 x 7 squares.
     #[arg(long)]
     pub(super) target: String,
-    /// The camera: a file of `calibrate camera`, or of one of ROS's calibrators.
-    #[arg(long = "camera", value_name = "FILE.yaml")]
+    /// The camera: a file of `calibrate camera`, of ROS's `camera_calibration`, OpenCV or Kalibr, or a printed `camera_info`.
+    #[arg(long = "camera", value_name = "FILE")]
     pub(super) camera_file: PathBuf,
     /// Width of the flat rim beyond the inner corners, in squares: 1 for the outermost squares, 1.5 with the usual rim,
     /// more for a larger plate. The search for the laser line extends that far.

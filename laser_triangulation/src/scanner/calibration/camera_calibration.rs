@@ -18,7 +18,8 @@ pub struct CameraCalibration {
 
 impl CameraCalibration {
     /// Reads and checks the camera of a calibration file: one of type `camera` or `camera_and_plane`, or one without a
-    /// type, as written by ROS's calibrators.
+    /// type, as written by ROS's calibrators; or a camera file of OpenCV, Kalibr, ROS's `camera_calibration` (`ost.txt`), or
+    /// a printed `camera_info`.
     ///
     /// # Errors
     /// Unknown or missing keys, wrong types, values outside their range, or an `id` that does not match the values. The

@@ -1,8 +1,12 @@
 //! The calibration file: YAML, with the camera in the format of ROS's `camera_info` files.
 
 mod camera;
+mod foreign;
 mod id;
 mod plain;
+mod plain_words;
+mod raw;
+mod tree;
 mod write;
 
 use serde::{
@@ -28,6 +32,9 @@ struct Head {
 
 /// Reads a calibration that can measure.
 pub(super) fn read(text: &str) -> Result<Calibration, CalibrationError> {
+    if let Some(foreign) = foreign::recognise(text) {
+        return Err(foreign.camera_only());
+    }
     let head: Head = parse(text)?;
     let calibration = match head.kind.as_deref() {
         Some("vertical_incidence") => parse::<plain::VerticalFile>(text)?.calibration()?,
@@ -36,9 +43,14 @@ pub(super) fn read(text: &str) -> Result<Calibration, CalibrationError> {
             let geometry = parse::<camera::CameraFile>(text)?.camera_and_plane()?;
             Calibration::CameraAndPlane(Box::new(geometry))
         }
-        Some("camera") => return Err(CalibrationError::CameraOnly),
+        Some("camera") => {
+            return Err(CalibrationError::CameraOnly { kind: "a file of `calibrate camera`" });
+        }
         // ROS's calibrators write no type.
-        None if head.camera_matrix.is_some() => return Err(CalibrationError::CameraOnly),
+        None if head.camera_matrix.is_some() => {
+            let kind = "a camera file of ROS's camera_calibration (ost.yaml)";
+            return Err(CalibrationError::CameraOnly { kind });
+        }
         Some(kind) => return Err(CalibrationError::value("type", kind, TYPES)),
         None => return Err(CalibrationError::value("type", "missing", TYPES)),
     };
@@ -48,6 +60,9 @@ pub(super) fn read(text: &str) -> Result<Calibration, CalibrationError> {
 
 /// Reads the camera of a file, with or without a laser plane.
 pub(super) fn read_camera(text: &str) -> Result<CameraCalibration, CalibrationError> {
+    if let Some(foreign) = foreign::recognise(text) {
+        return foreign.camera();
+    }
     let head: Head = parse(text)?;
     match head.kind.as_deref() {
         None | Some("camera") => {
@@ -70,7 +85,8 @@ pub(super) fn read_camera(text: &str) -> Result<CameraCalibration, CalibrationEr
 }
 
 fn parse<T: DeserializeOwned>(text: &str) -> Result<T, CalibrationError> {
-    serde_saphyr::from_str(text).map_err(|error| CalibrationError::Syntax(error.to_string()))
+    serde_saphyr::from_str(text)
+        .map_err(|error| CalibrationError::Syntax(plain_words::explain(text, &error)))
 }
 
 fn check_id(stated: Option<String>, actual: String) -> Result<(), CalibrationError> {
@@ -79,3 +95,6 @@ fn check_id(stated: Option<String>, actual: String) -> Result<(), CalibrationErr
         _ => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -34,7 +34,9 @@ pub(super) fn read(path: &Path) -> anyhow::Result<String> {
     if length > MAX_BYTES {
         bail!("{}: {length} bytes: too large for a calibration file", path.display());
     }
-    fs::read_to_string(path).with_context(context)
+    let bytes = fs::read(path).with_context(context)?;
+    String::from_utf8(bytes)
+        .with_context(|| format!("{} is no text, but a calibration is", path.display()))
 }
 
 /// Writes a calibration.

@@ -3,13 +3,14 @@
 use nalgebra::{Point3, Unit, Vector3};
 use serde::Deserialize;
 
+use super::raw::RawCamera;
 use crate::scanner::{
     axis::{Axis, AxisKind},
     calibration::{
         Alignment, AxisQuality, CalibrationError, CameraAndPlane, CameraCalibration, CameraQuality,
         PartPose, PlaneQuality,
     },
-    camera::{Camera, Distortion},
+    camera::Camera,
     laser_plane::LaserPlane,
 };
 
@@ -130,43 +131,21 @@ impl CameraFile {
     }
 
     fn camera(&self) -> Result<Camera, CalibrationError> {
-        for (key, size) in [("image_width", self.image_width), ("image_height", self.image_height)]
-        {
-            if !(1..=65_535).contains(&size) {
-                return Err(CalibrationError::value(key, size.to_string(), "1 to 65535 pixels"));
-            }
-        }
         let k = &self.camera_matrix;
-        let wrong = |allowed| {
-            let value = format!("{} x {}: {:?}", k.rows, k.cols, k.data);
-            CalibrationError::value("camera_matrix", value, allowed)
-        };
-        let (3, 3, &[fx_px, skew, cx_px, zero, fy_px, cy_px, ref last @ ..]) =
-            (k.rows, k.cols, k.data.as_slice())
-        else {
-            return Err(wrong("3 rows and 3 columns of 9 numbers"));
-        };
-        let is_pinhole = (skew, zero) == (0.0, 0.0) && last == [0.0, 0.0, 1.0];
-        let is_finite = k.data.iter().all(|value| value.is_finite());
-        if !(is_pinhole && is_finite && fx_px > 0.0 && fy_px > 0.0) {
-            return Err(wrong("[fx, 0, cx, 0, fy, cy, 0, 0, 1] with fx and fy above 0"));
+        if (k.rows, k.cols) != (3, 3) {
+            let value = format!("{} x {}", k.rows, k.cols);
+            return Err(CalibrationError::value("camera_matrix", value, "3 rows and 3 columns"));
         }
-        // A tilt of half a turn would look backwards.
-        let is_tilt = |angle: &f64| angle.abs() < std::f64::consts::FRAC_PI_4;
-        if !self.tilt_rad.iter().all(is_tilt) {
-            let value = format!("{:?}", self.tilt_rad);
-            return Err(CalibrationError::value("tilt_rad", value, "two angles within ±π/4"));
-        }
-        let camera = Camera {
+        let raw = RawCamera {
+            camera_name: self.camera_name.clone(),
             width_px: self.image_width,
             height_px: self.image_height,
-            fx_px,
-            fy_px,
-            cx_px,
-            cy_px,
-            distortion: self.distortion()?,
+            matrix: k.data.clone(),
+            model: self.distortion_model.clone(),
+            coefficients: self.distortion_coefficients.data.clone(),
             tilt_rad: self.tilt_rad,
         };
+        let camera = raw.camera()?;
         self.check_quality(camera)?;
         Ok(camera)
     }
@@ -194,23 +173,6 @@ impl CameraFile {
             ));
         }
         Ok(())
-    }
-
-    fn distortion(&self) -> Result<Distortion, CalibrationError> {
-        let d = &self.distortion_coefficients.data;
-        let wrong =
-            |allowed| CalibrationError::value("distortion_coefficients", format!("{d:?}"), allowed);
-        if !d.iter().all(|value| value.is_finite()) {
-            return Err(wrong(FINITE));
-        }
-        Distortion::from_coefficients(&self.distortion_model, d).map_err(|allowed| match allowed {
-            Some(allowed) => wrong(allowed),
-            None => CalibrationError::value(
-                "distortion_model",
-                self.distortion_model.clone(),
-                "plumb_bob, rational_polynomial or equidistant",
-            ),
-        })
     }
 }
 

@@ -16,9 +16,11 @@ impl Distortion {
     pub fn from_coefficients(name: &str, d: &[f64]) -> Result<Self, Option<&'static str>> {
         let (size, allowed) = match name {
             "plumb_bob" => (5, "five numbers k1, k2, p1, p2, k3 for plumb_bob"),
-            "rational_polynomial" => {
-                (8, "eight numbers k1, k2, p1, p2, k3, k4, k5, k6 for rational_polynomial")
-            }
+            "rational_polynomial" => (
+                8,
+                "eight numbers k1, k2, p1, p2, k3, k4, k5, k6 for rational_polynomial; thin-prism coefficients s1 to s4 \
+                 are not supported: calibrate without them",
+            ),
             "equidistant" => (4, "four numbers k1, k2, k3, k4 for equidistant"),
             _ => return Err(None),
         };
