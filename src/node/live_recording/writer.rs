@@ -99,10 +99,11 @@ impl BagWriter {
         let session = Arc::clone(&self.session);
         let _ended = EndOnDrop(Arc::clone(&session));
         let recorded = self.record();
-        session.close_and_drop();
+        // Before the session closes: whoever sees that the recording has ended also sees why.
         if let Err(error) = &recorded {
             session.fail(error);
         }
+        session.close_and_drop();
         let finished = self.finish(&recorded);
         // An error of `finish` after an error of `record` is the same disk error again.
         if let (Ok(()), Err(error)) = (recorded, finished) {

@@ -46,13 +46,9 @@ fn unknown(field: &str, expected: &[&str]) -> String {
     let distance = |key: &&&str| edits(&plain(key), &plain(field));
     let near =
         expected.iter().min_by_key(distance).filter(|key| 3 * distance(key) <= field.len().min(6));
-    let hint = match near {
-        Some(key) => format!("did you mean `{key}`?"),
-        None => {
-            let known = expected.iter().take(MAX_LISTED).copied().collect::<Vec<_>>().join(", ");
-            format!("known are {known}")
-        }
-    };
+    let known = || expected.iter().take(MAX_LISTED).copied().collect::<Vec<_>>().join(", ");
+    let hint = near
+        .map_or_else(|| format!("known are {}", known()), |key| format!("did you mean `{key}`?"));
     format!("unknown key `{field}`: {hint}")
 }
 

@@ -73,7 +73,7 @@ pub(super) fn documents(text: &str) -> Result<Vec<Node>, (usize, String)> {
     let mut builder = Builder::default();
     for event in Parser::new_from_str(text) {
         let (event, span) =
-            event.map_err(|error: ScanError| (error.marker().line(), error.info().to_owned()))?;
+            event.map_err(|error: ScanError| (error.marker().line(), error.info().clone()))?;
         builder.add(event, span.start)?;
     }
     Ok(builder.documents)

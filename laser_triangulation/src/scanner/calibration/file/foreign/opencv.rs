@@ -82,8 +82,9 @@ fn required<'a>(document: &'a Node, names: &[&str], wanted: &str) -> Result<&'a 
 fn data(key: &str, node: &Node) -> Result<Vec<f64>, String> {
     let Some(values) = node.get("data") else { return numbers(key, node) };
     let values = numbers(key, values)?;
-    let side = |side: &str| node.get(side).and_then(Node::number).unwrap_or(f64::NAN);
-    if side("rows") * side("cols") != values.len() as f64 {
+    let side = |side: &str| node.get(side)?.text()?.parse::<usize>().ok();
+    let product = side("rows").zip(side("cols")).and_then(|(rows, cols)| rows.checked_mul(cols));
+    if product != Some(values.len()) {
         let count = values.len();
         return Err(format!("line {}: {key} has {count} numbers, not rows x cols", node.line));
     }
