@@ -13,12 +13,13 @@ use crate::{
 };
 
 /// Bits of a point's flags and their names.
-pub(crate) const FLAGS: [(u8, &str); 5] = [
+pub(crate) const FLAGS: [(u8, &str); 6] = [
     (flag::SATURATED, "saturated"),
     (flag::MULTIPLE_PEAKS, "several candidates"),
     (flag::CLIPPED, "cut by the border"),
     (flag::LOW_CONTRAST, "low contrast"),
     (flag::INTERPOLATED, "filled in"),
+    (flag::MISFIT, "not the shape of a stripe"),
 ];
 
 // Places in a frame's figures.
@@ -238,7 +239,7 @@ mod tests {
         let mut quality = Quality::default();
         quality.add(&line()).unwrap();
         assert_eq!((quality.num_sections, quality.num_found, quality.num_points), (8, 3, 4));
-        assert_eq!(quality.num_flagged, [2, 0, 1, 0, 0]);
+        assert_eq!(quality.num_flagged, [2, 0, 1, 0, 0, 0]);
         assert_eq!((quality.sigma_px(), quality.width_px()), (0.5, 4.0));
         assert_eq!(quality.missing(), 5.0 / 8.0);
         let charts = quality.charts();

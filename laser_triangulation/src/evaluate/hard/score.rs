@@ -15,11 +15,9 @@ use crate::{
 pub const NEAR_PX: f64 = 1.0;
 /// Standard deviations of its own within which a point is right.
 const WITHIN_SIGMAS: f64 = 3.0;
-/// Bit of a cross-section that does not fit its model.
-const MISFIT: u8 = 32;
 /// Flags that put a point in doubt.
 pub const DOUBT: u8 =
-    flag::MULTIPLE_PEAKS | flag::LOW_CONTRAST | flag::CLIPPED | flag::INTERPOLATED | MISFIT;
+    flag::MULTIPLE_PEAKS | flag::LOW_CONTRAST | flag::CLIPPED | flag::INTERPOLATED | flag::MISFIT;
 
 /// A wrong point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -208,7 +206,7 @@ mod tests {
             (5.0, 0.1, flag::SATURATED),
             (-7.0, 0.1, 0),
             (-3.0, f32::NAN, 0),
-            (3.0, 0.1, MISFIT),
+            (3.0, 0.1, flag::MISFIT),
         ];
         let mut tally = Tally::default();
         tally.add(&scene, &line(&scene, &points), &ExtractionParams::default());

@@ -22,9 +22,9 @@ const NOISE: PixelNoise = PixelNoise { constant: 4.0, per_level: 0.01, blur_vari
 fn alone(estimator: Estimator, raw: &[u32], first: usize, last: usize) -> (f32, f32) {
     let samples: Vec<u32> = raw.iter().map(|&sample| sample * 256).collect();
     let peak = samples[first..=last].iter().copied().max().unwrap_or(0);
-    let candidate = Candidate { first: first as u32, last: last as u32, peak, count: 1 };
+    let candidate = Candidate::alone(first as u32, last as u32, peak, 0);
     let mut sections = Sections::default();
-    sections.load(std::iter::once(Section { samples: &samples, raw, origin: 0, candidate }));
+    sections.load(std::iter::once(Section { samples, raw: raw.to_vec(), origin: 0, candidate }));
     let centres = estimator(&sections, NOISE, 255.0);
     (centres.position_px[0], centres.sigma_px[0])
 }

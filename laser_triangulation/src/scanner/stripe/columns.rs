@@ -11,6 +11,9 @@ pub(super) struct Columns {
     first: Vec<u32>,
     last: Vec<u32>,
     peak: Vec<u32>,
+    /// Smallest sample since the peak, and the deepest valley so far.
+    valley: Vec<u32>,
+    dip: Vec<u32>,
     /// Start index of each column's candidates during sorting.
     starts: Vec<u32>,
     in_order: Vec<LineCandidate>,
@@ -19,7 +22,8 @@ pub(super) struct Columns {
 impl Columns {
     /// Removes all candidates, keeps the memory.
     pub(super) fn clear(&mut self, columns: usize) {
-        for (array, value) in [(&mut self.first, NONE), (&mut self.last, 0), (&mut self.peak, 0)] {
+        let Self { first, last, peak, valley, dip, .. } = self;
+        for (array, value) in [(first, NONE), (last, 0), (peak, 0), (valley, 0), (dip, 0)] {
             array.clear();
             array.resize(columns, value);
         }
@@ -38,36 +42,44 @@ impl Columns {
         let columns = start as usize..start as usize + samples.len();
         let first = &mut self.first[columns.clone()];
         let last = &mut self.last[columns.clone()];
-        let peak = &mut self.peak[columns];
+        let peak = &mut self.peak[columns.clone()];
+        let valley = &mut self.valley[columns.clone()];
+        let dip = &mut self.dip[columns];
         let has_ended = |first: u32, last: u32| (first != NONE) & (last + 1 != row);
         let mut some_ended = false;
         for (&first, &last) in first.iter().zip(&*last) {
             some_ended |= has_ended(first, last);
         }
         if some_ended {
-            for (i, (first, peak)) in first.iter_mut().zip(&mut *peak).enumerate() {
-                if has_ended(*first, last[i]) {
-                    found.push(closed(start + i as u32, *first, last[i], *peak));
-                    (*first, *peak) = (NONE, 0);
+            for i in 0..first.len() {
+                if has_ended(first[i], last[i]) {
+                    let candidate = Candidate::alone(first[i], last[i], peak[i], dip[i]);
+                    found.push(LineCandidate { line: start + i as u32, candidate });
+                    (first[i], peak[i], valley[i], dip[i]) = (NONE, 0, 0, 0);
                 }
             }
         }
-        for ((first, last), (peak, &sample)) in
-            first.iter_mut().zip(last).zip(peak.iter_mut().zip(samples))
-        {
+        let ends = first.iter_mut().zip(last);
+        let extremes = peak.iter_mut().zip(valley).zip(dip);
+        for (((first, last), ((peak, valley), dip)), &sample) in ends.zip(extremes).zip(samples) {
+            let sample = sample.into();
             *first = (*first).min(row);
             *last = row;
-            *peak = (*peak).max(sample.into());
+            let lower_maximum = sample.min(*peak);
+            *dip = (*dip).max(lower_maximum.max(*valley) - *valley);
+            *valley = if sample > *peak { sample } else { sample.min(*valley) };
+            *peak = (*peak).max(sample);
         }
     }
 
     /// Closes all candidates and sorts `found` by line and position.
     pub(super) fn finish(&mut self, found: &mut Vec<LineCandidate>) {
         let ended_early = found.len();
-        let columns = self.first.iter().zip(&self.last).zip(&self.peak);
-        for (line, ((&first, &last), &peak)) in (0..).zip(columns) {
+        for (line, &first) in self.first.iter().enumerate() {
             if first != NONE {
-                found.push(closed(line, first, last, peak));
+                let (last, peak, dip) = (self.last[line], self.peak[line], self.dip[line]);
+                let candidate = Candidate::alone(first, last, peak, dip);
+                found.push(LineCandidate { line: line as u32, candidate });
             }
         }
         if ended_early > 0 {
@@ -94,8 +106,4 @@ impl Columns {
         }
         std::mem::swap(found, &mut self.in_order);
     }
-}
-
-const fn closed(line: u32, first: u32, last: u32, peak: u32) -> LineCandidate {
-    LineCandidate { line, candidate: Candidate { first, last, peak, count: 1 } }
 }

@@ -8,6 +8,13 @@ pub(super) fn bounded(x: f32, low: f32, high: f32) -> f32 {
     if x < high { x } else { high }
 }
 
+/// Returns √(a² + b²) by operations whose bits are the same on every machine, unlike `hypot`.
+#[inline(always)]
+pub(super) fn in_quadrature(a: f32, b: f32) -> f32 {
+    let square = a * a + b * b;
+    square.sqrt()
+}
+
 /// Returns eˣ for x ≤ 0 with a relative error of 3·10⁻⁷; below -87 it returns e⁻⁸⁷.
 ///
 /// x = n ln 2 + r, |r| ≤ ln 2 / 2: the Taylor series to r⁶, with n placed into the exponent's bits.

@@ -9,16 +9,19 @@ use super::{
     columns::Columns,
     lanes::{Centres, LANES, Sections},
     load::Loader,
-    measure::Assembler,
+    measure::{Assembler, Points},
     noise_estimate::NoiseEstimator,
     picture::Picture,
     section::{Candidate, Levels, LineCandidate},
     segment::Regions,
     select::Selector,
+    shape::Shapes,
     steger::Ridge,
-    threshold::{NoiseThreshold, rounding_noise},
+    texture::TextureEstimator,
+    threshold::NoiseThreshold,
     tile_blur::BlurInput,
     tiles::BlurredTiles,
+    valley::ValleyNoiseEstimator,
     vectors::Vectors,
     work::{AddUp, Blur, Find, Load, Measure},
 };
@@ -46,7 +49,10 @@ pub(super) struct FastExtractor<S: Sample> {
     runs: BroadRuns,
     vectors: Vectors,
     noise: NoiseEstimator,
+    valleys: ValleyNoiseEstimator,
     ridge: Ridge,
+    shapes: Shapes,
+    texture: TextureEstimator,
 }
 
 impl<S: Sample> FastExtractor<S> {
@@ -68,7 +74,10 @@ impl<S: Sample> FastExtractor<S> {
             runs: BroadRuns::default(),
             vectors: Vectors::widest(),
             noise: NoiseEstimator::default(),
+            valleys: ValleyNoiseEstimator::default(),
             ridge: Ridge::new(params.ridge_sigma_px),
+            shapes: Shapes::default(),
+            texture: TextureEstimator::new(&params, direction),
         }
     }
 
@@ -105,7 +114,10 @@ impl<S: Sample> FastExtractor<S> {
             runs,
             vectors,
             noise,
+            valleys,
             ridge,
+            shapes,
+            texture,
             ..
         } = self;
         let mut levels = Levels::new(params, kernel, full_scale);
@@ -116,18 +128,17 @@ impl<S: Sample> FastExtractor<S> {
             StripeDirection::Horizontal => tiles.known(line as usize, position as usize),
             StripeDirection::Vertical => tiles.known(position as usize, line as usize),
         };
-        selector.select(found, &levels, sample, chosen);
-        let length = match direction {
-            StripeDirection::Horizontal => plane.height,
-            StripeDirection::Vertical => plane.width,
-        };
         let picture = Picture { plane, direction: *direction };
+        valleys.adapt(&picture, found, &mut levels);
+        selector.select(found, &levels, sample, chosen);
         if params.noise == NoiseSource::Estimated {
             noise.estimate(&picture, chosen, full_scale, &mut levels.noise);
         }
-        let mut assembler = Assembler::new(centerline, *direction, offset, length);
+        let (_, length) = picture.size();
+        let mut assembler = Assembler::new(centerline, shapes, *direction, offset, length);
         let mut loader =
             Loader { input: BlurInput { plane, kernel }, tiles, direction: *direction };
+        let levels = &levels;
         let mut rest = &chosen[..];
         while let Some(next) = rest.first() {
             let is_broad = next.candidate.is_broad();
@@ -141,24 +152,23 @@ impl<S: Sample> FastExtractor<S> {
             if is_broad {
                 vectors.run(AddUp { loader: &loader, batch, runs });
                 for (i, found) in batch.iter().enumerate() {
-                    assembler.push_broad(found, &loader.broad(found, i, runs), &levels);
+                    assembler.push_broad(found, &loader.broad(found, i, runs), levels);
                 }
                 continue;
             }
-            let levels = &levels;
-            vectors.run(Load { loader: &mut loader, batch, levels, sections });
-            vectors.run(Measure {
-                assembler: &mut assembler,
-                batch,
-                levels,
-                sections,
-                refine: |centres: &mut Centres| {
+            let points = Points::of_batch(batch, |batch| {
+                vectors.run(Load { loader: &mut loader, batch, levels, sections });
+                let refine = |centres: &mut Centres| {
                     if params.method == Method::Steger {
                         ridge.refine(&picture, batch, levels, centres);
                     }
-                },
+                };
+                vectors.run(Measure { batch, levels, sections, refine })
             });
+            assembler.push(batch, &points, levels);
         }
+        texture.add_to(centerline);
+        shapes.judge(centerline, kernel.weights().len());
     }
 
     /// Finds all candidates, sorted by line and position; returns the segment threshold, blurred units.
@@ -168,9 +178,8 @@ impl<S: Sample> FastExtractor<S> {
         let mut threshold = Levels::new(params, kernel, full_scale).segment_threshold;
         let is_adaptive = params.threshold == Threshold::Adaptive;
         let mut adapt = |sample: &dyn Fn(usize, usize) -> u32| {
-            let floor = rounding_noise() * kernel.noise_gain();
             let size = (plane.width, plane.height);
-            noise_threshold.find(size, sample, params.threshold_sigmas, floor)
+            noise_threshold.find(size, sample, params.threshold_sigmas)
         };
         if background.is_needed() {
             vectors.run(Blur { tiles, input: BlurInput { plane, kernel }, threshold: None });
@@ -212,10 +221,8 @@ impl<S: Sample> FastExtractor<S> {
         let Self { tiles, regions, found, params, .. } = self;
         found.extend(regions.larger_than(params.min_segment_area).map(|run| {
             let samples = &tiles.row(run.row as usize)[run.start as usize..run.end as usize];
-            let peak = samples.iter().fold(S::Sum::default(), |peak, &sample| peak.max(sample));
-            let candidate =
-                Candidate { first: run.start, last: run.end - 1, peak: peak.into(), count: 1 };
-            LineCandidate { line: run.row, candidate }
+            let samples = samples.iter().map(|&sample| sample.into());
+            LineCandidate { line: run.row, candidate: Candidate::of_run(run.start, samples) }
         }));
     }
 

@@ -12,7 +12,8 @@ use super::{
     lanes::{Centres, LANES, Lane, Sections},
     log_gaussian::log_gaussian,
     section::{Candidate, Levels, LineCandidate},
-    width::{brightest, brightest_raw, full_width_half_maximum, raw_at},
+    shape::{Shape, Shapes},
+    width::{Edges, brightest, brightest_raw, full_width_half_maximum, raw_at},
 };
 use crate::scanner::{
     channel::Offset,
@@ -52,10 +53,89 @@ pub(super) fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>
     }
 }
 
+/// Points of one batch of cross-sections, one per lane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Points {
+    /// Positions from which the centres count: the first samples of the candidates.
+    first: [u32; LANES],
+    centres: Centres,
+    width_px: Lane,
+    intensity: Lane,
+    brightest_raw: Lane,
+    /// Shapes of the cross-sections.
+    shape: Shape,
+}
+
+impl Points {
+    /// Measures the cross-sections of these candidates, one per lane. `refine` may correct the centres with further
+    /// information from the picture.
+    #[inline(always)]
+    pub(super) fn measure(
+        found: &[LineCandidate],
+        sections: &Sections,
+        levels: &Levels<'_>,
+        refine: impl FnOnce(&mut Centres),
+    ) -> Self {
+        let brightest = brightest(sections);
+        let mut centres = centres(sections, &brightest, levels);
+        refine(&mut centres);
+        let half = Edges::at(sections, &brightest, 0.5);
+        let mut first = [0; LANES];
+        for (first, found) in first.iter_mut().zip(found) {
+            *first = found.candidate.first;
+        }
+        Self {
+            first,
+            centres,
+            width_px: full_width_half_maximum(&half, levels.noise.kernel.variance_px2()),
+            intensity: raw_at(sections, &centres.position_px),
+            brightest_raw: brightest_raw(sections),
+            shape: Shape::of(sections, &brightest, &half, levels),
+        }
+    }
+
+    /// Measures these candidates, one per lane, with `measure`; where a halo lies under the stripe or a neighbour touches
+    /// it, the centre is that of its top alone.
+    #[inline(always)]
+    pub(super) fn of_batch(
+        batch: &[LineCandidate],
+        mut measure: impl FnMut(&[LineCandidate]) -> Self,
+    ) -> Self {
+        let mut points = measure(batch);
+        let (mut tops, mut lanes) = ([LineCandidate::default(); LANES], [0; LANES]);
+        let mut num_tops = 0;
+        for (lane, found) in batch.iter().enumerate() {
+            if let Some(top) = points.top(lane, found) {
+                (tops[num_tops], lanes[num_tops]) = (top, lane);
+                num_tops += 1;
+            }
+        }
+        if num_tops > 0 {
+            let again = measure(&tops[..num_tops]);
+            for (other, &lane) in lanes[..num_tops].iter().enumerate() {
+                points.first[lane] = again.first[other];
+                points.centres.position_px[lane] = again.centres.position_px[other];
+                points.centres.sigma_px[lane] = again.centres.sigma_px[other];
+                points.intensity[lane] = again.intensity[other];
+            }
+        }
+        points
+    }
+
+    /// Returns the top of the candidate, if it has to be measured alone.
+    fn top(&self, lane: usize, found: &LineCandidate) -> Option<LineCandidate> {
+        let has_company = self.shape.has_halo(lane) || found.candidate.touches_neighbour();
+        let [first, last] = has_company.then(|| self.shape.top(lane)).flatten()?;
+        let candidate = found.candidate.part(first as u32, last as u32);
+        Some(LineCandidate { candidate, ..*found })
+    }
+}
+
 /// Builds a centreline from cross-sections in order along the stripe.
 #[derive(Debug)]
 pub(super) struct Assembler<'a> {
     centerline: &'a mut Centerline,
+    shapes: &'a mut Shapes,
     direction: StripeDirection,
     /// Column and row of the searched region in the image.
     offset: Offset,
@@ -66,51 +146,41 @@ pub(super) struct Assembler<'a> {
 }
 
 impl<'a> Assembler<'a> {
-    /// Starts an empty centreline.
+    /// Starts an empty centreline in a region of `length_across` positions across the stripe.
     pub(super) fn new(
         centerline: &'a mut Centerline,
+        shapes: &'a mut Shapes,
         direction: StripeDirection,
         offset: Offset,
         length_across: usize,
     ) -> Self {
         centerline.clear();
-        Self { centerline, direction, offset, length_across: length_across as u32, previous: None }
+        shapes.clear();
+        let length_across = length_across as u32;
+        Self { centerline, shapes, direction, offset, length_across, previous: None }
     }
 
-    /// Measures the cross-sections of these candidates, one per lane, and adds their points. `refine` may correct the
-    /// centres with further information from the picture.
-    #[inline(always)]
-    pub(super) fn push(
-        &mut self,
-        found: &[LineCandidate],
-        sections: &Sections,
-        levels: &Levels<'_>,
-        refine: impl FnOnce(&mut Centres),
-    ) {
-        let brightest = brightest(sections);
-        let mut centres = centres(sections, &brightest, levels);
-        refine(&mut centres);
-        let width_px =
-            full_width_half_maximum(sections, &brightest, levels.noise.kernel.variance_px2());
-        let intensity = raw_at(sections, &centres.position_px);
-        let brightest_raw = brightest_raw(sections);
+    /// Adds the points of these candidates.
+    pub(super) fn push(&mut self, found: &[LineCandidate], points: &Points, levels: &Levels<'_>) {
         let mut across_px = [0.0; LANES];
         for (lane, found) in found.iter().enumerate() {
             let mut flags = 0;
-            if brightest_raw[lane] >= levels.full_scale as f32 {
+            if points.brightest_raw[lane] >= levels.full_scale as f32 {
                 flags |= flag::SATURATED;
             }
-            if levels.is_low(found.candidate.peak, intensity[lane]) {
+            if levels.is_low(found.candidate.peak, points.intensity[lane]) {
                 flags |= flag::LOW_CONTRAST;
             }
             self.join(found, flags);
-            across_px[lane] = self.across_px(found, centres.position_px[lane].into());
+            let position_px = points.centres.position_px[lane].into();
+            across_px[lane] = self.across_px(points.first[lane], position_px);
         }
         let count = found.len();
         self.across().extend_from_slice(&across_px[..count]);
-        self.centerline.width_px.extend_from_slice(&width_px[..count]);
-        self.centerline.intensity.extend_from_slice(&intensity[..count]);
-        self.centerline.sigma_px.extend_from_slice(&centres.sigma_px[..count]);
+        self.centerline.width_px.extend_from_slice(&points.width_px[..count]);
+        self.centerline.intensity.extend_from_slice(&points.intensity[..count]);
+        self.centerline.sigma_px.extend_from_slice(&points.centres.sigma_px[..count]);
+        self.shapes.push(&points.shape, count);
     }
 
     /// Adds the point of a candidate that is too long for a cross-section of the stripe: its centre of gravity. The
@@ -118,8 +188,9 @@ impl<'a> Assembler<'a> {
     pub(super) fn push_broad(&mut self, found: &LineCandidate, broad: &Broad, levels: &Levels<'_>) {
         let is_saturated = broad.brightest_raw >= levels.full_scale;
         self.join(found, flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 });
-        let across_px = self.across_px(found, broad.position_px);
+        let across_px = self.across_px(found.candidate.first, broad.position_px);
         self.across().push(across_px);
+        self.shapes.push_broad();
         self.centerline.width_px.push(f32::NAN);
         self.centerline.intensity.push(broad.intensity);
         // Uniform distribution over the candidate.
@@ -152,14 +223,14 @@ impl<'a> Assembler<'a> {
         }
     }
 
-    /// Returns the position across the stripe in the image of a position in a candidate, pixels.
+    /// Returns the position across the stripe in the image of a position counted from `first`, pixels.
     #[inline(always)]
-    fn across_px(&self, found: &LineCandidate, position_px: f64) -> f32 {
+    fn across_px(&self, first: u32, position_px: f64) -> f32 {
         let offset = match self.direction {
             StripeDirection::Horizontal => self.offset.row,
             StripeDirection::Vertical => self.offset.column,
         };
-        (f64::from(offset as u32 + found.candidate.first) + position_px) as f32
+        (f64::from(offset as u32 + first) + position_px) as f32
     }
 
     /// Returns the array that holds positions across the stripe.
@@ -199,7 +270,7 @@ mod tests {
             let length = run.iter().filter(|&&sample| sample > threshold).count() as u32;
             if length > longest.map_or(0, |longest| longest.length()) {
                 let peak = run.iter().copied().max().unwrap_or(0);
-                longest = Some(Candidate { first, last: first + length - 1, peak, count: 1 });
+                longest = Some(Candidate::alone(first, first + length - 1, peak, 0));
             }
             first += run.len() as u32;
         }
@@ -262,7 +333,9 @@ mod tests {
                         .collect();
                     let [expected, actual] = [&samples, &others].map(|samples| {
                         let mut sections = Sections::default();
-                        let section = Section { samples, raw: samples, origin: 0, candidate };
+                        let samples = samples.clone();
+                        let section =
+                            Section { raw: samples.clone(), samples, origin: 0, candidate };
                         sections.load(std::iter::once(section));
                         let centres = centres(&sections, &brightest(&sections), &levels);
                         (centres.position_px[0], centres.sigma_px[0])

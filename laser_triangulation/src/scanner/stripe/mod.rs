@@ -8,7 +8,7 @@
 //! | 3 blur | `blur::blurred_at`; fast: `tile_blur`, only on the tiles that `tiles` selects |
 //! | 3a background | `background`, if the scene is not black |
 //! | 4 segment | `segment`, above the level of `threshold` if that is adaptive |
-//! | 4a select | `select` takes one candidate of each cross-section, or several: `split`, `continuity`, `tracking` |
+//! | 4a select | `select` takes one candidate of each cross-section, or several: `split`, `valley`, `continuity`, `tracking` |
 //! | 5 coarse peak | `gaussian_fit::coarse_peak` |
 //! | 6 width D | `gravity::width_samples` |
 //! | 7 window L | `gravity::window_half_length_px` |
@@ -39,10 +39,13 @@ mod gravity;
 mod fractional;
 mod background;
 mod threshold;
+mod valley;
 mod split;
 mod continuity;
 mod tracking;
 mod select;
+mod shape;
+mod texture;
 mod measure;
 pub(crate) mod correlation;
 mod smooth;
@@ -80,6 +83,9 @@ pub mod flag {
     pub const INTERPOLATED: u8 = 8;
     /// Below the configured signal-to-noise limit.
     pub const LOW_CONTRAST: u8 = 16;
+    /// The cross-section does not look like one stripe: a halo, a reflection or a second line is merged with it. The
+    /// stated uncertainty is widened.
+    pub const MISFIT: u8 = 32;
     /// In a profile only: outside the volume from which the calibration has data. The uncertainty of the calibration is
     /// an extrapolation there.
     pub const OUTSIDE_CALIBRATION: u8 = 64;

@@ -162,14 +162,14 @@ fn of_equal_candidates_the_first_is_taken() {
     ] {
         let line = extract(1, &column, ExtractionParams { peak_selection, ..plain() });
         assert_close(line.v_px[0], expected);
-        assert_eq!(line.flags, [flag::MULTIPLE_PEAKS]);
+        assert!(line.flags[0] & flag::MULTIPLE_PEAKS != 0);
     }
 }
 
 #[test]
 fn corners_connect_a_stripe_and_gaps_part_it() {
     let picture = [
-        9, 0, 0, 0, 0, 9, //
+        9, 0, 0, 0, 0, 30, //
         0, 9, 0, 0, 0, 0, //
         0, 0, 0, 9, 0, 0, //
         0, 0, 0, 0, 9, 9,

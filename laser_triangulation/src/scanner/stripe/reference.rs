@@ -5,18 +5,22 @@ use super::{
     blur::{Kernel, Sample, blurred_at},
     broad::Broad,
     lanes::{LANES, Sections},
-    measure::Assembler,
+    measure::{Assembler, Points},
     noise_estimate::NoiseEstimator,
     picture::Picture,
     section::{Candidate, Levels, LineCandidate, grey},
     select::Selector,
+    shape::Shapes,
     steger::Ridge,
-    threshold::{NoiseThreshold, rounding_noise},
+    texture::TextureEstimator,
+    threshold::NoiseThreshold,
+    valley::ValleyNoiseEstimator,
 };
 use crate::scanner::{
     channel::{Offset, Plane},
     params::{Background, ExtractionParams, Method, NoiseSource, StripeDirection, Threshold},
 };
+use std::ops::Range;
 
 /// Returns the centreline of a plane whose top-left sample lies at `offset` in the image.
 pub(super) fn extract<S: Sample>(
@@ -56,19 +60,16 @@ pub(super) fn extract_next<S: Sample>(
     let (width, height) = (plane.width, plane.height);
     let blurred = without_background(frame, &kernel, params, direction);
     if params.threshold == Threshold::Adaptive {
-        let floor = rounding_noise() * kernel.noise_gain();
         let sample = |x: usize, y: usize| blurred[y * width + x];
         let found =
-            NoiseThreshold::default().find((width, height), sample, params.threshold_sigmas, floor);
+            NoiseThreshold::default().find((width, height), sample, params.threshold_sigmas);
         levels = levels.with_segment_threshold(found);
     }
     let mask: Vec<bool> = blurred.iter().map(|&sample| sample > levels.segment_threshold).collect();
     let stripe = keep_large_regions(&mask, width, params.min_segment_area);
 
-    let (lines, length) = match direction {
-        StripeDirection::Horizontal => (width, height),
-        StripeDirection::Vertical => (height, width),
-    };
+    let picture = Picture { plane, direction };
+    let (lines, length) = picture.size();
     let pixel = |line: usize, position: usize| match direction {
         StripeDirection::Horizontal => (line, position),
         StripeDirection::Vertical => (position, line),
@@ -87,37 +88,44 @@ pub(super) fn extract_next<S: Sample>(
         let (x, y) = pixel(line as usize, position as usize);
         blurred[y * width + x]
     };
+    ValleyNoiseEstimator::default().adapt(&picture, &found, &mut levels);
     selector.select(&found, &levels, sample, &mut chosen);
 
-    let picture = Picture { plane, direction };
     if params.noise == NoiseSource::Estimated {
         NoiseEstimator::default().estimate(&picture, &chosen, full_scale, &mut levels.noise);
     }
     let mut ridge = Ridge::new(params.ridge_sigma_px);
 
-    let mut centerline = Centerline::default();
-    let mut assembler = Assembler::new(&mut centerline, direction, offset, length);
-    let mut alone = Sections::default();
-    for found in chosen {
-        let LineCandidate { line, candidate } = found;
+    let (mut centerline, mut shapes) = (Centerline::default(), Shapes::default());
+    let mut assembler = Assembler::new(&mut centerline, &mut shapes, direction, offset, length);
+    let cut = |found: &LineCandidate| {
+        let LineCandidate { line, candidate } = *found;
         let margin = if candidate.is_broad() { 0 } else { levels.margin(&candidate) };
         let held = candidate.reach(margin, length);
         let origin = held.start as u32;
         let pixels: Vec<_> = held.map(|position| pixel(line as usize, position)).collect();
-        let samples: Vec<u32> = pixels.iter().map(|&(x, y)| blurred[y * width + x]).collect();
-        let raw: Vec<u32> = pixels.iter().map(|&(x, y)| plane.at(x, y).into()).collect();
-        let section = Section { samples: &samples, raw: &raw, origin, candidate };
-        if candidate.is_broad() {
-            assembler.push_broad(&found, &Broad::of(&section), &levels);
-        } else {
-            alone.load(std::iter::once(section));
-            assembler.push(&[found], &alone, &levels, |centres| {
-                if params.method == Method::Steger {
-                    ridge.refine(&picture, &[found], &levels, centres);
-                }
-            });
+        let samples = pixels.iter().map(|&(x, y)| blurred[y * width + x]).collect();
+        let raw = pixels.iter().map(|&(x, y)| plane.at(x, y).into()).collect();
+        Section { samples, raw, origin, candidate }
+    };
+    for found in chosen {
+        if found.candidate.is_broad() {
+            assembler.push_broad(&found, &Broad::of(&cut(&found)), &levels);
+            continue;
         }
+        let points = Points::of_batch(&[found], |batch| {
+            let mut alone = Sections::default();
+            alone.load(batch.iter().map(cut));
+            Points::measure(batch, &alone, &levels, |centres| {
+                if params.method == Method::Steger {
+                    ridge.refine(&picture, batch, &levels, centres);
+                }
+            })
+        });
+        assembler.push(&[found], &points, &levels);
     }
+    TextureEstimator::new(params, direction).add_to(&mut centerline);
+    shapes.judge(&mut centerline, kernel.weights().len());
     centerline
 }
 
@@ -211,19 +219,34 @@ fn candidates(length: usize, sample: impl Fn(usize) -> Option<u32>) -> Vec<Candi
                 run.last = position;
                 run.peak = run.peak.max(level);
             }
-            _ => found.push(Candidate { first: position, last: position, peak: level, count: 1 }),
+            _ => found.push(Candidate::alone(position, position, level, 0)),
         }
+    }
+    for run in &mut found {
+        run.dip = deepest_valley(run.first as usize..run.last as usize + 1, &sample);
     }
     found
 }
 
+/// Returns the largest depth of a sample below the lower of the largest samples on its two sides.
+fn deepest_valley(run: Range<usize>, sample: impl Fn(usize) -> Option<u32>) -> u32 {
+    let highest = |range: Range<usize>| range.filter_map(&sample).max().unwrap_or(0);
+    run.clone()
+        .filter_map(|at| {
+            let lower = highest(run.start..at).min(highest(at + 1..run.end));
+            Some(lower.saturating_sub(sample(at)?))
+        })
+        .max()
+        .unwrap_or(0)
+}
+
 /// A single cross-section: the candidate's samples and their surroundings.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Section<'a> {
+#[derive(Clone, Debug)]
+pub(super) struct Section {
     /// Blurred samples, blurred units, of consecutive positions.
-    pub(crate) samples: &'a [u32],
+    pub(crate) samples: Vec<u32>,
     /// Unblurred samples at the same positions, sample units.
-    pub(crate) raw: &'a [u32],
+    pub(crate) raw: Vec<u32>,
     /// Position of `samples[0]` and `raw[0]`.
     pub(crate) origin: u32,
     /// The run of stripe pixels. It lies within `samples`; only the border cuts its margin short.
@@ -235,15 +258,12 @@ impl Sections {
     ///
     /// # Panics
     /// More than [`LANES`] of them.
-    pub(super) fn load<'a>(
-        &mut self,
-        sections: impl ExactSizeIterator<Item = Section<'a>> + Clone,
-    ) {
+    pub(super) fn load(&mut self, sections: impl ExactSizeIterator<Item = Section> + Clone) {
         assert!(sections.len() <= LANES, "{} sections", sections.len());
         let rows = sections.clone().map(|section| section.samples.len()).max().unwrap_or(0);
         self.clear(sections.len(), rows);
         for (lane, section) in sections.enumerate() {
-            for (i, (&raw, &blurred)) in section.raw.iter().zip(section.samples).enumerate() {
+            for (i, (&raw, &blurred)) in section.raw.iter().zip(&section.samples).enumerate() {
                 self.raw[i][lane] = raw as f32;
                 self.blurred[i][lane] = grey(blurred) as f32;
             }
@@ -255,9 +275,9 @@ impl Sections {
 
 impl Broad {
     /// Returns the levels of a section that holds the candidate and nothing else.
-    pub(super) fn of(section: &Section<'_>) -> Self {
+    pub(super) fn of(section: &Section) -> Self {
         let (mut level, mut moment) = (0_u64, 0_u64);
-        for (place, &sample) in (0_u64..).zip(section.samples) {
+        for (place, &sample) in (0_u64..).zip(&section.samples) {
             level += u64::from(sample);
             moment += place * u64::from(sample);
         }

@@ -6,6 +6,7 @@
 use super::{
     blur::{Kernel, UNITS},
     lanes::{Lane, MAX_ROWS, each},
+    valley::ValleyNoise,
 };
 use crate::scanner::params::{ExtractionParams, GravityWindow, Method};
 use std::ops::Range;
@@ -21,9 +22,39 @@ pub(super) struct Candidate {
     pub(crate) peak: u32,
     /// Number of candidates in this cross-section, this one included; 0: none was found.
     pub(crate) count: u32,
+    /// Depth of the deepest valley between two maxima in it, below the lower one, blurred units; 0: one maximum.
+    pub(crate) dip: u32,
+    /// First position that its cross-section may hold; a neighbour lies before it.
+    pub(crate) from: u32,
+    /// Last position that its cross-section may hold; a neighbour lies beyond it.
+    pub(crate) to: u32,
 }
 
 impl Candidate {
+    /// Returns the only candidate of a cross-section, without neighbours.
+    pub(super) const fn alone(first: u32, last: u32, peak: u32, dip: u32) -> Self {
+        Self { first, last, peak, count: 1, dip, from: 0, to: u32::MAX }
+    }
+
+    /// Returns the part from one position to another, both counted from its first, whose cross-section reaches as far
+    /// to either side again, but not beyond its neighbours.
+    pub(super) fn part(&self, first: u32, last: u32) -> Self {
+        let (first, last) = (self.first + first, self.first + last);
+        let reach = (last - first) / 2 + 2;
+        Self {
+            first,
+            last,
+            from: first.saturating_sub(reach).max(self.from),
+            to: last.saturating_add(reach).min(self.to),
+            ..*self
+        }
+    }
+
+    /// True if its cross-section ends where a neighbour begins.
+    pub(super) const fn touches_neighbour(&self) -> bool {
+        self.from > 0 || self.to < u32::MAX
+    }
+
     /// Returns the number of samples above the segment threshold.
     pub(super) const fn length(&self) -> u32 {
         self.last - self.first + 1
@@ -36,8 +67,8 @@ impl Candidate {
 
     /// Returns its positions and up to `margin` more on either side, within a cross-section of `length` positions.
     pub(super) fn reach(&self, margin: u32, length: usize) -> Range<usize> {
-        let from = self.first.saturating_sub(margin) as usize;
-        from..((self.last + margin) as usize + 1).min(length)
+        let from = self.first.saturating_sub(margin).max(self.from) as usize;
+        from..((self.last + margin).min(self.to) as usize + 1).min(length)
     }
 }
 
@@ -67,6 +98,8 @@ pub(super) struct Levels<'a> {
     pub(crate) min_snr: f64,
     /// Noise of a raw pixel.
     pub(crate) noise: Noise<'a>,
+    /// Noise of the blurred samples, which valleys must exceed.
+    pub(crate) valleys: ValleyNoise,
 }
 
 impl<'a> Levels<'a> {
@@ -75,6 +108,12 @@ impl<'a> Levels<'a> {
         let scale = f64::from(full_scale) / 255.0;
         let units = |grey: f64| (grey * scale * f64::from(UNITS)).round() as u32;
         let read_variance = (params.read_noise * scale).powi(2);
+        let noise = Noise {
+            // Rounding to integers adds 1/12.
+            constant: read_variance + 1.0 / 12.0,
+            per_level: params.shot_gain * scale,
+            kernel,
+        };
         Self {
             method: params.method,
             window: params.window,
@@ -82,12 +121,8 @@ impl<'a> Levels<'a> {
             width_threshold: grey(units(params.width_threshold)) as f32,
             full_scale,
             min_snr: params.min_snr,
-            // Rounding to integers adds 1/12.
-            noise: Noise {
-                constant: read_variance + 1.0 / 12.0,
-                per_level: params.shot_gain * scale,
-                kernel,
-            },
+            noise,
+            valleys: ValleyNoise::new(&noise, full_scale),
         }
     }
 }
@@ -103,6 +138,11 @@ impl Levels<'_> {
             }
         };
         Self { segment_threshold: threshold, width_threshold, ..self }
+    }
+
+    /// Returns the segment threshold, sample units.
+    pub(super) fn segment_threshold_grey(&self) -> f32 {
+        grey(self.segment_threshold) as f32
     }
 
     /// True if a candidate's largest blurred sample is low against the noise of a raw pixel of level `intensity`.

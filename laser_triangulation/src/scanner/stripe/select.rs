@@ -1,14 +1,16 @@
 //! Selects the stripe among several candidates in one cross-section.
 //!
 //! First drops candidates that are too faint, too narrow or too wide, then those too far from the last frame's stripes.
-//! From the rest it selects one candidate per line, once for each allowed stripe.
+//! From the rest it selects one candidate per line, once for each allowed stripe. A run with a valley counts as several
+//! candidates.
 
 use super::{
     blur::UNITS,
     continuity::{BREAK, LineFinder, Node},
     section::{Candidate, Levels, LineCandidate},
-    split::{Maximum, split},
+    split::split,
     tracking::Tracker,
+    valley::ValleyNoise,
 };
 use crate::scanner::params::{ExtractionParams, PeakSelection};
 
@@ -37,7 +39,9 @@ pub(super) struct Selector {
 #[derive(Clone, Copy, Debug)]
 struct Possible {
     line: u32,
-    maximum: Maximum,
+    candidate: Candidate,
+    /// Half pixels: the middle of its largest samples for [`PeakSelection::Continuity`], else of the candidate.
+    middle: u32,
 }
 
 impl Selector {
@@ -72,43 +76,37 @@ impl Selector {
         chosen: &mut Vec<LineCandidate>,
     ) {
         chosen.clear();
-        if self.is_plain() {
-            // Most frames have one candidate per line, and nothing to select.
-            if found.windows(2).all(|pair| pair[0].line != pair[1].line) {
-                chosen.extend_from_slice(found);
-                return;
-            }
-            chosen.extend(found.chunk_by(|a, b| a.line == b.line).filter_map(|line| {
-                let best = best_of(self.params.peak_selection, line, |found| &found.candidate)?;
-                let LineCandidate { line: at, candidate } = line[best];
-                let count = line.len() as u32;
-                Some(LineCandidate { line: at, candidate: Candidate { count, ..candidate } })
-            }));
+        let deepest_noise = levels.valleys.limit(levels.segment_threshold);
+        let is_whole = |found: &LineCandidate| found.candidate.dip <= deepest_noise;
+        let is_alone = |pair: &[LineCandidate]| pair[0].line != pair[1].line;
+        // Most frames have one candidate with one maximum per line, and nothing to select.
+        if self.is_plain() && found.windows(2).all(is_alone) && found.iter().all(is_whole) {
+            chosen.extend_from_slice(found);
             return;
         }
         self.limit(found, levels, sample);
         let margin = self.params.tracking_margin_px.unwrap_or(0).saturating_mul(2);
         let last_frame = self.tracker.num_points();
         if margin > 0 && last_frame > 0 {
-            let is_near = |possible: &&Possible| {
-                self.tracker.is_near(possible.line, possible.maximum.middle, margin)
-            };
+            let is_near =
+                |possible: &&Possible| self.tracker.is_near(possible.line, possible.middle, margin);
             self.left.clear();
             self.left.extend(self.possible.iter().filter(is_near));
-            self.choose(levels.segment_threshold);
+            self.choose(levels);
         }
         // No track, or the track was lost.
         if margin == 0 || last_frame == 0 || 2 * self.taken.len() < last_frame {
             self.left.clone_from(&self.possible);
-            self.choose(levels.segment_threshold);
+            self.choose(levels);
         }
         if margin > 0 {
             self.remember();
         }
-        chosen.extend(self.taken.iter().map(|&Possible { line, maximum }| LineCandidate {
-            line,
-            candidate: maximum.candidate,
-        }));
+        chosen.extend(
+            self.taken
+                .iter()
+                .map(|&Possible { line, candidate, .. }| LineCandidate { line, candidate }),
+        );
     }
 
     /// True if only the brightest, first, last or widest candidate is wanted, without further limits.
@@ -134,43 +132,53 @@ impl Selector {
         let min_peak = (params.min_contrast * scale).round() as u32;
         let max_width = params.max_width_px.unwrap_or(u32::MAX);
         let widths = params.min_width_px..=max_width;
+        let deepest_noise = levels.valleys.limit(levels.segment_threshold);
+        let is_continuity = params.peak_selection == PeakSelection::Continuity;
         possible.clear();
         for in_line in found.chunk_by(|a, b| a.line == b.line) {
             let from = possible.len();
             for &LineCandidate { line, candidate } in in_line {
-                let mut put = |maximum: Maximum| {
-                    let Candidate { peak, .. } = maximum.candidate;
-                    if peak >= min_peak && widths.contains(&maximum.candidate.length()) {
-                        possible.push(Possible { line, maximum });
+                let sample = |at: u32| sample(line, at);
+                let mut put = |candidate: Candidate, middle: u32| {
+                    if candidate.peak >= min_peak && widths.contains(&candidate.length()) {
+                        possible.push(Possible { line, candidate, middle });
                     }
                 };
-                if params.peak_selection == PeakSelection::Continuity {
-                    split(&candidate, |at| sample(line, at), put);
+                if is_continuity {
+                    split(&candidate, &levels.valleys, sample, |part| {
+                        let (candidate, middle) = part.core(sample);
+                        put(candidate, middle);
+                    });
+                } else if candidate.dip <= deepest_noise {
+                    put(candidate, candidate.first + candidate.last);
                 } else {
-                    put(Maximum { candidate, middle: candidate.first + candidate.last });
+                    split(&candidate, &levels.valleys, sample, |part| {
+                        let candidate = part.candidate();
+                        put(candidate, candidate.first + candidate.last);
+                    });
                 }
             }
             let count = (possible.len() - from) as u32;
-            if params.peak_selection == PeakSelection::Continuity && count as usize > MAX_IN_LINE {
+            if is_continuity && count as usize > MAX_IN_LINE {
                 let of_line = &mut possible[from..];
-                let position = |possible: &Possible| possible.maximum.candidate.first;
-                let peak = |possible: &Possible| possible.maximum.candidate.peak;
+                let position = |possible: &Possible| possible.candidate.first;
+                let peak = |possible: &Possible| possible.candidate.peak;
                 of_line.sort_unstable_by_key(|p| (std::cmp::Reverse(peak(p)), position(p)));
                 possible.truncate(from + MAX_IN_LINE);
                 possible[from..].sort_unstable_by_key(position);
             }
             for possible in &mut possible[from..] {
-                possible.maximum.candidate.count = count;
+                possible.candidate.count = count;
             }
         }
     }
 
     /// Selects one stripe after another from `left`.
-    fn choose(&mut self, threshold: u32) {
+    fn choose(&mut self, levels: &Levels<'_>) {
         self.taken.clear();
         self.starts.clear();
         for stripe in 0..self.params.max_stripes {
-            let is_worth_it = self.pick(threshold) || stripe == 0;
+            let is_worth_it = self.pick(levels) || stripe == 0;
             if self.picked.is_empty() || !is_worth_it {
                 break;
             }
@@ -185,22 +193,25 @@ impl Selector {
     }
 
     /// Fills `picked` with the next stripe; returns true if it could be a stripe beside a stronger one.
-    fn pick(&mut self, threshold: u32) -> bool {
+    fn pick(&mut self, levels: &Levels<'_>) -> bool {
         let Self { params, left, nodes, finder, picked, .. } = self;
         if params.peak_selection == PeakSelection::Continuity {
             nodes.clear();
-            nodes.extend(left.iter().map(|Possible { line, maximum }| Node {
+            nodes.extend(left.iter().map(|Possible { line, candidate, middle }| Node {
                 line: *line,
-                middle: maximum.middle,
-                peak: maximum.candidate.peak,
+                middle: *middle,
+                peak: candidate.peak,
             }));
+            let threshold = levels.segment_threshold;
             return finder.find(nodes, threshold, params.max_step_px, picked) > BREAK;
         }
         picked.clear();
-        let mut from = 0;
+        let (mut from, mut previous) = (0, None);
         for line in left.chunk_by(|a, b| a.line == b.line) {
-            let best = best_of(params.peak_selection, line, |left| &left.maximum.candidate);
-            picked.extend(best.map(|best| from + best as u32));
+            if let Some(best) = best_of(params.peak_selection, line, previous, &levels.valleys) {
+                previous = Some(line[best]);
+                picked.push(from + best as u32);
+            }
             from += line.len() as u32;
         }
         true
@@ -209,26 +220,40 @@ impl Selector {
     /// Stores the selected stripes for the next frame.
     fn remember(&mut self) {
         self.tracker.clear();
-        for (at, Possible { line, maximum }) in self.taken.iter().enumerate() {
+        for (at, Possible { line, middle, .. }) in self.taken.iter().enumerate() {
             if self.starts.contains(&at) {
                 self.tracker.start_stripe();
             }
-            self.tracker.push(*line, maximum.middle);
+            self.tracker.push(*line, *middle);
         }
     }
 }
 
-/// Returns the index of the best candidate of a line; of equal ones the first.
-fn best_of<T>(selection: PeakSelection, line: &[T], of: fn(&T) -> &Candidate) -> Option<usize> {
+/// Returns the index of the best candidate of a line; of equal ones the first. Of several that are the brightest within
+/// noise, it is the one nearest to that of the line before, so that two equal stripes are not mixed.
+fn best_of(
+    selection: PeakSelection,
+    line: &[Possible],
+    previous: Option<Possible>,
+    noise: &ValleyNoise,
+) -> Option<usize> {
     let is_better = |candidate: &Candidate, best: &Candidate| match selection {
         PeakSelection::Brightest | PeakSelection::Continuity => candidate.peak > best.peak,
         PeakSelection::First => false,
         PeakSelection::Last => true,
         PeakSelection::Widest => candidate.length() > best.length(),
     };
-    (0..line.len()).reduce(
-        |best, other| {
-            if is_better(of(&line[other]), of(&line[best])) { other } else { best }
-        },
-    )
+    let best = (0..line.len()).reduce(|best, other| {
+        if is_better(&line[other].candidate, &line[best].candidate) { other } else { best }
+    })?;
+    match previous {
+        Some(previous) if selection == PeakSelection::Brightest && line.len() > 1 => {
+            let peak = line[best].candidate.peak;
+            let faintest = peak - noise.limit(peak) / 2;
+            let is_bright = |&at: &usize| line[at].candidate.peak >= faintest;
+            let distance = |&at: &usize| line[at].middle.abs_diff(previous.middle);
+            (0..line.len()).filter(is_bright).min_by_key(distance)
+        }
+        _ => Some(best),
+    }
 }

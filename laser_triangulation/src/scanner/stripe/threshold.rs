@@ -18,14 +18,13 @@ pub(super) struct NoiseThreshold {
 
 impl NoiseThreshold {
     /// Returns the threshold of an image of `width` x `height` samples, blurred units; `sample` returns the one in a
-    /// column and row. It lies `sigmas` standard deviations above the median; the standard deviation is at least
-    /// `floor`, blurred units.
+    /// column and row. It lies `sigmas` standard deviations above the median. The standard deviation is at least that
+    /// of rounding one sample: in a picture clipped to black, the blur would leave less than any noise.
     pub(super) fn find(
         &mut self,
         (width, height): (usize, usize),
         sample: impl Fn(usize, usize) -> u32,
         sigmas: f64,
-        floor: f64,
     ) -> u32 {
         let (step_x, step_y) = (width.div_ceil(GRID), height.div_ceil(GRID));
         self.samples.clear();
@@ -37,12 +36,12 @@ impl NoiseThreshold {
             *sample = sample.abs_diff(middle);
         }
         let deviation = MAD_TO_SIGMA * f64::from(median(&mut self.samples).unwrap_or_default());
-        (f64::from(middle) + sigmas * deviation.max(floor)).round() as u32
+        (f64::from(middle) + sigmas * deviation.max(rounding_noise())).round() as u32
     }
 }
 
 /// Returns the standard deviation of rounding to whole grey levels, blurred units.
-pub(super) fn rounding_noise() -> f64 {
+fn rounding_noise() -> f64 {
     f64::from(UNITS) / 12.0_f64.sqrt()
 }
 
@@ -62,14 +61,13 @@ mod tests {
         // One row in a hundred is stripe.
         image[200 * width..205 * width].fill(60_000);
         let sample = |x: usize, y: usize| image[y * width + x];
-        let found = NoiseThreshold::default().find((width, height), sample, 8.0, 1.0);
+        let found = NoiseThreshold::default().find((width, height), sample, 8.0);
         assert!((f64::from(found) - 5000.0 - 8.0 * 300.0).abs() < 250.0, "{found}");
     }
 
     #[test]
     fn a_black_image_has_the_noise_of_rounding() {
-        let find =
-            |size, level| NoiseThreshold::default().find(size, |_, _| level, 8.0, rounding_noise());
+        let find = |size, level| NoiseThreshold::default().find(size, |_, _| level, 8.0);
         assert_eq!(find((640, 480), 0), 591, "8 · 256 / √12");
         assert_eq!(find((1, 1), 1000), 1591);
     }

@@ -20,65 +20,98 @@ pub(super) fn brightest(sections: &Sections) -> Lane {
     brightest
 }
 
-/// Returns the full width at half maximum, pixels: between the points where the linearly interpolated blurred samples
-/// fall below half their peak, with the blur's own width removed in quadrature. Stripes thinner than 2 pixels come out
-/// up to a tenth too wide. NaN where the border or a bright background hides an edge.
+/// Positions about the peak at which the linearly interpolated blurred samples fall below a level, pixels from the
+/// candidate's first sample. NaN where the border, a neighbour or a bright background hides the edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edges {
+    /// Last samples at or above the level before and behind the peak.
+    inner: [Lane; 2],
+    /// Distances of the crossings from those samples, 0 to 1.
+    beyond: [Lane; 2],
+}
+
+impl Edges {
+    /// Finds the edges at that share of every lane's peak, 0 to 1.
+    #[inline(always)]
+    pub(super) fn at(sections: &Sections, brightest: &Lane, share: f32) -> Self {
+        // Position of each edge's inner sample, its level and that of its outer neighbour.
+        let mut rise = [[f32::NAN; LANES]; 3];
+        let mut fall = [[f32::NAN; LANES]; 3];
+        let edge = each(|lane| sections.peak[lane] * share);
+        let top = each(|lane| sections.first[lane] + brightest[lane]);
+        // From the peak outwards, until every lane has both edges.
+        let rows = sections.reach(&sections.start, &top);
+        for i in (rows.start + 1..rows.end).rev() {
+            let (place, before, level) =
+                (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
+            let mut is_open = false;
+            for lane in 0..LANES {
+                let is_inside =
+                    (i as f32 > sections.start[lane]) & (place[lane] <= brightest[lane]);
+                let is_rise = is_inside & (before[lane] < edge[lane]) & rise[0][lane].is_nan();
+                rise[0][lane] = if is_rise { place[lane] } else { rise[0][lane] };
+                rise[1][lane] = if is_rise { level[lane] } else { rise[1][lane] };
+                rise[2][lane] = if is_rise { before[lane] } else { rise[2][lane] };
+                is_open |= rise[0][lane].is_nan();
+            }
+            if !is_open {
+                break;
+            }
+        }
+        let rows = sections.reach(&top, &each(|lane| sections.end[lane] - 1.0));
+        for i in rows.start + 1..rows.end {
+            let (place, before, level) =
+                (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
+            let mut is_open = false;
+            for lane in 0..LANES {
+                let is_inside = (place[lane] > brightest[lane]) & ((i as f32) < sections.end[lane]);
+                let is_fall = is_inside & (level[lane] < edge[lane]) & fall[0][lane].is_nan();
+                fall[0][lane] = if is_fall { place[lane] - 1.0 } else { fall[0][lane] };
+                fall[1][lane] = if is_fall { before[lane] } else { fall[1][lane] };
+                fall[2][lane] = if is_fall { level[lane] } else { fall[2][lane] };
+                is_open |= fall[0][lane].is_nan();
+            }
+            if !is_open {
+                break;
+            }
+        }
+        // A crossing lies between a sample at or above the level and its outer neighbour below.
+        let beyond = |[_, inside, outside]: &[Lane; 3]| {
+            each(|lane| (inside[lane] - edge[lane]) / (inside[lane] - outside[lane]))
+        };
+        Self { inner: [rise[0], fall[0]], beyond: [beyond(&rise), beyond(&fall)] }
+    }
+
+    /// Returns the distance between the edges, pixels.
+    #[inline(always)]
+    pub(super) fn width_px(&self) -> Lane {
+        let ([rise, fall], [before, behind]) = (&self.inner, &self.beyond);
+        each(|lane| (fall[lane] - rise[lane]) + before[lane] + behind[lane])
+    }
+
+    /// Returns the position half way between the edges, pixels from the candidate's first sample.
+    #[inline(always)]
+    pub(super) fn middle_px(&self) -> Lane {
+        let ([rise, fall], [before, behind]) = (&self.inner, &self.beyond);
+        each(|lane| 0.5 * ((fall[lane] + rise[lane]) + (behind[lane] - before[lane])))
+    }
+
+    /// Returns the place of the first and of the last sample between the edges in a lane; `None` if an edge is hidden.
+    pub(super) fn between(&self, lane: usize) -> Option<[f32; 2]> {
+        let [first, last] = [self.inner[0][lane], self.inner[1][lane]];
+        (first <= last).then_some([first, last])
+    }
+}
+
+/// Returns the full width at half maximum, pixels, from the edges at half the peak, with the blur's own width removed in
+/// quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN where an edge is hidden.
 #[inline(always)]
-pub(super) fn full_width_half_maximum(
-    sections: &Sections,
-    brightest: &Lane,
-    blur_variance_px2: f64,
-) -> Lane {
-    // Position of each edge's inner sample, its level and that of its outer neighbour.
-    let mut rise = [[f32::NAN; LANES]; 3];
-    let mut fall = [[f32::NAN; LANES]; 3];
-    let half = each(|lane| sections.peak[lane] / 2.0);
-    let top = each(|lane| sections.first[lane] + brightest[lane]);
-    // From the peak outwards, until every lane has both edges.
-    let rows = sections.reach(&sections.start, &top);
-    for i in (rows.start + 1..rows.end).rev() {
-        let (place, before, level) =
-            (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
-        let mut is_open = false;
-        for lane in 0..LANES {
-            let is_inside = (i as f32 > sections.start[lane]) & (place[lane] <= brightest[lane]);
-            let is_rise = is_inside & (before[lane] < half[lane]) & rise[0][lane].is_nan();
-            rise[0][lane] = if is_rise { place[lane] } else { rise[0][lane] };
-            rise[1][lane] = if is_rise { level[lane] } else { rise[1][lane] };
-            rise[2][lane] = if is_rise { before[lane] } else { rise[2][lane] };
-            is_open |= rise[0][lane].is_nan();
-        }
-        if !is_open {
-            break;
-        }
-    }
-    let rows = sections.reach(&top, &each(|lane| sections.end[lane] - 1.0));
-    for i in rows.start + 1..rows.end {
-        let (place, before, level) =
-            (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
-        let mut is_open = false;
-        for lane in 0..LANES {
-            let is_inside = (place[lane] > brightest[lane]) & ((i as f32) < sections.end[lane]);
-            let is_fall = is_inside & (level[lane] < half[lane]) & fall[0][lane].is_nan();
-            fall[0][lane] = if is_fall { place[lane] - 1.0 } else { fall[0][lane] };
-            fall[1][lane] = if is_fall { before[lane] } else { fall[1][lane] };
-            fall[2][lane] = if is_fall { level[lane] } else { fall[2][lane] };
-            is_open |= fall[0][lane].is_nan();
-        }
-        if !is_open {
-            break;
-        }
-    }
+pub(super) fn full_width_half_maximum(half: &Edges, blur_variance_px2: f64) -> Lane {
     // 8 ln 2: from a Gaussian's variance to its squared full width at half maximum.
     let blur = (8.0 * std::f64::consts::LN_2 * blur_variance_px2) as f32;
-    let ([rise, inside, outside], [fall, fall_inside, fall_outside]) = (rise, fall);
+    let width = half.width_px();
     each(|lane| {
-        // Positions of the crossings between a sample above half and its outer neighbour below, as shares of the
-        // distance.
-        let before = (inside[lane] - half[lane]) / (inside[lane] - outside[lane]);
-        let behind = (fall_inside[lane] - half[lane]) / (fall_inside[lane] - fall_outside[lane]);
-        let width = (fall[lane] - rise[lane]) + before + behind;
-        let squared = width * width - blur;
+        let squared = width[lane] * width[lane] - blur;
         // Not `max`, which would turn NaN into 0.
         (if squared < 0.0 { 0.0 } else { squared }).sqrt()
     })

@@ -6,7 +6,7 @@ use super::{
     fast::FastExtractor,
     lanes::{Centres, Sections},
     load::Loader,
-    measure::Assembler,
+    measure::Points,
     section::{Levels, LineCandidate},
     tile_blur::BlurInput,
     tiles::BlurredTiles,
@@ -87,9 +87,7 @@ impl<S: Sample> Work for Load<'_, '_, S> {
 }
 
 /// Steps 5 to 8 on a batch of cross-sections.
-pub(super) struct Measure<'a, 'c, F: FnOnce(&mut Centres)> {
-    /// Receives the points.
-    pub(crate) assembler: &'a mut Assembler<'c>,
+pub(super) struct Measure<'a, F: FnOnce(&mut Centres)> {
     /// The candidates.
     pub(crate) batch: &'a [LineCandidate],
     /// Parameters in the units of the samples.
@@ -100,10 +98,10 @@ pub(super) struct Measure<'a, 'c, F: FnOnce(&mut Centres)> {
     pub(crate) refine: F,
 }
 
-impl<F: FnOnce(&mut Centres)> Work for Measure<'_, '_, F> {
-    type Output = ();
+impl<F: FnOnce(&mut Centres)> Work for Measure<'_, F> {
+    type Output = Points;
     #[inline(always)]
-    fn run<V: Simd>(self, _: V) {
-        self.assembler.push(self.batch, self.sections, self.levels, self.refine);
+    fn run<V: Simd>(self, _: V) -> Points {
+        Points::measure(self.batch, self.sections, self.levels, self.refine)
     }
 }
