@@ -14,7 +14,7 @@ pub struct Profile {
     pub z_m: Vec<f32>,
     /// Grey level at the centreline as a share of full scale, 0 to 1; 0 where nothing was measured.
     pub intensity: Vec<f32>,
-    /// Bits of [`flag`](crate::scanner::stripe::flag); 0 where nothing was measured.
+    /// Bits of [`flag`]; 0 where nothing was measured.
     pub flags: Vec<u8>,
     /// One standard deviation of `x_m` from that of the centre, metres; NaN where nothing was measured.
     pub sigma_x_m: Vec<f32>,

@@ -6,9 +6,8 @@
 //! standard deviation below a third of its error: nothing in the result shows that it must not be used.
 //!
 //! The truth is the centre of the line. With a second line it is the nearest of the lines that
-//! [`PeakSelection`](crate::scanner::params::PeakSelection) may mean ([`HardScene::accepts_second`]): both if they are
-//! equally bright in the picture and the brightest one is wanted, the outer one if the first or the last is. Points that are
-//! flagged as one of several peaks are in doubt on either line.
+//! [`PeakSelection`] may mean: both if they are equally bright in the picture and the brightest one is wanted, the outer
+//! one if the first or the last is. Points that are flagged as one of several peaks are in doubt on either line.
 
 mod grid;
 mod render;
