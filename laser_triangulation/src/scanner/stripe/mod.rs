@@ -47,6 +47,7 @@ mod select;
 mod shape;
 mod texture;
 mod measure;
+mod assemble;
 pub(crate) mod correlation;
 mod smooth;
 mod vectors;
