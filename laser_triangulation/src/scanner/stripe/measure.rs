@@ -9,10 +9,10 @@ use super::{
     gaussian_fit::{coarse_peak, gaussian_fit},
     gaussian_ml::gaussian_ml,
     gravity::{gray_gravity, rounded_window_gravity, width_samples, window_half_length_px},
-    lanes::{Centres, LANES, Lane, Sections},
+    lanes::{Centres, LANES, Lane, Sections, append},
     log_gaussian::log_gaussian,
     section::{Candidate, Levels, LineCandidate},
-    shape::{Shape, Shapes},
+    shape::{SHARES, Shape, Shapes},
     width::{Edges, brightest, brightest_raw, full_width_half_maximum, raw_at},
 };
 use crate::scanner::{
@@ -79,7 +79,8 @@ impl Points {
         let brightest = brightest(sections);
         let mut centres = centres(sections, &brightest, levels);
         refine(&mut centres);
-        let half = Edges::at(sections, &brightest, 0.5);
+        let edges = Edges::at(sections, &brightest, SHARES);
+        let [_, half, _] = &edges;
         let mut first = [0; LANES];
         for (first, found) in first.iter_mut().zip(found) {
             *first = found.candidate.first;
@@ -87,10 +88,10 @@ impl Points {
         Self {
             first,
             centres,
-            width_px: full_width_half_maximum(&half, levels.noise.kernel.variance_px2()),
+            width_px: full_width_half_maximum(half, levels.noise.kernel.variance_px2()),
             intensity: raw_at(sections, &centres.position_px),
             brightest_raw: brightest_raw(sections),
-            shape: Shape::of(sections, &brightest, &half, levels),
+            shape: Shape::of(sections, &edges, levels),
         }
     }
 
@@ -142,7 +143,7 @@ pub(super) struct Assembler<'a> {
     /// Positions across the stripe: rows of the region for a horizontal stripe.
     length_across: u32,
     /// The cross-section pushed last.
-    previous: Option<LineCandidate>,
+    previous: Option<Place>,
 }
 
 impl<'a> Assembler<'a> {
@@ -162,24 +163,28 @@ impl<'a> Assembler<'a> {
 
     /// Adds the points of these candidates.
     pub(super) fn push(&mut self, found: &[LineCandidate], points: &Points, levels: &Levels<'_>) {
-        let mut across_px = [0.0; LANES];
+        let (mut across_px, mut along_px, mut flags) = ([0.0; LANES], [0.0; LANES], [0; LANES]);
         for (lane, found) in found.iter().enumerate() {
-            let mut flags = 0;
-            if points.brightest_raw[lane] >= levels.full_scale as f32 {
-                flags |= flag::SATURATED;
-            }
-            if levels.is_low(found.candidate.peak, points.intensity[lane]) {
-                flags |= flag::LOW_CONTRAST;
-            }
-            self.join(found, flags);
+            let is_saturated = points.brightest_raw[lane] >= levels.full_scale as f32;
+            let is_low = levels.is_low(found.candidate.peak, points.intensity[lane]);
+            flags[lane] = (u8::from(is_saturated) * flag::SATURATED)
+                | (u8::from(is_low) * flag::LOW_CONTRAST)
+                | self.flags_of(&found.candidate);
+            along_px[lane] = self.along_px(found.line);
             let position_px = points.centres.position_px[lane].into();
             across_px[lane] = self.across_px(points.first[lane], position_px);
         }
+        let at = self.centerline.flags.len();
+        for (lane, found) in found.iter().enumerate() {
+            self.join(at + lane, found);
+        }
         let count = found.len();
-        self.across().extend_from_slice(&across_px[..count]);
-        self.centerline.width_px.extend_from_slice(&points.width_px[..count]);
-        self.centerline.intensity.extend_from_slice(&points.intensity[..count]);
-        self.centerline.sigma_px.extend_from_slice(&points.centres.sigma_px[..count]);
+        append(self.along(), &along_px, count);
+        append(self.across(), &across_px, count);
+        append(&mut self.centerline.flags, &flags, count);
+        append(&mut self.centerline.width_px, &points.width_px, count);
+        append(&mut self.centerline.intensity, &points.intensity, count);
+        append(&mut self.centerline.sigma_px, &points.centres.sigma_px, count);
         self.shapes.push(&points.shape, count);
     }
 
@@ -187,7 +192,11 @@ impl<'a> Assembler<'a> {
     /// true centre may be anywhere in it.
     pub(super) fn push_broad(&mut self, found: &LineCandidate, broad: &Broad, levels: &Levels<'_>) {
         let is_saturated = broad.brightest_raw >= levels.full_scale;
-        self.join(found, flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 });
+        let flags = flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 };
+        self.join(self.centerline.flags.len(), found);
+        self.centerline.flags.push(flags | self.flags_of(&found.candidate));
+        let along_px = self.along_px(found.line);
+        self.along().push(along_px);
         let across_px = self.across_px(found.candidate.first, broad.position_px);
         self.across().push(across_px);
         self.shapes.push_broad();
@@ -198,28 +207,42 @@ impl<'a> Assembler<'a> {
         self.centerline.sigma_px.push(sigma_px as f32);
     }
 
-    /// Adds the line and the flags of a point: the given flags and those from its candidate.
+    /// Starts a stripe at the point of that index if its candidate does not continue the one before.
     #[inline(always)]
-    fn join(&mut self, found: &LineCandidate, mut flags: u8) {
-        let LineCandidate { line, candidate } = *found;
-        if !self.previous.is_some_and(|previous| continues(&previous, found)) {
-            self.centerline.stripe_start.push(self.centerline.flags.len() as u32);
+    fn join(&mut self, at: usize, found: &LineCandidate) {
+        let LineCandidate { line, candidate: Candidate { first, last, .. } } = *found;
+        let next = Place { line, first, last };
+        if !self.previous.is_some_and(|previous| previous.continues_in(&next)) {
+            self.centerline.stripe_start.push(at as u32);
         }
-        self.previous = Some(*found);
-        if candidate.count > 1 {
-            flags |= flag::MULTIPLE_PEAKS;
-        }
-        if candidate.first == 0 || candidate.last + 1 == self.length_across {
-            flags |= flag::CLIPPED;
-        }
-        self.centerline.flags.push(flags);
+        self.previous = Some(next);
+    }
+
+    /// Returns the flags that follow from a candidate's place.
+    #[inline(always)]
+    fn flags_of(&self, candidate: &Candidate) -> u8 {
+        let is_one_of_several = candidate.count > 1;
+        let is_clipped = (candidate.first == 0) | (candidate.last + 1 == self.length_across);
+        (u8::from(is_one_of_several) * flag::MULTIPLE_PEAKS)
+            | (u8::from(is_clipped) * flag::CLIPPED)
+    }
+
+    /// Returns the position of a line in the image, pixels.
+    #[inline(always)]
+    const fn along_px(&self, line: u32) -> f32 {
+        let offset = match self.direction {
+            StripeDirection::Horizontal => self.offset.column,
+            StripeDirection::Vertical => self.offset.row,
+        };
+        (offset as u32 + line) as f32
+    }
+
+    /// Returns the array that holds the lines' positions.
+    #[inline(always)]
+    const fn along(&mut self) -> &mut Vec<f32> {
         match self.direction {
-            StripeDirection::Horizontal => {
-                self.centerline.u_px.push((self.offset.column as u32 + line) as f32);
-            }
-            StripeDirection::Vertical => {
-                self.centerline.v_px.push((self.offset.row as u32 + line) as f32);
-            }
+            StripeDirection::Horizontal => &mut self.centerline.u_px,
+            StripeDirection::Vertical => &mut self.centerline.v_px,
         }
     }
 
@@ -243,10 +266,19 @@ impl<'a> Assembler<'a> {
     }
 }
 
-/// True if a candidate touches that of the line before, corners included.
-const fn continues(previous: &LineCandidate, next: &LineCandidate) -> bool {
-    let (above, below): (&Candidate, &Candidate) = (&previous.candidate, &next.candidate);
-    previous.line + 1 == next.line && below.first <= above.last + 1 && above.first <= below.last + 1
+/// The samples of a candidate in the searched region.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    line: u32,
+    first: u32,
+    last: u32,
+}
+
+impl Place {
+    /// True if `next` lies in the next line and touches this one, corners included.
+    const fn continues_in(&self, next: &Self) -> bool {
+        (self.line + 1 == next.line) & (next.first <= self.last + 1) & (self.first <= next.last + 1)
+    }
 }
 
 #[cfg(test)]
