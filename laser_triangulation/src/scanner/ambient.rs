@@ -2,8 +2,8 @@
 
 use super::{
     channel::{Decoder, SearchedRegion},
-    image::{Image, OwnedImage},
-    params::{Background, Params},
+    image::{Image, OwnedImage, PixelFormat},
+    params::{Background, Channel, Params},
     stripe::Extractor,
 };
 use thiserror::Error;
@@ -13,7 +13,7 @@ use thiserror::Error;
 pub(super) struct Ambient {
     image: Option<OwnedImage>,
     decoder: Decoder,
-    prepared: Option<(SearchedRegion, u32)>,
+    prepared: Option<(SearchedRegion, u32, Channel)>,
 }
 
 /// Reasons why the stored frame does not fit the image.
@@ -59,7 +59,14 @@ impl Ambient {
         self.prepared = None;
     }
 
+    /// True if the stored frame is one channel of grey levels, which `laser_profiler ambient` makes of colour images, too.
+    pub(super) fn is_gray(&self) -> bool {
+        let format = self.image.as_ref().map(|image| image.view().format());
+        matches!(format, Some(PixelFormat::Mono8 | PixelFormat::Mono16(_)))
+    }
+
     /// Passes the searched part of the stored frame to the extractor, once, if the parameters subtract a reference.
+    /// `params.channel` is the channel that is measured.
     ///
     /// # Errors
     /// There is no stored frame, or it does not fit the image.
@@ -84,9 +91,10 @@ impl Ambient {
         if max_level != ambient_max_level {
             return Err(AmbientError::Depth { max_level, ambient_max_level });
         }
-        if self.prepared != Some((*searched, max_level)) {
+        let wanted = (*searched, max_level, params.channel);
+        if self.prepared != Some(wanted) {
             extractor.set_ambient(&self.decoder.decode(&ambient, params.channel, searched));
-            self.prepared = Some((*searched, max_level));
+            self.prepared = Some(wanted);
         }
         Ok(())
     }

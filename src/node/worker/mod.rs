@@ -337,7 +337,9 @@ impl Worker {
         }
         let last_rejection = self.ledger.take_last_rejection();
         notes.extend(self.standing.note(interval));
-        let state = State { counts: *self.ledger.counts(), interval, load, notes, last_rejection };
+        let counts = *self.ledger.counts();
+        let channel = self.ledger.channel();
+        let state = State { counts, interval, load, notes, last_rejection, channel };
         let status = self.reporter.stream_status(stamp_ns, &state);
         out.publish(Output::StreamStatus, now_ns, &status)?;
         let diagnostics = self.reporter.diagnostics(stamp_ns, &state);

@@ -125,6 +125,12 @@ impl Centerline {
         self.u_px.is_empty()
     }
 
+    /// Returns the number of points that carry any of these bits of [`flag`].
+    #[must_use]
+    pub fn num_flagged(&self, bits: u8) -> usize {
+        self.flags.iter().filter(|flags| *flags & bits != 0).count()
+    }
+
     /// Copies `other`, reusing the memory.
     pub(super) fn copy_from(&mut self, other: &Self) {
         self.u_px.clone_from(&other.u_px);
