@@ -161,8 +161,8 @@ fn deep_colours_have_the_channels_of_shallow_ones() {
                 (Channel::Auto, blue),
                 (Channel::BlueExcess, blue - green),
                 (Channel::RedExcess, 0),
-                // 0.299 * 1000 + 0.587 * 2000 + 0.114 * 3000 = 1815
-                (Channel::Gray, 1812),
+                // 0.299 * 1000 + 0.587 * 2000 + 0.114 * 3000 = 1815; the weights are rounded to 1/256.
+                (Channel::Gray, 1813),
             ] {
                 let mut decoder = Decoder::default();
                 let AnyPlane::Sixteen(plane) = decoder.decode(&image, channel, &region) else {

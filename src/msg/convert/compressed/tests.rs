@@ -117,11 +117,11 @@ fn damaged_and_unknown_files_are_rejected() {
     let rejected = |format: &str, data: &[u8]| {
         image(&message(format, data), LIMIT, &mut Vec::new()).unwrap_err()
     };
-    for length in 0..jpeg.len() {
+    for length in 2..jpeg.len() {
         let error = rejected("jpeg", &jpeg[..length]);
         assert!(matches!(error, FrameRejected::Truncated { .. }), "{length}: {error}");
     }
-    for length in 0..png.len() - 16 {
+    for length in 8..png.len() - 16 {
         let error = rejected("png", &png[..length]);
         assert!(
             matches!(error, FrameRejected::Codec { codec: Codec::Png, .. }),
@@ -129,7 +129,9 @@ fn damaged_and_unknown_files_are_rejected() {
         );
     }
     assert!(matches!(rejected("jpeg", b"\xff\xd8\xff\xd9"), FrameRejected::Codec { .. }));
-    assert!(matches!(rejected("jpeg", &[0xff, 0xd9]), FrameRejected::Format(_)));
+    for too_short in [&jpeg[..1], &png[..7], &[0xff, 0xd9]] {
+        assert!(matches!(rejected("jpeg", too_short), FrameRejected::Format(_)));
+    }
     let depth = [&[0; 12], &png[..]].concat();
     assert!(matches!(rejected("16UC1; compressedDepth png", &depth), FrameRejected::Format(_)));
 }
