@@ -10,6 +10,7 @@ use sha2::{Digest, Sha256};
 
 use super::error::Fault;
 use super::format::{PREFIX_BYTES, Source, u64_at};
+use super::images::{self, ImageInfo};
 use super::layout::{Layout, PartKind};
 use super::record::OWN_RECORD;
 use super::recover::DamagedRange;
@@ -93,6 +94,8 @@ pub(crate) struct TopicInfo {
     pub(crate) skipped: Option<u64>,
     /// Size of all messages, bytes; `None` unless verified.
     pub(crate) bytes: Option<u64>,
+    /// The images; `None` if the topic has none that can be decoded.
+    pub(crate) image: Option<ImageInfo>,
 }
 
 /// An attachment of the recording.
@@ -123,7 +126,7 @@ pub(crate) fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<Bag
     let bounds = statistics.values().filter_map(|topic| topic.bounds_ns);
     let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
     let topics: Vec<_> =
-        bag.topics().iter().map(|topic| topic_info(topic, &statistics, read)).collect();
+        bag.topics().iter().map(|topic| topic_info(bag, topic, &statistics, read)).collect();
     let mut files = Vec::new();
     for (path, layout) in bag.layouts() {
         files.push(file_info(path, layout)?);
@@ -244,7 +247,7 @@ fn message_index(
     Ok(times)
 }
 
-fn topic_info(topic: &Topic, statistics: &ByTopic, read: Depth) -> TopicInfo {
+fn topic_info(bag: &BagReader, topic: &Topic, statistics: &ByTopic, read: Depth) -> TopicInfo {
     let found = statistics.get(topic).copied().unwrap_or_default();
     TopicInfo {
         name: topic.name.clone(),
@@ -257,6 +260,7 @@ fn topic_info(topic: &Topic, statistics: &ByTopic, read: Depth) -> TopicInfo {
         largest_gap_at_ns: found.largest_gap_ns.map(|(_, at_ns)| at_ns),
         skipped: (read == Depth::Messages).then_some(found.num_skipped),
         bytes: (read == Depth::Messages).then_some(found.bytes),
+        image: images::describe(bag, topic, &found),
     }
 }
 

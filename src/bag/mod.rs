@@ -24,6 +24,7 @@ pub(crate) mod record;
 pub(crate) mod split;
 pub(crate) mod recover;
 pub(crate) mod statistics;
+pub(crate) mod images;
 pub(crate) mod info;
 pub(crate) mod player;
 

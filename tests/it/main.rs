@@ -41,6 +41,7 @@ mod determinism;
 mod memory;
 mod bad_bags;
 mod bad_images;
+mod encodings;
 mod bad_output;
 mod interop;
 mod browser;

@@ -32,6 +32,7 @@ use super::{
     results::Results,
     sink::Purpose,
     source::Input,
+    static_tf::RecordedTf,
     statistics::{Counts, StageTimes},
     status::{Interval, Load, Reporter, Schedule, State},
     topics::Output,
@@ -120,6 +121,13 @@ impl Worker {
     ) -> Self {
         self.measurer.positions = positions;
         Self { position_topics: topics, ..self }
+    }
+
+    /// Writes the pose of the laser plane with the results, on the topic after the published ones.
+    #[must_use]
+    pub(crate) fn with_static_tf(mut self, static_tf: Option<RecordedTf>) -> Self {
+        self.measurer.results.set_static_tf(static_tf);
+        self
     }
 
     /// Adds a queue of messages about the axis.
