@@ -91,6 +91,10 @@ pub(super) fn find(path: &Path) -> Result<Found, BagError> {
 
 /// A path that is no directory.
 fn bare(path: &Path) -> Result<Found, BagError> {
+    if !path.is_file() {
+        let why = "it is a pipe or a device, and reading needs random access; store it in a file";
+        return Err(BagError::NotMcap { path: path.into(), why: why.into() });
+    }
     let kind = Kind::of(path).map_err(|source| BagError::Io { path: path.into(), source })?;
     if !kind.is_readable() {
         let why = kind.refusal() + &convert::advice(path, kind.content);

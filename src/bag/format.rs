@@ -111,6 +111,16 @@ impl Source {
         }
     }
 
+    /// True if the file ends in the prefix of the record at `offset` and `is_wanted` accepts its opcode.
+    pub(super) fn ends_in_prefix_of(
+        &mut self,
+        offset: u64,
+        is_wanted: fn(u8) -> bool,
+    ) -> Result<bool, BagError> {
+        let [opcode] = self.read_padded::<1>(offset)?;
+        Ok(self.len_bytes - offset < PREFIX_BYTES && is_wanted(opcode))
+    }
+
     /// Reads the body of a record other than a chunk.
     pub(super) fn body(&mut self, span: &RecordSpan) -> Result<Vec<u8>, BagError> {
         let body_bytes = span.end - span.offset - PREFIX_BYTES;

@@ -106,7 +106,7 @@ impl Scan<'_> {
         }
         if let Err(BagError::Damaged { what, .. }) = self.source.check_length(&span, 0) {
             if is_content(span.opcode) && span.end - offset <= self.source.limit_bytes {
-                // This record is cut off by the end of the file, so the length of the one before was right.
+                // The end of the file cuts this record off, so the length of the one before was right.
                 self.suspect = None;
             }
             return self.resume_behind(offset, what);
@@ -124,6 +124,9 @@ impl Scan<'_> {
     /// Continues after a malformed record: inside a chunk whose header was never filled in, else behind it.
     fn malformed(&mut self, offset: u64, what: String) -> Result<Option<u64>, BagError> {
         let Some(content) = self.source.open_chunk_at(offset)? else {
+            if self.source.ends_in_prefix_of(offset, is_content)? {
+                self.suspect = None;
+            }
             return self.resume_behind(offset, what);
         };
         let path = self.source.path.display();

@@ -104,7 +104,8 @@ fn a_truncated_file_keeps_its_complete_messages() {
         let bag = split_bag(directory.path());
         let path = bag.join(format!("bag_{hit}.mcap"));
         let whole = fs::read(&path).unwrap();
-        fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+        let chunks = super::damage::outer_records(&whole, mcap::records::op::CHUNK);
+        fs::write(&path, &whole[..chunks[3] + 70]).unwrap();
         let (messages, errors) = read(&bag);
         assert_eq!(errors.len(), 1, "{errors:?}");
         let (first, last) = (hit * PER_FILE, (hit + 1) * PER_FILE);
