@@ -10,13 +10,13 @@ pub(super) struct Inflater {
     context: Option<zstd::zstd_safe::DCtx<'static>>,
     limit_bytes: u64,
     /// True if the recording states that every message is compressed.
-    is_stated: bool,
+    pub(super) is_stated: bool,
 }
 
 impl Inflater {
     /// Decompresses messages of up to `limit_bytes`.
-    pub(super) const fn new(limit_bytes: u64, is_stated: bool) -> Self {
-        Self { context: None, limit_bytes, is_stated }
+    pub(super) const fn new(limit_bytes: u64) -> Self {
+        Self { context: None, limit_bytes, is_stated: false }
     }
 
     /// Decompresses a message in place if it is compressed; `spare` is where its old buffer goes.

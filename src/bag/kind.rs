@@ -19,7 +19,7 @@ const START_BYTES: u64 = 16;
 pub(super) enum Content {
     /// An MCAP recording.
     Mcap,
-    /// SQLite, the storage of rosbag2 before MCAP.
+    /// `SQLite`, the storage of rosbag2 before MCAP.
     Sqlite,
     /// A ROS 1 recording.
     Ros1,

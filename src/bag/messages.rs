@@ -121,10 +121,12 @@ impl FileMessages {
                 });
             may_have && !is_past
         };
+        let mut inflater = Inflater::new(source.limit_bytes);
+        inflater.is_stated = layout.has_packed_messages;
         Self {
             plain: PlainReader::default(),
             decoder: ChunkDecoder::new(source.limit_bytes),
-            inflater: Inflater::new(source.limit_bytes, layout.has_packed_messages),
+            inflater,
             source,
             channels: layout.channels.clone(),
             parts: layout.parts.iter().filter(takes_any).cloned().collect(),

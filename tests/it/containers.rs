@@ -21,6 +21,8 @@ use crate::{
     recordings::{bundled, centerline_stamps, image, real, stamp_ns, topic},
 };
 
+type Change = fn(&Path);
+
 const NUM_FILES: usize = 3;
 const PER_FILE: usize = 5;
 
@@ -91,7 +93,7 @@ fn measured(bag: &Path, code: i32, named: &str) -> Vec<i64> {
 
 #[test]
 fn a_lost_file_costs_itself_only() {
-    let faults: [(&str, fn(&Path)); 3] = [
+    let faults: [(&str, Change); 3] = [
         ("the file is missing", |path| fs::remove_file(path).unwrap()),
         ("the file is empty", |path| fs::write(path, b"").unwrap()),
         ("not an MCAP file", |path| fs::write(path, "<!DOCTYPE html>".repeat(99)).unwrap()),
@@ -123,7 +125,7 @@ fn a_killed_recording_is_read_without_its_metadata() {
 #[test]
 fn renamed_and_moved_files_are_all_there() {
     let all = stamps(&[0, 1, 2]);
-    let changes: [(&str, fn(&Path)); 4] = [
+    let changes: [(&str, Change); 4] = [
         ("does not list", |bag| {
             for (from, to) in [("rec_0", "monday"), ("rec_1", "b"), ("rec_2", "a")] {
                 let path = |name: &str| bag.join(name.to_owned() + ".mcap");

@@ -8,7 +8,7 @@ fn bag(files: &[(&str, &str)]) -> tempfile::TempDir {
     for (name, content) in files {
         let finished = [mcap::MAGIC, mcap::MAGIC].concat();
         let bytes = if *content == "*" { finished } else { content.as_bytes().to_vec() };
-        let is_packed = name.ends_with(".zstd") && !bytes.is_empty();
+        let is_packed = name.contains(".zstd") && !bytes.is_empty();
         let bytes = if is_packed { zstd::encode_all(&bytes[..], 1).unwrap() } else { bytes };
         fs::write(directory.path().join(name), bytes).unwrap();
     }

@@ -10,6 +10,11 @@ use super::*;
 use crate::bag::info::{Depth, describe};
 use crate::bag::recover::{RecoverOptions, recover};
 
+/// A message in comparable form.
+type Essence = (String, Times, Vec<u8>);
+type Fault = fn(&Path);
+type Edit = fn(Vec<u8>) -> Vec<u8>;
+
 const NUM_FILES: usize = 3;
 const PER_FILE: usize = 12;
 
@@ -22,7 +27,7 @@ fn entries_of(file: usize) -> Vec<Entry> {
     small_entries().into_iter().map(shift).collect()
 }
 
-fn expected_of(files: &[usize]) -> Vec<(String, Times, Vec<u8>)> {
+fn expected_of(files: &[usize]) -> Vec<Essence> {
     files.iter().flat_map(|file| expected(&entries_of(*file))).collect()
 }
 
@@ -49,7 +54,7 @@ fn list(bag: &Path, files: &str, mode: &str) {
     fs::write(bag.join("metadata.yaml"), text).unwrap();
 }
 
-fn read(bag: &Path) -> (Vec<(String, Times, Vec<u8>)>, Vec<BagError>) {
+fn read(bag: &Path) -> (Vec<Essence>, Vec<BagError>) {
     let (messages, errors) = read_all(bag, &ReadOptions::default()).unwrap();
     (essence(&messages), errors)
 }
@@ -63,7 +68,7 @@ fn pack(path: &Path) -> Vec<u8> {
 
 #[test]
 fn a_missing_or_empty_or_foreign_file_costs_itself_only() {
-    let faults: [(&str, fn(&Path)); 4] = [
+    let faults: [(&str, Fault); 4] = [
         ("missing", |path| fs::remove_file(path).unwrap()),
         ("empty", |path| fs::write(path, b"").unwrap()),
         ("shorter", |path| fs::write(path, b"\x89MCA").unwrap()),
@@ -104,7 +109,7 @@ fn a_truncated_file_keeps_its_complete_messages() {
         let bag = split_bag(directory.path());
         let path = bag.join(format!("bag_{hit}.mcap"));
         let whole = fs::read(&path).unwrap();
-        let chunks = super::damage::outer_records(&whole, mcap::records::op::CHUNK);
+        let chunks = damage::outer_records(&whole, mcap::records::op::CHUNK);
         fs::write(&path, &whole[..chunks[3] + 70]).unwrap();
         let (messages, errors) = read(&bag);
         assert_eq!(errors.len(), 1, "{errors:?}");
@@ -248,7 +253,7 @@ fn messages_compressed_one_by_one_are_read_and_recovered() {
 
 #[test]
 fn a_damaged_compressed_message_costs_itself_only() {
-    let edits: [(&str, fn(Vec<u8>) -> Vec<u8>); 3] = [
+    let edits: [(&str, Edit); 3] = [
         ("cut off", |packed| packed[..packed.len() - 3].to_vec()),
         ("a flipped block", |mut packed| {
             packed[5..9].fill(0xff);
