@@ -97,7 +97,12 @@ fn bare(path: &Path) -> Result<Found, BagError> {
     }
     let kind = Kind::of(path).map_err(|source| BagError::Io { path: path.into(), source })?;
     if !kind.is_readable() {
-        let why = kind.refusal() + &convert::advice(path, kind.content);
+        let why = if kind.is_packed {
+            // Other programs do not read them compressed.
+            format!("{}; unpack it with unzstd first", kind.refusal())
+        } else {
+            kind.refusal() + &convert::advice(path, kind.content)
+        };
         return Err(BagError::NotMcap { path: path.into(), why });
     }
     let file = FoundFile { path: path.into(), lost: None, state: State::Listed };

@@ -14,9 +14,11 @@ from rosbags.typesys import Stores, get_typestore
 
 
 def images(bag):
-    with AnyReader([pathlib.Path(bag)], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-        for connection, time, data in reader.messages():
-            yield time, reader.deserialize(data, connection.msgtype)
+    for path in sorted(pathlib.Path(bag).glob("*.mcap")):
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            for connection, time, data in reader.messages():
+                if connection.msgtype == "sensor_msgs/msg/Image":
+                    yield time, reader.deserialize(data, connection.msgtype)
 
 
 def ros1(found, path):

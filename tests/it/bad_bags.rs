@@ -69,13 +69,13 @@ fn the_image_topic_must_be_clear() {
         ["/left/image_raw", "/right/image_raw"].map(|name| topic(name, Image::TYPE));
     let two = bag("two", &[left.clone(), right]);
     let none = bag("none", &[joints]);
-    let ros1 = bag("ros1", &[Topic { message_encoding: "ros1".into(), ..left }]);
+    let json = bag("json", &[Topic { message_encoding: "json".into(), ..left }]);
     let remap = ["--ros-args", "-r", "image_raw:=/middle/image_raw"];
     for (input, arguments, code, reported) in [
         (&two, &[] as &[&str], 2, ["image_raw:=/left/image_raw", "image_raw:=/right/image_raw"]),
         (&two, &remap, 2, ["/middle/image_raw", "/left/image_raw (sensor_msgs/msg/Image)"]),
         (&none, &[], 1, ["holds no images", "/joint_states (sensor_msgs/msg/JointState)"]),
-        (&ros1, &[], 1, ["/left/image_raw", "\"ros1\""]),
+        (&json, &[], 1, ["/left/image_raw", "\"json\""]),
     ] {
         let output = directory.path().join("out").display().to_string();
         let mut command = laser_profiler(&["replay", input, "-o", &output]);

@@ -198,7 +198,7 @@ fn recordings_of_other_kinds_are_named_with_the_command_that_converts_them() {
         ("sqlite", &["rosbags-convert --src", "ros2 bag convert -i", "storage_id: mcap"][..]),
         ("renamed.mcap", &["SQLite", "rosbags-convert --src"]),
         ("scan.bag", &["ROS 1", "rosbags-convert --src", "scan_mcap --dst-storage mcap"]),
-        ("a.db3.zstd", &["SQLite"]),
+        ("a.db3.zstd", &["SQLite", "unzstd"]),
         ("a.mcap.gz", &["gunzip"]),
     ] {
         let output = path("out").display().to_string();
