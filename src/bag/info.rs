@@ -1,6 +1,6 @@
 //! Describes the contents of a bag, for users and scripts.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,6 +15,7 @@ use super::layout::{Layout, PartKind};
 use super::record::OWN_RECORD;
 use super::recover::DamagedRange;
 use super::statistics::Statistics;
+use super::unpack::size_bytes;
 use super::{BagError, BagReader, Filter, Topic};
 
 /// Part of a bag that is read to describe it.
@@ -66,7 +67,7 @@ pub(crate) struct FileInfo {
     pub(crate) bytes: u64,
     /// True if the file has a valid index.
     pub(crate) indexed: bool,
-    /// Compressions of the chunks: `none`, `lz4`, `zstd`.
+    /// Compressions of the chunks, `none`, `lz4`, `zstd`; beyond that `zstd messages` and `zstd file`.
     pub(crate) compression: Vec<String>,
 }
 
@@ -127,10 +128,7 @@ pub(crate) fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<Bag
     let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
     let topics: Vec<_> =
         bag.topics().iter().map(|topic| topic_info(bag, topic, &statistics, read)).collect();
-    let mut files = Vec::new();
-    for (path, layout) in bag.layouts() {
-        files.push(file_info(path, layout)?);
-    }
+    let files: Vec<_> = bag.layouts().map(|(path, layout)| file_info(path, layout)).collect();
     let attachments = attachments(bag, &mut problems)?;
     let metadata = metadata(bag, &mut problems)?;
     Ok(BagInfo {
@@ -190,7 +188,10 @@ fn by_reading(bag: &BagReader, problems: &mut Problems) -> Result<ByTopic, BagEr
 fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
     let mut statistics = ByTopic::new();
     for (path, layout) in bag.layouts() {
-        let mut source = Source::open(path, bag.options().record_limit_bytes)?;
+        if layout.lost.is_some() {
+            return Ok(None);
+        }
+        let mut source = bag.open_file(path)?;
         let mut counts = BTreeMap::<u16, u64>::new();
         for part in &layout.parts {
             if !layout.is_indexed || !matches!(part.kind, PartKind::Chunk) {
@@ -264,26 +265,33 @@ fn topic_info(bag: &BagReader, topic: &Topic, statistics: &ByTopic, read: Depth)
     }
 }
 
-fn file_info(path: &Path, layout: &Layout) -> Result<FileInfo, BagError> {
-    let bytes =
-        std::fs::metadata(path).map_err(|source| BagError::Io { path: path.into(), source })?.len();
+fn file_info(path: &Path, layout: &Layout) -> FileInfo {
+    let bytes = size_bytes(path);
     let name = |compression: &String| {
         if compression.is_empty() { "none".into() } else { compression.clone() }
     };
-    let compression = layout.compressions.iter().map(name).collect();
-    Ok(FileInfo { path: path.into(), bytes, indexed: layout.is_indexed, compression })
+    let mut compression: Vec<_> = layout.compressions.iter().map(name).collect();
+    compression.extend(layout.has_packed_messages.then(|| "zstd messages".into()));
+    compression.extend(layout.is_packed.then(|| "zstd file".into()));
+    FileInfo { path: path.into(), bytes, indexed: layout.is_indexed, compression }
 }
 
 fn attachments(bag: &BagReader, problems: &mut Problems) -> Result<Vec<AttachmentInfo>, BagError> {
-    let mut infos = Vec::new();
+    let (mut infos, mut seen) = (Vec::new(), BTreeSet::new());
     for attachment in bag.attachments() {
         match attachment {
-            Ok(attachment) => infos.push(AttachmentInfo {
-                sha256: hexadecimal(&Sha256::digest(&attachment.data)),
-                bytes: attachment.data.len() as u64,
-                name: attachment.name,
-                media_type: attachment.media_type,
-            }),
+            Ok(attachment) => {
+                let info = AttachmentInfo {
+                    sha256: hexadecimal(&Sha256::digest(&attachment.data)),
+                    bytes: attachment.data.len() as u64,
+                    name: attachment.name,
+                    media_type: attachment.media_type,
+                };
+                // The files of a split bag repeat it.
+                if seen.insert((info.name.clone(), info.sha256.clone())) {
+                    infos.push(info);
+                }
+            }
             Err(error) => problems.add(error)?,
         }
     }

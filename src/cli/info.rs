@@ -18,7 +18,7 @@ use crate::report::date::date;
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub(crate) struct InfoArgs {
-    /// A rosbag2 directory or an .mcap file.
+    /// A rosbag2 directory, or an .mcap or .mcap.zstd file.
     pub(crate) bag: PathBuf,
     /// One JSON object on standard output (see below).
     #[arg(long)]
@@ -35,7 +35,7 @@ Examples:
 
 --json prints one object:
   path, bytes, start_ns, end_ns (null without messages), duration_s, messages, verified (true if every message was read)
-  files:       [{path, bytes, indexed, compression: [\"none\"|\"lz4\"|\"zstd\"]}]
+  files:       [{path, bytes, indexed, compression: [\"none\"|\"lz4\"|\"zstd\" (chunks), \"zstd messages\", \"zstd file\"]}]
   topics:      [{name, type, encoding, type_hash, messages, rate_hz, largest_gap_s, largest_gap_at_ns,
                 skipped (by the writer's counter), bytes,
                 image: {encoding, width, height, stamp_rate_hz, problem}}]; rate and gap null when there are too few
@@ -43,7 +43,8 @@ Examples:
                 message; stamp_rate_hz is null if the stamps do not advance, problem says why it cannot be measured
   attachments: [{name, media_type, bytes, sha256}]
   metadata:    {record: {key: text}}; `laser_profiler` holds version, parameters, parameters_sha256
-  damaged:     [{file, offset, end, what}]; offsets in bytes from the start of the file
+  damaged:     [{file, offset, end, what}]; offsets in bytes from the start of the file, decompressed; both 0 for a
+               missing file
   notes:       [text]";
 
 /// Prints the description on `out`.
@@ -108,14 +109,7 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
         }
     }
     for range in &info.damaged {
-        writeln!(
-            out,
-            "Damaged     {}: bytes {} to {}: {}",
-            range.file.display(),
-            range.offset,
-            range.end,
-            range.what
-        )?;
+        writeln!(out, "Damaged     {range}")?;
     }
     for note in &info.notes {
         writeln!(out, "Note        {note}")?;

@@ -40,6 +40,7 @@ mod coverage;
 mod determinism;
 mod memory;
 mod bad_bags;
+mod containers;
 mod bad_images;
 mod encodings;
 mod bad_output;

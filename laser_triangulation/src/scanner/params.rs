@@ -21,7 +21,8 @@ const _: () = assert!(MAX_SIDE_PX == 65_535);
 named_enum! {
     /// Grey level of a colour pixel.
     Channel {
-        /// The largest of the three channels of colour and Bayer images; grey images unchanged.
+        /// Of colour and Bayer images, the channel that shows the line least clipped, chosen once for a scan; outside a
+        /// pipeline, the largest of the three colours. Grey images unchanged.
         Auto = "auto",
         /// Luma of ITU-R BT.601: 0.299 R + 0.587 G + 0.114 B.
         Gray = "gray",
@@ -239,9 +240,11 @@ parameter_group! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Params {
         /// Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing; grey images and the luma of YUV
-        /// images are used unchanged, and have no single colours. auto, max: the largest of the three colours; gray: luma of BT.601; red, green, blue: best
-        /// contrast if it is the laser's colour; red_excess, green_excess, blue_excess: that colour minus the larger of
-        /// the other two, which removes white light.
+        /// images are used unchanged, and have no single colours. auto: of red, green, blue and gray the one that clips
+        /// the line least, chosen in the first frame that shows it and held for the scan; max: the largest of the three
+        /// colours; gray: luma of BT.601; red, green, blue: best contrast if it is the laser's colour and not saturated;
+        /// red_excess, green_excess, blue_excess: that colour minus the larger of the other two, which removes white
+        /// light, but also the core of a saturated line.
         channel: Channel = Channel::Auto => ["channel"],
         /// Direction of the stripe in the image. horizontal: one point per column; vertical: one point per row.
         stripe_direction: StripeDirection = StripeDirection::Horizontal => ["stripe_direction"],

@@ -47,6 +47,7 @@ mod select;
 mod shape;
 mod texture;
 mod measure;
+mod assemble;
 pub(crate) mod correlation;
 mod smooth;
 mod vectors;
@@ -123,6 +124,12 @@ impl Centerline {
     /// True if no stripe was found.
     pub fn is_empty(&self) -> bool {
         self.u_px.is_empty()
+    }
+
+    /// Returns the number of points that carry any of these bits of [`flag`].
+    #[must_use]
+    pub fn num_flagged(&self, bits: u8) -> usize {
+        self.flags.iter().filter(|flags| *flags & bits != 0).count()
     }
 
     /// Copies `other`, reusing the memory.
