@@ -17,6 +17,7 @@ mod fields;
 mod type_name;
 mod ros1;
 mod foxglove_image;
+mod foxglove_ros;
 mod rewrite;
 mod channels;
 mod chunk;

@@ -1,6 +1,6 @@
 //! Topics whose messages are rewritten as messages of ROS 2.
 
-use super::{Topic, foxglove_image, ros1};
+use super::{Topic, foxglove_image, foxglove_ros, ros1};
 use crate::msg::{qos::QosProfile, schema::MessageType};
 
 /// How the messages of a topic are rewritten.
@@ -10,6 +10,8 @@ pub(super) enum Rewrite {
     Ros1(ros1::Fields),
     /// From Foxglove's Protobuf.
     Foxglove(foxglove_image::Kind),
+    /// From Foxglove's types in ROS 2.
+    FoxgloveRos(foxglove_image::Kind),
 }
 
 impl Rewrite {
@@ -24,6 +26,10 @@ impl Rewrite {
             foxglove_image::ENCODING => {
                 let kind = foxglove_image::Kind::of(&topic.type_name)?;
                 (kind.becomes(), Self::Foxglove(kind))
+            }
+            foxglove_ros::ENCODING => {
+                let kind = foxglove_ros::kind_of(&topic.type_name)?;
+                (kind.becomes(), Self::FoxgloveRos(kind))
             }
             _ => return None,
         };
@@ -40,6 +46,7 @@ impl Rewrite {
         match self {
             Self::Ros1(fields) => ros1::to_cdr(message, fields, out),
             Self::Foxglove(kind) => kind.to_cdr(message, out),
+            Self::FoxgloveRos(kind) => foxglove_ros::to_cdr(kind, message, out),
         }
     }
 }
