@@ -24,6 +24,7 @@ pub mod scan;
 pub mod height_map;
 pub mod params;
 pub mod pipeline;
+pub mod suggestion;
 pub mod uuid;
 
 pub use axis::{Axis, AxisKind, AxisTravel, RawPosition};

@@ -8,8 +8,9 @@ mod reason;
 mod trial;
 
 pub use reason::{Diagnosis, REASONS, Reason};
+use trial::Levels;
 pub(super) use trial::stripe_share;
-use trial::{Found, Levels, Trials};
+pub(super) use trial::{Found, Trials};
 
 use super::{
     image::Image,

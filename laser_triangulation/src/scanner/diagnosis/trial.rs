@@ -7,6 +7,7 @@ use super::super::{
     params::{Params, StripeDirection},
     stripe::{Centerline, Extractor, flag},
 };
+use crate::statistics::{median, quantile};
 
 /// Shorter unbroken pieces are specks.
 const SHORTEST_PIECE: usize = 12;
@@ -74,8 +75,14 @@ pub(crate) struct Found {
     pub(crate) points: usize,
     /// Share of the cross-sections in which such a point was found, 0 to 1.
     pub(crate) share: f64,
+    /// The same of points without a flag of doubt, those with one counted half.
+    pub(crate) sound: f64,
     /// Median grey level at the centres, in units of the image; 0 without points.
     pub(crate) level: f64,
+    /// Median full width at half maximum, pixels; 0 or NaN without points.
+    pub(crate) width_px: f64,
+    /// Smallest and largest position across the line of the middle 98 % of the points, pixels.
+    pub(crate) range_px: Option<(f32, f32)>,
 }
 
 impl<'a> Trials<'a> {
@@ -95,8 +102,20 @@ impl<'a> Trials<'a> {
         extractor.extract_plane(&plane, offset, full_scale, &mut self.centerline);
         let points = points_of_lines(&self.centerline, params);
         let share = stripe_share(&self.centerline, params, &searched);
-        let level = crate::statistics::median(&mut self.centerline.intensity).unwrap_or(0.0);
-        Found { points, share, level: f64::from(level) }
+        let Centerline { u_px, v_px, width_px, intensity, flags, .. } = &mut self.centerline;
+        let across = match params.stripe_direction {
+            StripeDirection::Horizontal => v_px,
+            StripeDirection::Vertical => u_px,
+        };
+        across.sort_unstable_by(f32::total_cmp);
+        let range_px = quantile(across, 0.01).zip(quantile(across, 0.99));
+        let doubt = flag::MULTIPLE_PEAKS | flag::MISFIT | flag::CLIPPED;
+        let doubted = flags.iter().filter(|flags| *flags & doubt != 0).count();
+        let sound = share * (1.0 - 0.5 * doubted as f64 / flags.len().max(1) as f64);
+        width_px.retain(|width_px| width_px.is_finite());
+        let of = |figures: &mut Vec<f32>| f64::from(median(figures).unwrap_or(0.0));
+        let (level, width_px) = (of(intensity), of(width_px));
+        Found { points, share, sound, level, width_px, range_px }
     }
 
     /// Measures the grey levels of the searched picture.
