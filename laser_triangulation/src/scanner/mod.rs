@@ -8,6 +8,7 @@ pub mod channel;
 pub mod auto_channel;
 pub(crate) mod ambient;
 pub mod coverage;
+pub mod diagnosis;
 pub mod stripe;
 pub mod exposure_pair;
 pub mod axis;
