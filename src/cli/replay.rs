@@ -44,7 +44,7 @@ The results are a rosbag2 directory with ~/centerline and ~/annotations for ever
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub(crate) struct ReplayArgs {
-    /// rosbag2 directories or .mcap files, replayed one after another.
+    /// rosbag2 directories, or .mcap or .mcap.zstd files, replayed one after another.
     #[arg(required = true, value_name = "BAG")]
     pub(crate) bags: Vec<PathBuf>,
     /// Directory of the results bag; with several cameras, the directory of their bags.

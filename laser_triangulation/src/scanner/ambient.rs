@@ -2,7 +2,7 @@
 
 use super::{
     channel::{Decoder, SearchedRegion},
-    image::{Image, OwnedImage, PixelFormat},
+    image::{Image, OwnedImage},
     params::{Background, Channel, Params},
     stripe::Extractor,
 };
@@ -61,8 +61,7 @@ impl Ambient {
 
     /// True if the stored frame is one channel of grey levels, which `laser_profiler ambient` makes of colour images, too.
     pub(super) fn is_gray(&self) -> bool {
-        let format = self.image.as_ref().map(|image| image.view().format());
-        matches!(format, Some(PixelFormat::Mono8 | PixelFormat::Mono16(_)))
+        self.image.as_ref().is_some_and(|image| !image.view().format().has_colors())
     }
 
     /// Passes the searched part of the stored frame to the extractor, once, if the parameters subtract a reference.

@@ -8,7 +8,7 @@
 
 use super::{
     channel::{AnyPlane, Decoder, Plane, SearchedRegion},
-    image::{Image, PixelFormat},
+    image::Image,
     params::{Channel, Params, StripeDirection, Threshold},
 };
 use crate::statistics::{MAD_TO_SIGMA, median, quantile};
@@ -101,7 +101,7 @@ impl AutoChannel {
         params: &Params,
         full_scale: u32,
     ) -> Channel {
-        if params.channel != Channel::Auto || !has_colours(image.format()) {
+        if params.channel != Channel::Auto || !image.format().has_colors() {
             return params.channel;
         }
         if self.choice.is_none() {
@@ -190,11 +190,6 @@ impl AutoChannel {
             sections.push(found);
         }
     }
-}
-
-/// True if the channels of the format differ.
-pub(super) const fn has_colours(format: PixelFormat) -> bool {
-    !matches!(format, PixelFormat::Mono8 | PixelFormat::Mono16(_))
 }
 
 /// Least contrast that the threshold requires, grey levels of the image; `unit` is one of an 8-bit scale.

@@ -5,7 +5,7 @@ use super::{
     auto_channel::{AutoChannel, ChannelChoice},
     axis::{Axis, AxisKind, AxisTravel},
     calibration::{Calibration, Lines},
-    channel::{Decoder, SearchedRegion},
+    channel::{Decoder, SearchedRegion, check_channel},
     coverage::share_above_threshold,
     diagnosis::{self, Diagnosis},
     exposure_pair::{ExposurePairing, ExposurePairs},
@@ -147,6 +147,7 @@ impl Pipeline {
         let Frame { stamp_ns, image } = *frame;
         let image_px = (image.width(), image.height());
         let full_scale = self.params.full_scale_of(image.format())?;
+        check_channel(self.params.channel, image.format())?;
         self.check_size(image_px)?;
         // Step 1: crop.
         let searched = SearchedRegion::new(self.params.roi, image.width(), image.height())?;

@@ -183,7 +183,7 @@ impl<'a> Search<'a> {
                 return Some(Diagnosis { reason: Reason::Region, turned });
             }
         }
-        if !super::auto_channel::has_colours(self.image.format()) {
+        if !self.image.format().has_colors() {
             return None;
         }
         for channel in [Channel::Green, Channel::Red, Channel::Blue] {
