@@ -4,7 +4,7 @@
 //! finds nearly as much of a line as the best one is suggested; its line states width, region and motion.
 
 use super::{
-    auto_channel::{self, AutoChannel},
+    auto_channel::AutoChannel,
     channel::SearchedRegion,
     diagnosis::{Diagnosis, Found, Trials, diagnose},
     image::{Image, OwnedImage},
@@ -171,7 +171,7 @@ fn fitted(params: &Params, found: &Found, image: &Image<'_>) -> Params {
 /// The channel that `auto` stands for in the first picture that shows a line; `auto` for grey pictures.
 fn channel(views: &[Image<'_>], params: &Params) -> Channel {
     let mut chosen = AutoChannel::default();
-    for view in views.iter().filter(|view| auto_channel::has_colours(view.format())) {
+    for view in views.iter().filter(|view| view.format().has_colors()) {
         let Ok(full_scale) = params.full_scale_of(view.format()) else { continue };
         chosen.channel(view, &SearchedRegion::whole(view), params, full_scale);
         if let Some(choice) = chosen.choice() {
@@ -179,7 +179,7 @@ fn channel(views: &[Image<'_>], params: &Params) -> Channel {
         }
     }
     match views.first() {
-        Some(view) if auto_channel::has_colours(view.format()) => Channel::Max,
+        Some(view) if view.format().has_colors() => Channel::Max,
         _ => Channel::Auto,
     }
 }
