@@ -31,6 +31,7 @@ pub(crate) mod export;
 pub(crate) mod report;
 pub(crate) mod compare;
 pub(crate) mod ambient;
+pub(crate) mod suggest;
 pub(crate) mod demo;
 
 use std::{ffi::OsString, io};
@@ -95,6 +96,7 @@ enum Verb {
     Export(export::ExportArgs),
     Report(report::ReportArgs),
     Compare(compare::CompareArgs),
+    Suggest(suggest::SuggestArgs),
     Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
@@ -126,6 +128,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Export(args) => export::run(&args, out),
         Verb::Report(args) => report::run(&args, out),
         Verb::Compare(args) => compare::run(&args, out),
+        Verb::Suggest(args) => suggest::run(&args, out),
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),

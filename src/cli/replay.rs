@@ -34,7 +34,9 @@ The results are a rosbag2 directory with ~/centerline and ~/annotations for ever
 
 --json prints one object:
   frames: {received, processed, rejected, dropped, lost}; received = processed + rejected + dropped,
-  points (of all centrelines), points_saturated (of them, with a sample at full scale), outside_calibrated_volume, slices,
+  points (of all centrelines), points_saturated (of them, with a sample at full scale), outside_calibrated_volume,
+  without_stripe: {frames, examined, reasons: [{reason, frames, text}]} (some of the frames are examined for the likely reason),
+  sigma_px: {noise, texture} (medians over the frames; null without points), slices,
   channel_auto (frames by the channel that `channel: auto` chose; missing for grey images), standing (profiles that lie where the one before lies; missing if there are none), seconds, frames_per_second,
   stages_ms: {decode, extract, triangulate, encode: each {p50, p99}}, output";
 

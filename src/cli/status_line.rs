@@ -151,6 +151,13 @@ fn text(report: &CameraReport, recorder_rate: f64) -> String {
     if standing > 0 {
         _ = write!(out, ", {standing} profiles without motion");
     }
+    let without = &report.reported.counts.no_stripe;
+    if without.frames > 0 {
+        _ = write!(out, ", {} without a stripe", without.frames);
+        if let Some((diagnosis, _)) = without.likely() {
+            _ = write!(out, " (likely: {diagnosis})");
+        }
+    }
     if report.is_recording {
         _ = write!(out, ", recording {}/s", BinaryBytes(recorder_rate as u64));
         if let Some(free_bytes) = report.free_bytes {

@@ -4,9 +4,12 @@ use std::{collections::BTreeMap, fmt::Write as _};
 
 use serde::Serialize;
 
-use crate::node::{
-    histogram::Histogram,
-    statistics::{Counts, Summary},
+use crate::{
+    node::{
+        histogram::Histogram,
+        statistics::{Counts, NoStripes, Summary},
+    },
+    scanner::diagnosis::Diagnosis,
 };
 
 fn frames_per_second(summary: &Summary) -> f64 {
@@ -21,6 +24,8 @@ pub(super) struct SummaryJson<'a> {
     points: u64,
     points_saturated: u64,
     outside_calibrated_volume: u64,
+    without_stripe: WithoutStripe,
+    sigma_px: Sigma,
     slices: u64,
     /// Frames by the channel that `channel: auto` stands for; `None` if it was not chosen.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -36,6 +41,44 @@ pub(super) struct SummaryJson<'a> {
     stages_ms: Stages,
     /// Path of the results bag; `None` if nothing was recorded.
     output: Option<&'a str>,
+}
+
+/// Frames without a stripe.
+#[derive(Serialize)]
+struct WithoutStripe {
+    frames: u64,
+    /// Number of those that were examined for the reason.
+    examined: u64,
+    reasons: Vec<LikelyReason>,
+}
+
+#[derive(Serialize)]
+struct LikelyReason {
+    reason: &'static str,
+    frames: u64,
+    text: String,
+}
+
+/// Medians over the frames, pixels; `None` without points.
+#[derive(Serialize)]
+struct Sigma {
+    noise: Option<f64>,
+    texture: Option<f64>,
+}
+
+impl WithoutStripe {
+    fn of(counted: &NoStripes) -> Self {
+        let reason = |(diagnosis, frames): (Diagnosis, u64)| LikelyReason {
+            reason: diagnosis.reason.name(),
+            frames,
+            text: diagnosis.to_string(),
+        };
+        Self {
+            frames: counted.frames,
+            examined: counted.num_examined(),
+            reasons: counted.reasons().into_iter().map(reason).collect(),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -89,6 +132,11 @@ impl<'a> SummaryJson<'a> {
             points: counts.points,
             points_saturated: counts.saturated,
             outside_calibrated_volume: counts.outside_calibration,
+            without_stripe: WithoutStripe::of(&counts.no_stripe),
+            sigma_px: Sigma {
+                noise: counts.noise_px.median(),
+                texture: counts.texture_px.median(),
+            },
             slices: counts.slices,
             channel_auto: Some(counts.chosen.named().collect())
                 .filter(|map: &BTreeMap<_, _>| !map.is_empty()),
@@ -163,6 +211,7 @@ pub(super) fn text(summary: &Summary) -> String {
     if summary.was_interrupted {
         _ = writeln!(out, "interrupted: the rest of the input was not read");
     }
+    write_stripes(&mut out, counts);
     for (channel, frames) in counts.chosen.named() {
         _ = writeln!(out, "channel auto: {channel} in {frames} frames");
     }
@@ -184,6 +233,27 @@ pub(super) fn text(summary: &Summary) -> String {
         _ = writeln!(out, "  {name:<12}{p50:.3} ({p99:.3})");
     }
     out
+}
+
+/// Writes the frames without a stripe with their likely reasons, and the shares of the uncertainty.
+fn write_stripes(out: &mut String, counts: &Counts) {
+    let without = &counts.no_stripe;
+    if without.frames > 0 {
+        _ = writeln!(out, "frames without a stripe: {} of {}", without.frames, counts.processed);
+    }
+    for (diagnosis, frames) in without.reasons() {
+        let examined = without.num_examined();
+        _ = writeln!(out, "  likely reason in {frames} of {examined} examined: {diagnosis}");
+    }
+    if let (Some(noise), Some(texture)) = (counts.noise_px.median(), counts.texture_px.median()) {
+        _ = writeln!(out, "sigma, median: {noise:.3} px from noise, {texture:.3} px from texture");
+    }
+    if 2 * counts.saturated > counts.points {
+        _ = writeln!(
+            out,
+            "most points are saturated: shorten the exposure; a colour camera may hold the line in another channel"
+        );
+    }
 }
 
 #[cfg(test)]
@@ -213,7 +283,7 @@ mod tests {
         let zero = r#"{"p50":0.0,"p99":0.0}"#;
         let expected = format!(
             "{}{}",
-            r#"{"frames":{"received":10,"processed":4,"rejected":3,"dropped":3,"lost":5},"points":60,"points_saturated":15,"outside_calibrated_volume":0,"slices":2,"#,
+            r#"{"frames":{"received":10,"processed":4,"rejected":3,"dropped":3,"lost":5},"points":60,"points_saturated":15,"outside_calibrated_volume":0,"without_stripe":{"frames":0,"examined":0,"reasons":[]},"sigma_px":{"noise":null,"texture":null},"slices":2,"#,
             format_args!(
                 r#""seconds":2.0,"frames_per_second":2.0,"stages_ms":{{"decode":{zero},"extract":{zero},"triangulate":{zero},"encode":{zero}}},"output":"out"}}"#
             )

@@ -21,8 +21,8 @@ pub(crate) struct Board(Arc<Mutex<Reported>>);
 
 impl Board {
     /// Replaces the report.
-    pub(crate) fn write(&self, reported: Reported) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = reported;
+    pub(crate) fn write(&self, reported: &Reported) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = *reported;
     }
 
     /// Returns the last report; all zero before the first one.

@@ -17,6 +17,7 @@ pub(crate) mod fan_out;
 pub(crate) mod topics;
 pub(crate) mod calibration_file;
 pub(crate) mod ambient;
+pub(crate) mod sampled;
 pub(crate) mod ambient_file;
 pub(crate) mod input;
 pub(crate) mod positions;

@@ -1,6 +1,12 @@
 //! Counters and stage times: every frame ends in exactly one bin.
 
+mod classes;
+mod no_stripes;
+
 use std::time::Duration;
+
+pub(crate) use classes::Classes;
+pub(crate) use no_stripes::NoStripes;
 
 use super::histogram::Histogram;
 use crate::scanner::params::Channel;
@@ -52,6 +58,12 @@ pub struct Counts {
     pub(crate) saturated: u64,
     /// Frames by the channel that `channel: auto` stands for.
     pub(crate) chosen: ChosenChannels,
+    /// Frames without a stripe.
+    pub(crate) no_stripe: NoStripes,
+    /// Share of speckle and texture in the uncertainty of each frame, pixels.
+    pub(crate) texture_px: Classes,
+    /// Median uncertainty from noise of each frame, pixels.
+    pub(crate) noise_px: Classes,
 }
 
 /// Colour frames measured with `channel: auto`, by the channel that was chosen.
@@ -103,7 +115,7 @@ impl Counts {
     }
 
     /// Adds the counts of `other`.
-    pub(crate) const fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         self.received += other.received;
         self.processed += other.processed;
         self.dropped_overload += other.dropped_overload;
@@ -126,6 +138,9 @@ impl Counts {
         self.outside_calibration += other.outside_calibration;
         self.saturated += other.saturated;
         self.chosen.add(&other.chosen);
+        self.no_stripe.add(&other.no_stripe);
+        self.texture_px.add(&other.texture_px);
+        self.noise_px.add(&other.noise_px);
     }
 
     /// True if every frame was measured and no result was dropped.

@@ -15,7 +15,7 @@ use crate::{
     scanner::uuid::uuid_v8,
 };
 
-use super::statistics::Counts;
+use super::statistics::{Classes, Counts};
 
 const PERIOD_NS: i64 = 1_000_000_000;
 
@@ -63,6 +63,8 @@ pub(crate) struct Interval {
     pub(crate) has_faults: bool,
     /// True if at least half of the interval's profiles lie where the one before lies.
     pub(crate) stands: bool,
+    /// True if at least half of the interval's frames have no stripe.
+    pub(crate) lacks_stripe: bool,
 }
 
 impl Schedule {
@@ -88,11 +90,14 @@ impl Schedule {
         let rate_hz = if seconds > 0.0 { (received / seconds) as f32 } else { 0.0 };
         let has_faults = faults(counts) > faults(&self.base);
         let standing = counts.standing - self.base.standing;
-        let stands = standing > 0 && 2 * standing >= counts.processed - self.base.processed;
+        let processed = counts.processed - self.base.processed;
+        let stands = standing > 0 && 2 * standing >= processed;
+        let without = counts.no_stripe.frames - self.base.no_stripe.frames;
+        let lacks_stripe = without > 0 && 2 * without >= processed;
         self.since_ns = Some(now_ns);
         self.base = *counts;
         self.had_faults = has_faults;
-        Interval { rate_hz, has_faults, stands }
+        Interval { rate_hz, has_faults, stands, lacks_stripe }
     }
 
     /// Resets the schedule before another recording; the time in between belongs to no interval.
@@ -224,8 +229,11 @@ impl Reporter {
             ("slices", counts.slices.to_string()),
             ("frames without their other exposure", counts.unpaired.to_string()),
             ("frames too bright for the threshold", counts.flooded.to_string()),
+            ("frames without a stripe", counts.no_stripe.frames.to_string()),
             ("points", counts.points.to_string()),
             ("points saturated", counts.saturated.to_string()),
+            ("median sigma from noise [px]", in_px(&counts.noise_px)),
+            ("median sigma from texture [px]", in_px(&counts.texture_px)),
             ("points outside the calibrated volume", counts.outside_calibration.to_string()),
             ("frames without a position", counts.unlocated.to_string()),
             ("frames with a doubtful position", counts.doubtful.to_string()),
@@ -266,6 +274,11 @@ impl State {
             None => (DiagnosticStatus::OK, "every frame measured".to_owned()),
         }
     }
+}
+
+/// Returns a median over the frames as text.
+fn in_px(figures: &Classes) -> String {
+    figures.median().map_or_else(|| "none".to_owned(), |median| format!("{median:.4}"))
 }
 
 fn header(now_ns: i64) -> Header<'static> {

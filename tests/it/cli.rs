@@ -14,7 +14,7 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 14] = [
+const VERBS: [&str; 15] = [
     "run",
     "replay",
     "parameters",
@@ -27,6 +27,7 @@ const VERBS: [&str; 14] = [
     "export",
     "report",
     "compare",
+    "suggest",
     "ambient",
     "demo",
 ];

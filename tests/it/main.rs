@@ -32,6 +32,7 @@ mod labelled_scenes;
 mod alternating_exposures;
 mod positions;
 mod standing;
+mod nothing_found;
 mod smoothing;
 mod allocation;
 mod camera_info;

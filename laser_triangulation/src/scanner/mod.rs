@@ -8,6 +8,7 @@ pub mod channel;
 pub mod auto_channel;
 pub(crate) mod ambient;
 pub mod coverage;
+pub mod diagnosis;
 pub mod stripe;
 pub mod exposure_pair;
 pub mod axis;
@@ -23,6 +24,7 @@ pub mod scan;
 pub mod height_map;
 pub mod params;
 pub mod pipeline;
+pub mod suggestion;
 pub mod uuid;
 
 pub use axis::{Axis, AxisKind, AxisTravel, RawPosition};

@@ -7,6 +7,7 @@ use super::{
     calibration::{Calibration, Lines},
     channel::{Decoder, SearchedRegion, check_channel},
     coverage::share_above_threshold,
+    diagnosis::{self, Diagnosis},
     exposure_pair::{ExposurePairing, ExposurePairs},
     frame_error::FrameError,
     frame_index::FrameIndex,
@@ -183,6 +184,8 @@ impl Pipeline {
         Ok(Output {
             centerline: &self.centerline,
             channel,
+            stripe_share: diagnosis::stripe_share(&self.centerline, &self.params, &searched),
+            texture_px: self.extractor.texture_px(),
             channel_choice: (self.params.channel == Channel::Auto)
                 .then(|| self.auto_channel.choice())
                 .flatten(),
@@ -210,6 +213,17 @@ impl Pipeline {
             return Channel::Max;
         }
         self.auto_channel.channel(image, searched, &self.params, full_scale)
+    }
+
+    /// Returns the likely reason why an image has no stripe, or hardly any. Takes some ten times as long as a measurement.
+    #[must_use]
+    pub fn explain(&self, image: &Image<'_>) -> Diagnosis {
+        let choice = self.auto_channel.choice().map(|choice| choice.channel);
+        let channel = match self.params.channel {
+            Channel::Auto => choice.unwrap_or(Channel::Max),
+            named => named,
+        };
+        diagnosis::diagnose(image, &Params { channel, ..self.params })
     }
 
     /// A calibration holds for one image size: another one would be measured at the wrong place.
@@ -341,6 +355,11 @@ pub enum Stage {
 pub struct Output<'a> {
     /// The centreline; it may have no points.
     pub centerline: &'a Centerline,
+    /// Share of the cross-sections with a point of an unbroken line, 0 to 1. 0: no stripe was found, or stray points
+    /// only; see [`Pipeline::explain`].
+    pub stripe_share: f64,
+    /// Standard deviation of the centres from speckle and texture, pixels: see [`Extractor::texture_px`].
+    pub texture_px: f32,
     /// The channel that was measured. For `channel: auto` it is the choice of this scan, the largest colour until a frame
     /// shows the line, and `auto` for grey images.
     pub channel: Channel,

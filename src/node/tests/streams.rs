@@ -94,7 +94,9 @@ fn counted() -> Counts {
 
 #[test]
 fn every_counter_reaches_its_field_of_the_status() {
-    let counts = counted();
+    let mut counts = counted();
+    counts.no_stripe.frames = 21;
+    counts.texture_px.extend(Some(0.033));
     let reporter = Reporter {
         node: "/cell/top".into(),
         camera: "left".into(),
@@ -105,7 +107,7 @@ fn every_counter_reaches_its_field_of_the_status() {
     let note = |level, text: &str| Note { level, key: "disk", text: text.to_owned() };
     let state = State {
         counts,
-        interval: Interval { rate_hz: 12.5, has_faults: true, stands: false },
+        interval: Interval { rate_hz: 12.5, has_faults: true, stands: false, lacks_stripe: false },
         load: Load::default(),
         notes: vec![note(0, "roomy"), note(2, "full")],
         last_rejection: Some("odd".to_owned()),
@@ -144,8 +146,11 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("slices", "8"),
         ("frames without their other exposure", "12"),
         ("frames too bright for the threshold", "13"),
+        ("frames without a stripe", "21"),
         ("points", "20"),
         ("points saturated", "19"),
+        ("median sigma from noise [px]", "none"),
+        ("median sigma from texture [px]", "0.0332"),
         ("points outside the calibrated volume", "17"),
         ("frames without a position", "14"),
         ("frames with a doubtful position", "15"),

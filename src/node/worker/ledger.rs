@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::measurer::Outcome;
+use super::{measurer::Outcome, missing_stripe::NoStripe};
 use crate::{
     msg::{cdr::CdrError, convert::FrameRejected},
     node::{
@@ -153,6 +153,9 @@ impl Ledger {
         }
         self.counts.saturated += outcome.num_saturated;
         self.count_channel(outcome.channel_choice);
+        self.count_no_stripe(outcome.no_stripe);
+        self.counts.texture_px.extend(outcome.texture_px);
+        self.counts.noise_px.extend(outcome.noise_px);
         self.count_flooded(outcome);
         self.count_outside(outcome.num_outside_calibration);
         self.count_doubtful(outcome.stamp_ns, outcome.position);
@@ -228,6 +231,18 @@ impl Ledger {
         let before = self.channel_choice.replace(choice);
         if before.map(|choice| choice.channel) != Some(choice.channel) {
             tracing::info!("{}", in_a_sentence(&choice));
+        }
+    }
+
+    /// Counts a frame without a stripe. Warns about the first of each reason.
+    fn count_no_stripe(&mut self, no_stripe: Option<NoStripe>) {
+        let Some(NoStripe { diagnosis }) = no_stripe else { return };
+        if self.counts.no_stripe.count(diagnosis)
+            && let Some(diagnosis) = diagnosis
+        {
+            tracing::warn!(
+                "a frame has no stripe. Likely reason: {diagnosis}; further such frames are only counted"
+            );
         }
     }
 

@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::{
     frame::NotMeasured,
     ledger::{Gap, Rejection},
+    missing_stripe::{Explainer, NoStripe},
 };
 use crate::{
     msg::std_msgs::Header,
@@ -27,6 +28,7 @@ use crate::{
         profile::Profile,
         stripe::flag,
     },
+    statistics::median,
 };
 
 /// A decoded frame with its place in the stream.
@@ -49,6 +51,12 @@ pub(super) struct Outcome {
     pub(super) num_saturated: u64,
     /// The channel that `channel: auto` stands for.
     pub(super) channel_choice: Option<ChannelChoice>,
+    /// `Some` if the frame has no stripe.
+    pub(super) no_stripe: Option<NoStripe>,
+    /// Share of speckle and texture in the uncertainty, pixels; `None` without points.
+    pub(super) texture_px: Option<f32>,
+    /// Median of the uncertainty from noise alone, pixels; `None` without points.
+    pub(super) noise_px: Option<f32>,
     pub(super) has_slice: bool,
     pub(super) pairing: Option<ExposurePairing>,
     pub(super) share_above_threshold: Option<f64>,
@@ -71,6 +79,8 @@ pub(super) struct Measurer {
     pub(super) pixels: Vec<u8>,
     /// Distance of the last measured frame from the first of its scan.
     pub(super) travelled: Option<AxisTravel>,
+    pub(super) explainer: Explainer,
+    sigmas_px: Vec<f32>,
     stages: StageTimes,
 }
 
@@ -82,6 +92,8 @@ impl Measurer {
             positions: None,
             pixels: Vec::new(),
             travelled: None,
+            explainer: Explainer::default(),
+            sigmas_px: Vec::new(),
             stages: StageTimes::default(),
         }
     }
@@ -113,11 +125,18 @@ impl Measurer {
             .process_at(&frame, index, position, |stage| clock.tick(stage))
             .map_err(Rejection::from)?;
         self.travelled = output.travelled;
-        let outcome = Outcome {
+        let (texture_px, stripe_share) = (output.texture_px, output.stripe_share);
+        self.sigmas_px.clear();
+        self.sigmas_px.extend_from_slice(&output.centerline.sigma_px);
+        let sigma_px = median(&mut self.sigmas_px);
+        let mut outcome = Outcome {
             stamp_ns,
             num_points: output.centerline.len() as u64,
             num_saturated: output.centerline.num_flagged(flag::SATURATED) as u64,
             channel_choice: output.channel_choice,
+            no_stripe: None,
+            texture_px: sigma_px.map(|_| texture_px),
+            noise_px: sigma_px.map(|sigma| (sigma.powi(2) - texture_px.powi(2)).max(0.0).sqrt()),
             has_slice: output.slice.is_some(),
             pairing: output.pairing,
             share_above_threshold: output.share_above_threshold,
@@ -129,6 +148,7 @@ impl Measurer {
         let measured = Measured { header, image, place, index, output, time_ns };
         self.results.publish_frame(&measured, out)?;
         self.stages.encode.record(out.take_encoding_time());
+        outcome.no_stripe = self.explainer.note_frame(stripe_share, &self.pipeline, &image);
         Ok(outcome)
     }
 

@@ -7,6 +7,7 @@ mod frame;
 mod framing;
 mod ledger;
 mod measurer;
+mod missing_stripe;
 mod opening;
 mod standing;
 pub(crate) mod online;
@@ -341,10 +342,11 @@ impl Worker {
         }
         if let Some(online) = &self.online {
             let rate_hz = interval.rate_hz;
-            online.board.write(Reported { counts: *self.ledger.counts(), rate_hz, load });
+            online.board.write(&Reported { counts: *self.ledger.counts(), rate_hz, load });
         }
         let last_rejection = self.ledger.take_last_rejection();
         notes.extend(self.standing.note(interval));
+        notes.extend(missing_stripe::note(interval, self.ledger.counts()));
         let counts = *self.ledger.counts();
         let channel = self.ledger.channel();
         let state = State { counts, interval, load, notes, last_rejection, channel };

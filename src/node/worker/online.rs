@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Now, Worker};
+use super::{Now, Worker, missing_stripe::Explainer};
 use crate::node::{
     board::Board,
     camera_info::{CameraMatch, ImageHeader},
@@ -184,6 +184,7 @@ impl Worker {
             self.end_scan(out)?;
         }
         self.measurer.pipeline.reconfigure(settings.params);
+        self.measurer.explainer = Explainer::default();
         self.measurer.results.reconfigure(&settings.params, &settings.parameters_sha256);
         self.options.sends_images = settings.sends_images;
         Ok(())

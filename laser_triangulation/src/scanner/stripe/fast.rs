@@ -94,6 +94,11 @@ impl<S: Sample> FastExtractor<S> {
         self.selector.reset();
     }
 
+    /// Standard deviation of the last frame's centres from texture, pixels.
+    pub(super) const fn texture_px(&self) -> f32 {
+        self.texture.last_px()
+    }
+
     /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` in the image.
     pub(super) fn extract(
         &mut self,

@@ -196,6 +196,7 @@ pub struct Extractor {
     smoother: Smoother,
     decoder: Decoder,
     centerline: Centerline,
+    texture_px: f32,
 }
 
 impl Default for Extractor {
@@ -220,7 +221,15 @@ impl Extractor {
             smoother: Smoother::new(&params, direction),
             decoder: Decoder::default(),
             centerline: Centerline::default(),
+            texture_px: 0.0,
         }
+    }
+
+    /// Returns the standard deviation of the last frame's centres from speckle and texture, pixels: the part of
+    /// [`sigma_px`](Centerline::sigma_px) that the pixels' noise does not explain. 0 if noise explains all of the scatter.
+    #[must_use]
+    pub const fn texture_px(&self) -> f32 {
+        self.texture_px
     }
 
     /// Extracts the centreline of a whole image. Uses grey images as they are, and the largest channel of colour and
@@ -279,8 +288,14 @@ impl Extractor {
         centerline: &mut Centerline,
     ) {
         match plane {
-            AnyPlane::Eight(plane) => self.eight.extract(plane, offset, full_scale, centerline),
-            AnyPlane::Sixteen(plane) => self.sixteen.extract(plane, offset, full_scale, centerline),
+            AnyPlane::Eight(plane) => {
+                self.eight.extract(plane, offset, full_scale, centerline);
+                self.texture_px = self.eight.texture_px();
+            }
+            AnyPlane::Sixteen(plane) => {
+                self.sixteen.extract(plane, offset, full_scale, centerline);
+                self.texture_px = self.sixteen.texture_px();
+            }
         }
         self.smoother.smooth(centerline);
     }

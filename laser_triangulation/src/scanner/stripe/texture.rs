@@ -35,6 +35,7 @@ pub(super) struct TextureEstimator {
     neighbour_gain: f64,
     /// Squares of differences over their variances, or standard deviations.
     quotients: Vec<f32>,
+    last_px: f32,
 }
 
 impl TextureEstimator {
@@ -46,12 +47,23 @@ impl TextureEstimator {
             distance: correlation.independent_distance().max(LARGEST_SPECKLE_PX),
             neighbour_gain: correlation.variance(&[1.0, -2.0, 1.0]),
             quotients: Vec::new(),
+            last_px: 0.0,
         }
     }
 
     /// Returns the standard deviation of the centres from texture, pixels, and adds it to every sigma. Returns 0 if the
     /// stated noise explains the scatter, or if the stripe is too short.
     pub(super) fn add_to(&mut self, centerline: &mut Centerline) -> f32 {
+        self.last_px = self.add(centerline);
+        self.last_px
+    }
+
+    /// The share of texture in the last centreline, pixels.
+    pub(super) const fn last_px(&self) -> f32 {
+        self.last_px
+    }
+
+    fn add(&mut self, centerline: &mut Centerline) -> f32 {
         let distance = self.distance;
         let far = self.scatter(centerline, distance, &[1.0, -4.0, 6.0, -4.0, 1.0], 70.0);
         let near = self.scatter(centerline, 1, &[1.0, -2.0, 1.0], self.neighbour_gain);

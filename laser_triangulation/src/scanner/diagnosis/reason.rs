@@ -1,0 +1,188 @@
+//! The likely reasons for a picture without a stripe, in words.
+
+use std::fmt;
+
+use super::super::params::{Channel, StripeDirection};
+
+/// The likely reason for a picture without a stripe. Levels are those of the image, in whole grey levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Reason {
+    /// Most of the picture is at full scale.
+    Saturated {
+        /// Share of the samples at full scale, percent.
+        percent: u32,
+    },
+    /// Nothing in the picture is brighter than its noise.
+    Dark {
+        /// Largest sample.
+        brightest: u32,
+        /// Level of a saturated sample.
+        full_scale: u32,
+    },
+    /// The samples use another range than the parameter `full_scale` states.
+    FullScale {
+        /// Largest sample.
+        brightest: u32,
+        /// Largest level of the encoding or of the parameter.
+        stated: u32,
+        /// The value of `full_scale` under which the line is found.
+        full_scale: u32,
+    },
+    /// The line runs in the other direction.
+    Direction,
+    /// The line is darker than the threshold.
+    ThresholdTooHigh {
+        /// Level of the line.
+        line: u32,
+        /// Level of a saturated sample.
+        full_scale: u32,
+    },
+    /// The surroundings are brighter than the threshold.
+    ThresholdTooLow {
+        /// Share of the searched pixels above the threshold, percent.
+        percent: u32,
+    },
+    /// The line is found above a local background only.
+    Background,
+    /// The line is smaller than `extraction.min_segment_area`.
+    Area {
+        /// The parameter, pixels.
+        limit_px: u32,
+        /// The value under which the line is found, pixels.
+        area_px: u32,
+    },
+    /// The limits of width or contrast reject the line.
+    Limits,
+    /// The line lies outside the region of interest.
+    Region,
+    /// Another channel shows the line.
+    Channel(Channel),
+    /// No line was found with any parameter.
+    NoLine,
+}
+
+/// The likely reason for a picture without a stripe, and the parameters that mend it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Diagnosis {
+    /// The reason.
+    pub reason: Reason,
+    /// The direction in which the line was found, if it is not that of the parameters.
+    pub turned: Option<StripeDirection>,
+}
+
+impl Diagnosis {
+    /// True if a change of the parameters makes a line appear.
+    #[must_use]
+    pub const fn is_mended(&self) -> bool {
+        !matches!(self.reason, Reason::Saturated { .. } | Reason::Dark { .. } | Reason::NoLine)
+    }
+}
+
+/// Number of the kinds of [`Reason`].
+pub const REASONS: usize = 12;
+
+impl Reason {
+    /// Returns the place of its kind in a list of [`REASONS`] kinds.
+    #[must_use]
+    pub const fn index(&self) -> usize {
+        match self {
+            Self::Saturated { .. } => 0,
+            Self::Dark { .. } => 1,
+            Self::FullScale { .. } => 2,
+            Self::Direction => 3,
+            Self::ThresholdTooHigh { .. } => 4,
+            Self::ThresholdTooLow { .. } => 5,
+            Self::Background => 6,
+            Self::Area { .. } => 7,
+            Self::Limits => 8,
+            Self::Region => 9,
+            Self::Channel(_) => 10,
+            Self::NoLine => 11,
+        }
+    }
+
+    /// Returns the name of its kind.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Saturated { .. } => "saturated",
+            Self::Dark { .. } => "too_dark",
+            Self::FullScale { .. } => "full_scale",
+            Self::Direction => "stripe_direction",
+            Self::ThresholdTooHigh { .. } => "threshold_too_high",
+            Self::ThresholdTooLow { .. } => "threshold_too_low",
+            Self::Background => "background",
+            Self::Area { .. } => "min_segment_area",
+            Self::Limits => "limits",
+            Self::Region => "roi",
+            Self::Channel(_) => "channel",
+            Self::NoLine => "no_line",
+        }
+    }
+}
+
+impl fmt::Display for Diagnosis {
+    /// One clause with the reason and, behind a colon, what mends it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.reason {
+            Reason::Saturated { percent } => write!(
+                f,
+                "{percent} % of the picture is at full scale: shorten the exposure, or close the aperture"
+            )?,
+            Reason::Dark { brightest, full_scale } => write!(
+                f,
+                "the picture is dark, its brightest sample is {brightest} of {full_scale}: switch the laser on, or expose \
+                 longer"
+            )?,
+            Reason::FullScale { brightest, stated, full_scale } => write!(
+                f,
+                "the largest sample is {brightest}, but full scale is {stated}: set full_scale: {full_scale}"
+            )?,
+            Reason::Direction => write!(f, "the line runs in the other direction: set")?,
+            Reason::ThresholdTooHigh { line, full_scale } => write!(
+                f,
+                "the line is only about {line} of {full_scale} grey levels bright, too dark for the threshold: expose longer, \
+                 or set extraction.threshold: adaptive"
+            )?,
+            Reason::ThresholdTooLow { percent } => write!(
+                f,
+                "{percent} % of the picture is above extraction.segment_threshold: set extraction.background: local and \
+                 extraction.threshold: adaptive"
+            )?,
+            Reason::Background => write!(
+                f,
+                "the surroundings are as bright as the line: set extraction.background: local and extraction.threshold: adaptive"
+            )?,
+            Reason::Area { limit_px, area_px } => write!(
+                f,
+                "the line covers at most extraction.min_segment_area ({limit_px}) pixels: set it to {area_px}"
+            )?,
+            Reason::Limits => write!(
+                f,
+                "the line does not meet extraction.min_width, max_width and min_contrast: relax them"
+            )?,
+            Reason::Region => {
+                write!(f, "the line lies outside the region of interest: correct roi.*")?;
+            }
+            Reason::Channel(channel) => {
+                write!(f, "another channel shows the line: set channel: {}", channel.name())?;
+            }
+            Reason::NoLine => {
+                return write!(
+                    f,
+                    "no line was found in either direction: is the laser on, and the line in the picture and in focus?"
+                );
+            }
+        }
+        match (self.turned, self.reason) {
+            (None, _) => Ok(()),
+            (Some(direction), Reason::Direction) => {
+                write!(f, " stripe_direction: {}", direction.name())
+            }
+            (Some(direction), _) => {
+                write!(f, "; and set stripe_direction: {}", direction.name())
+            }
+        }
+    }
+}

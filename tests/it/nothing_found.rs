@@ -1,0 +1,100 @@
+//! Recordings without a stripe: `replay` counts the frames and names the parameter that mends it.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value as Json;
+use tempfile::TempDir;
+
+use crate::{
+    program::{end, laser_profiler, replay},
+    recordings::real,
+};
+
+const FRAMES: u64 = 6;
+const SCENARIO: &str = "
+frames: 6
+frame_rate_hz: 50.0
+start_time_ns: 1767225600000000000
+seed: 7
+laser: {amplitude: 180.0, sigma_px: 2.0}
+rig:
+  width_px: 320
+  height_px: 200
+  lens: {focal_px: [600.0, 602.0], center_px: [161.0, 98.0], distortion: [-0.2, 0.1, 0, 0, 0, 0, 0, 0]}
+  laser_normal: [0.05, -0.5, 0.85]
+  laser_distance_m: 0.25
+gauge: {reflectance: 0.9, slope: [0.05, 0.0], shape: {flat: {}}}
+";
+
+fn rendered() -> (TempDir, PathBuf) {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("scenario.yaml");
+    std::fs::write(&file, SCENARIO).unwrap();
+    let bag = directory.path().join("bag");
+    let ended = end(laser_profiler(&["simulate", "-o"]).arg(&bag).arg(&file));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    (directory, bag)
+}
+
+/// Frames without a stripe and the likely reason.
+fn without_stripe(bag: &Path, parameters: &[&str]) -> (u64, String, String) {
+    let directory = tempfile::tempdir().unwrap();
+    let mut arguments = vec!["--ros-args"];
+    arguments.extend(parameters.iter().flat_map(|value| ["-p", value]));
+    let (summary, stderr) = replay(bag, &directory.path().join("results"), 0, &arguments);
+    let found = &summary["without_stripe"];
+    let text = |key: &str| found["reasons"][0][key].as_str().unwrap_or_default().to_owned();
+    let reason = text("text");
+    assert!(stderr.contains(&reason), "logged, too: {stderr}");
+    eprintln!("{}: {found}", bag.display());
+    (found["frames"].as_u64().unwrap(), text("reason"), reason)
+}
+
+#[test]
+fn the_parameter_that_hides_the_line_is_named() {
+    let (_directory, bag) = rendered();
+    let cases: [(&[&str], &str, &str); 4] = [
+        (&["stripe_direction:=vertical"], "stripe_direction", "stripe_direction: horizontal"),
+        (
+            &["extraction.segment_threshold:=240.0"],
+            "threshold_too_high",
+            "extraction.threshold: adaptive",
+        ),
+        (&["extraction.min_segment_area:=9000"], "min_segment_area", "set it to 200"),
+        (&["roi.height:=30"], "roi", "roi.*"),
+    ];
+    for (parameters, reason, remedy) in cases {
+        let (frames, found, text) = without_stripe(&bag, parameters);
+        assert_eq!((frames, &*found), (FRAMES, reason), "{text}");
+        assert!(text.contains(remedy), "{text}");
+    }
+    assert_eq!(without_stripe(&bag, &[]).0, 0, "as it should be");
+}
+
+#[test]
+fn share_of_saturated_points_and_texture_are_in_the_summary() {
+    let (directory, bag) = rendered();
+    let (summary, _): (Json, _) = replay(&bag, &directory.path().join("results"), 0, &[]);
+    assert_eq!(summary["points_saturated"], 0, "{summary}");
+    let noise = summary["sigma_px"]["noise"].as_f64().unwrap();
+    assert!(noise > 0.001 && noise < 0.1, "{summary}");
+    // Neither speckle nor texture is rendered.
+    assert!(summary["sigma_px"]["texture"].as_f64().unwrap() < noise, "{summary}");
+}
+
+#[test]
+fn recordings_of_the_field() {
+    for (name, reason, remedy) in [
+        ("mono16_12bit.mcap", "full_scale", "set full_scale: 4095"),
+        ("vertical_line.mcap", "stripe_direction", "stripe_direction: vertical"),
+        ("auto_exposure.mcap", "", ""),
+    ] {
+        let Some(bag) = real(&format!("cases/nothing_found/{name}")) else { return };
+        let (frames, found, text) = without_stripe(&bag, &[]);
+        assert!(frames > 0, "{name}");
+        if !reason.is_empty() {
+            assert_eq!(found, reason, "{name}: {text}");
+            assert!(text.contains(remedy), "{name}: {text}");
+        }
+    }
+}
