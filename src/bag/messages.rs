@@ -12,6 +12,7 @@ use super::chunk::ChunkDecoder;
 use super::error::Fault;
 use super::format::{ChunkHeader, RecordSpan, Source};
 use super::layout::{Layout, Part, PartKind};
+use super::pictures::{Series, SeriesMessages};
 use super::plain::PlainReader;
 use super::take::{Filter, Taker};
 use super::{BagError, RawMessage, ReadOptions, scan};
@@ -30,9 +31,17 @@ pub struct Messages {
     options: ReadOptions,
     current: Option<FileMessages>,
     spare: Vec<Vec<u8>>,
+    /// Pictures or a video instead of files.
+    series: Option<SeriesMessages>,
 }
 
 impl Messages {
+    /// Returns an iterator over pictures or a video.
+    pub(super) fn of_series(series: &Series, filter: Filter, options: ReadOptions) -> Self {
+        let series = Some(series.messages(filter.clone()));
+        Self { series, ..Self::new([], filter, options) }
+    }
+
     pub(super) fn new(
         files: impl IntoIterator<Item = (std::path::PathBuf, Arc<Layout>)>,
         filter: Filter,
@@ -44,11 +53,15 @@ impl Messages {
             options,
             current: None,
             spare: Vec::new(),
+            series: None,
         }
     }
 
     /// Takes back the buffer of a processed message, to reuse it for a later one.
     pub(crate) fn recycle(&mut self, buffer: Vec<u8>) {
+        if let Some(series) = &mut self.series {
+            return series.recycle(buffer);
+        }
         let spare = self.current.as_mut().map_or(&mut self.spare, |file| &mut file.spare);
         if spare.len() < SPARE_BUFFERS {
             spare.push(buffer);
@@ -60,6 +73,9 @@ impl Iterator for Messages {
     type Item = Result<RawMessage, BagError>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        if let Some(series) = &mut self.series {
+            return series.next();
+        }
         loop {
             if let Some(file) = &mut self.current {
                 if let Some(item) = file.next() {

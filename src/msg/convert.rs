@@ -1,5 +1,7 @@
 //! Conversions between messages and the scanner's types: images in, results out. Borrows wherever possible.
 
+pub(crate) mod file_kind;
+pub(crate) mod picture_message;
 pub(crate) mod frame;
 pub mod compressed;
 pub(crate) mod results;

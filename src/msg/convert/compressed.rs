@@ -7,7 +7,10 @@ use image::{
     codecs::{jpeg::JpegDecoder, png::PngDecoder},
 };
 
-use super::frame::{FrameRejected, excerpt, pixel_format};
+use super::{
+    file_kind::{self, Decoded},
+    frame::{FrameRejected, excerpt, pixel_format},
+};
 use crate::{
     msg::sensor_msgs::CompressedImage,
     scanner::image::{ByteOrder, Image, PixelFormat},
@@ -47,6 +50,16 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
+    /// Columns and rows.
+    pub(crate) const fn size_px(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// Memory layout of a pixel.
+    pub(crate) const fn format(&self) -> PixelFormat {
+        self.format
+    }
+
     /// Views `pixels` as an image of this shape.
     ///
     /// # Errors
@@ -71,7 +84,7 @@ pub fn image<'a>(
 }
 
 /// Decodes a compressed image into `pixels`: grey as 8- or 16-bit grey (or the Bayer pattern named in the format),
-/// colour as `rgb8` or `rgba8`.
+/// colour as `rgb8` or `rgba8`. Reads TIFF, BMP and PGM files too.
 ///
 /// Allocates no pixels before the size in the file's header is checked against `max_frame_bytes`; the decoders use a
 /// small multiple of that.
@@ -84,6 +97,10 @@ pub(crate) fn unpack(
     max_frame_bytes: u64,
     pixels: &mut Vec<u8>,
 ) -> Result<Shape, FrameRejected> {
+    if let Some(decoded) = file_kind::decode(message.data, max_frame_bytes, pixels) {
+        let Decoded { width, height, format } = decoded?;
+        return Ok(Shape { width, height, format });
+    }
     let codec = codec(&message.format)
         .ok_or_else(|| FrameRejected::Format { format: excerpt(&message.format) })?;
     let source = message.format.split(';').next().unwrap_or_default().trim();

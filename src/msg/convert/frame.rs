@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::compressed::Codec;
+use super::{compressed::Codec, file_kind::FileKind};
 use crate::{
     msg::sensor_msgs,
     scanner::image::{BayerPattern, ByteOrder, Image, ImageError, PixelFormat},
@@ -53,6 +53,26 @@ pub enum FrameRejected {
         codec: Codec,
         /// Pixels according to the file's header.
         color: image::ColorType,
+    },
+    /// Unsupported pixels in a picture file.
+    #[error(
+        "{kind} image has {color:?} pixels, but must have 8-bit grey or colour, or 16-bit grey"
+    )]
+    FileColor {
+        /// Kind of the file.
+        kind: FileKind,
+        /// Pixels according to the file's header.
+        color: image::ColorType,
+    },
+    /// A picture file that cannot be decoded.
+    #[error("cannot decode {kind} image of {length} bytes: {reason}")]
+    File {
+        /// Kind of the file.
+        kind: FileKind,
+        /// Number of bytes.
+        length: usize,
+        /// Error of the decoder.
+        reason: image::ImageError,
     },
     /// Truncated compressed image.
     #[error("JPEG image of {length} bytes has no end-of-image marker at its end")]
