@@ -1,6 +1,7 @@
 //! Folders of pictures, files and patterns replay like a recording of the same frames.
 
 mod bad;
+mod import;
 mod render;
 
 use std::fs;

@@ -227,7 +227,7 @@ impl Decoder {
     fn start(video: &Video) -> Result<Self, PictureError> {
         let (format, _, _) = video.pixels.names();
         // As recorded, not as a player would turn it: calibrations are of the sensor.
-        let mut command = command("ffmpeg", &video.path, &["-nostdin", "-noautorotate"]);
+        let mut command = command("ffmpeg", &video.path, &["-nostdin", "-noautorotate", "-hide_banner"]);
         command
             .args(["-map", "0:v:0"])
             .args(every_frame())

@@ -64,7 +64,7 @@ pub(crate) fn raw<'a>(
 mod tests {
     use std::io::Cursor;
 
-    use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, Rgba};
+    use ::image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, Rgba};
 
     use super::*;
     use crate::msg::convert::frame;
