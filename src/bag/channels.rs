@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use mcap::records::op;
 
-use super::Topic;
 use super::fields::Fields;
+use super::rewrite::Rewrite;
+use super::{Topic, ros1, type_name};
 
 /// Key of a channel's metadata that holds the type hash.
 pub(super) const TYPE_HASH_KEY: &str = "topic_type_hash";
@@ -24,6 +25,8 @@ const MAX_BYTES: usize = 64 << 20;
 pub(super) struct Channels {
     schemas: BTreeMap<u16, Schema>,
     topics: BTreeMap<u16, Arc<Topic>>,
+    /// Channels whose messages are rewritten.
+    rewrites: BTreeMap<u16, Rewrite>,
     bytes: usize,
 }
 
@@ -38,6 +41,11 @@ impl Channels {
     /// The topic of a channel.
     pub(super) fn get(&self, channel: u16) -> Option<&Arc<Topic>> {
         self.topics.get(&channel)
+    }
+
+    /// How the messages of a channel are rewritten; `None` if they are not.
+    pub(super) fn rewrite(&self, channel: u16) -> Option<Rewrite> {
+        self.rewrites.get(&channel).copied()
     }
 
     /// Channels and their topics, by number.
@@ -79,15 +87,19 @@ impl Channels {
         if schema.is_none() && schema_id != 0 {
             return Err(format!("{name}: its schema {schema_id} is missing"));
         }
-        let new = topic(&name, &encoding, schema, &metadata);
+        let mut new = topic(&name, &encoding, schema, &metadata);
+        let rewrite = Rewrite::adopt(&mut new);
         match self.topics.get(&id) {
             Some(topic) if **topic == new => Ok(()),
             Some(topic) => {
                 Err(format!("channel {id} is defined twice, as {} and {}", topic.name, new.name))
             }
-            None => self
-                .make_room(size_bytes(&new))
-                .map(|()| drop(self.topics.insert(id, Arc::new(new)))),
+            None => {
+                self.make_room(size_bytes(&new))?;
+                self.topics.insert(id, Arc::new(new));
+                self.rewrites.extend(rewrite.map(|rewrite| (id, rewrite)));
+                Ok(())
+            }
         }
     }
 
@@ -125,9 +137,14 @@ fn topic(
     metadata: &BTreeMap<String, String>,
 ) -> Topic {
     let entry = |key| metadata.get(key).cloned().unwrap_or_default();
+    // Names of other encodings, such as JSON, are not names of ROS.
+    let is_ros = ["cdr", ros1::ENCODING].contains(&encoding);
+    let type_name = |schema: &Schema| {
+        if is_ros { type_name::of_ros_2(&schema.name) } else { schema.name.clone() }
+    };
     Topic {
         name: name.into(),
-        type_name: schema.map_or_else(String::new, |schema| schema.name.clone()),
+        type_name: schema.map_or_else(String::new, type_name),
         message_encoding: encoding.into(),
         schema_encoding: schema.map_or_else(String::new, |schema| schema.encoding.clone()),
         schema: schema.map_or_else(Vec::new, |schema| schema.data.clone()),

@@ -19,7 +19,7 @@ pub enum BagError {
         source: io::Error,
     },
     /// The file is not an MCAP file.
-    #[error("{}: not an MCAP file: {why}", path.display())]
+    #[error("{}: {why}", path.display())]
     NotMcap {
         /// The file.
         path: PathBuf,
@@ -29,21 +29,21 @@ pub enum BagError {
     /// The directory holds no recording.
     #[error("{}: holds neither metadata.yaml nor an .mcap file", .0.display())]
     NoBag(PathBuf),
-    /// The recording uses an unsupported storage or compression mode.
-    #[error("{}: {what}; convert it to uncompressed-file MCAP with `ros2 bag convert`", path.display())]
-    Unsupported {
-        /// The metadata file.
+    /// No file of the recording can be read.
+    #[error("{}: none of its files can be read: {why}", path.display())]
+    NothingReadable {
+        /// The directory.
         path: PathBuf,
-        /// Description of the storage or compression mode.
-        what: String,
+        /// The files with their reasons, and the command that converts them if there is one.
+        why: String,
     },
-    /// A listed path leaves the bag's directory.
-    #[error("{}: relative_file_paths names {entry:?}; only files inside the directory are read", path.display())]
-    PathEscapes {
-        /// The metadata file.
+    /// A file of the recording is missing or unreadable; reading continues with the next one.
+    #[error("{}: {why}", path.display())]
+    Lost {
+        /// The file.
         path: PathBuf,
-        /// The entry.
-        entry: String,
+        /// Reason.
+        why: String,
     },
     /// A part of the recording is unreadable; reading continues after it.
     #[error("{}: damaged at byte {offset}: {what}", path.display())]

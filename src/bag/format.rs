@@ -2,10 +2,9 @@
 //! place that checks lengths against the file size and the limit.
 
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use mcap::MAGIC;
 use mcap::records::op;
 
 use super::{BagError, error::Fault};
@@ -27,43 +26,35 @@ pub(super) struct Source {
     pub(super) len_bytes: u64,
     /// Limit on the size of a record or chunk that is loaded into memory, bytes.
     pub(super) limit_bytes: u64,
+    /// True if the file is compressed as a whole; offsets are those of its content.
+    pub(super) is_packed: bool,
+    /// The reason why the content of a compressed file ends early.
+    pub(super) fault: Option<String>,
 }
 
 impl Source {
     pub(super) fn open(path: &Path, limit_bytes: usize) -> Result<Self, BagError> {
-        let io_error = |source| BagError::Io { path: path.into(), source };
-        let file = File::open(path).map_err(io_error)?;
-        let len_bytes = file.metadata().map_err(io_error)?.len();
-        Ok(Self { file, path: path.into(), len_bytes, limit_bytes: limit_bytes as u64 })
+        let file = File::open(path).map_err(|source| BagError::Io { path: path.into(), source })?;
+        Self::of(file, path, limit_bytes)
     }
 
-    /// Rejects a file that does not start with the MCAP magic.
-    pub(super) fn check_magic(&mut self) -> Result<(), BagError> {
-        let not_mcap =
-            |path: &Path, why: &str| BagError::NotMcap { path: path.into(), why: why.into() };
-        if self.len_bytes == 0 {
-            return Err(not_mcap(&self.path, "the file is empty"));
-        }
-        let mut magic = [0; MAGIC.len()];
-        if self.len_bytes < magic.len() as u64 {
-            return Err(not_mcap(
-                &self.path,
-                "the file is shorter than the eight bytes of the MCAP signature",
-            ));
-        }
-        self.read_exact_at(0, &mut magic)?;
-        if magic != MAGIC {
-            return Err(not_mcap(&self.path, "the first eight bytes are not the MCAP signature"));
-        }
-        Ok(())
+    /// An open file that holds the content of `path`.
+    pub(super) fn of(file: File, path: &Path, limit_bytes: usize) -> Result<Self, BagError> {
+        let io_error = |source| BagError::Io { path: path.into(), source };
+        let len_bytes = file.metadata().map_err(io_error)?.len();
+        Ok(Self {
+            file,
+            path: path.into(),
+            len_bytes,
+            limit_bytes: limit_bytes as u64,
+            is_packed: false,
+            fault: None,
+        })
     }
 
     pub(super) fn read_exact_at(&mut self, offset: u64, buffer: &mut [u8]) -> Result<(), BagError> {
-        let mut read = |file: &mut File| {
-            file.seek(SeekFrom::Start(offset))?;
-            file.read_exact(buffer)
-        };
-        read(&mut self.file).map_err(|source| BagError::Io { path: self.path.clone(), source })
+        let read = self.file.read_exact_at(buffer, offset);
+        read.map_err(|source| BagError::Io { path: self.path.clone(), source })
     }
 
     /// The `LEN` bytes at `offset`, zeros beyond the end of the file.
@@ -98,6 +89,36 @@ impl Source {
     pub(super) fn chunk_at(&mut self, offset: u64) -> Result<ChunkHeader, Fault> {
         let start = self.read_padded::<{ CHUNK_START_BYTES as usize }>(offset)?;
         Ok(ChunkHeader::parse(&start, offset)?)
+    }
+
+    /// Returns the start of the records of an uncompressed chunk at `offset` whose header was never filled in. Writers
+    /// that reserve the header and fill it in when they close the chunk leave 0 or the largest number for its lengths.
+    pub(super) fn open_chunk_at(&mut self, offset: u64) -> Result<Option<u64>, BagError> {
+        let start = self.read_padded::<{ CHUNK_START_BYTES as usize }>(offset)?;
+        let is_open = |number: u64| number == 0 || number == u64::MAX;
+        let lengths = [u64_at(&start, 1), u64_at(&start, 25), u64_at(&start, 41)];
+        let is_uncompressed = u32_at(&start, 37) == 0;
+        if start[0] != op::CHUNK || !is_uncompressed || !lengths.into_iter().all(is_open) {
+            return Ok(None);
+        }
+        let content = offset + PREFIX_BYTES + CHUNK_HEADER_BYTES;
+        match self.record_at(content) {
+            Ok(Some(RecordSpan { opcode: op::SCHEMA | op::CHANNEL | op::MESSAGE, .. })) => {
+                Ok(Some(content))
+            }
+            Ok(_) | Err(Fault::Malformed(_)) => Ok(None),
+            Err(Fault::Io(error)) => Err(error),
+        }
+    }
+
+    /// True if the file ends in the prefix of the record at `offset` and `is_wanted` accepts its opcode.
+    pub(super) fn ends_in_prefix_of(
+        &mut self,
+        offset: u64,
+        is_wanted: fn(u8) -> bool,
+    ) -> Result<bool, BagError> {
+        let [opcode] = self.read_padded::<1>(offset)?;
+        Ok(self.len_bytes - offset < PREFIX_BYTES && is_wanted(opcode))
     }
 
     /// Reads the body of a record other than a chunk.

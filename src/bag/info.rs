@@ -1,6 +1,6 @@
 //! Describes the contents of a bag, for users and scripts.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,10 +10,12 @@ use sha2::{Digest, Sha256};
 
 use super::error::Fault;
 use super::format::{PREFIX_BYTES, Source, u64_at};
+use super::images::{self, ImageInfo};
 use super::layout::{Layout, PartKind};
 use super::record::OWN_RECORD;
 use super::recover::DamagedRange;
 use super::statistics::Statistics;
+use super::unpack::size_bytes;
 use super::{BagError, BagReader, Filter, Topic};
 
 /// Part of a bag that is read to describe it.
@@ -65,7 +67,7 @@ pub(crate) struct FileInfo {
     pub(crate) bytes: u64,
     /// True if the file has a valid index.
     pub(crate) indexed: bool,
-    /// Compressions of the chunks: `none`, `lz4`, `zstd`.
+    /// Compressions of the chunks, `none`, `lz4`, `zstd`; beyond that `zstd messages` and `zstd file`.
     pub(crate) compression: Vec<String>,
 }
 
@@ -93,6 +95,8 @@ pub(crate) struct TopicInfo {
     pub(crate) skipped: Option<u64>,
     /// Size of all messages, bytes; `None` unless verified.
     pub(crate) bytes: Option<u64>,
+    /// The images; `None` if the topic has none that can be decoded.
+    pub(crate) image: Option<ImageInfo>,
 }
 
 /// An attachment of the recording.
@@ -124,11 +128,8 @@ pub(crate) fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<Bag
     let bounds = statistics.values().filter_map(|topic| topic.bounds_ns);
     let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
     let topics: Vec<_> =
-        bag.topics().iter().map(|topic| topic_info(topic, &statistics, read)).collect();
-    let mut files = Vec::new();
-    for (path, layout) in bag.layouts() {
-        files.push(file_info(path, layout)?);
-    }
+        bag.topics().iter().map(|topic| topic_info(bag, topic, &statistics, read)).collect();
+    let files: Vec<_> = bag.layouts().map(|(path, layout)| file_info(path, layout)).collect();
     let attachments = attachments(bag, &mut problems)?;
     let metadata = metadata(bag, &mut problems)?;
     Ok(BagInfo {
@@ -193,7 +194,10 @@ fn by_reading(bag: &BagReader, problems: &mut Problems) -> Result<ByTopic, BagEr
 fn by_index(bag: &BagReader) -> Result<Option<ByTopic>, BagError> {
     let mut statistics = ByTopic::new();
     for (path, layout) in bag.layouts() {
-        let mut source = Source::open(path, bag.options().record_limit_bytes)?;
+        if layout.lost.is_some() {
+            return Ok(None);
+        }
+        let mut source = bag.open_file(path)?;
         let mut counts = BTreeMap::<u16, u64>::new();
         for part in &layout.parts {
             if !layout.is_indexed || !matches!(part.kind, PartKind::Chunk) {
@@ -250,7 +254,7 @@ fn message_index(
     Ok(times)
 }
 
-fn topic_info(topic: &Topic, statistics: &ByTopic, read: Depth) -> TopicInfo {
+fn topic_info(bag: &BagReader, topic: &Topic, statistics: &ByTopic, read: Depth) -> TopicInfo {
     let found = statistics.get(topic).copied().unwrap_or_default();
     TopicInfo {
         name: topic.name.clone(),
@@ -263,29 +267,37 @@ fn topic_info(topic: &Topic, statistics: &ByTopic, read: Depth) -> TopicInfo {
         largest_gap_at_ns: found.largest_gap_ns.map(|(_, at_ns)| at_ns),
         skipped: (read == Depth::Messages).then_some(found.num_skipped),
         bytes: (read == Depth::Messages).then_some(found.bytes),
+        image: images::describe(bag, topic, &found),
     }
 }
 
-fn file_info(path: &Path, layout: &Layout) -> Result<FileInfo, BagError> {
-    let bytes =
-        std::fs::metadata(path).map_err(|source| BagError::Io { path: path.into(), source })?.len();
+fn file_info(path: &Path, layout: &Layout) -> FileInfo {
+    let bytes = size_bytes(path);
     let name = |compression: &String| {
         if compression.is_empty() { "none".into() } else { compression.clone() }
     };
-    let compression = layout.compressions.iter().map(name).collect();
-    Ok(FileInfo { path: path.into(), bytes, indexed: layout.is_indexed, compression })
+    let mut compression: Vec<_> = layout.compressions.iter().map(name).collect();
+    compression.extend(layout.has_packed_messages.then(|| "zstd messages".into()));
+    compression.extend(layout.is_packed.then(|| "zstd file".into()));
+    FileInfo { path: path.into(), bytes, indexed: layout.is_indexed, compression }
 }
 
 fn attachments(bag: &BagReader, problems: &mut Problems) -> Result<Vec<AttachmentInfo>, BagError> {
-    let mut infos = Vec::new();
+    let (mut infos, mut seen) = (Vec::new(), BTreeSet::new());
     for attachment in bag.attachments() {
         match attachment {
-            Ok(attachment) => infos.push(AttachmentInfo {
-                sha256: hexadecimal(&Sha256::digest(&attachment.data)),
-                bytes: attachment.data.len() as u64,
-                name: attachment.name,
-                media_type: attachment.media_type,
-            }),
+            Ok(attachment) => {
+                let info = AttachmentInfo {
+                    sha256: hexadecimal(&Sha256::digest(&attachment.data)),
+                    bytes: attachment.data.len() as u64,
+                    name: attachment.name,
+                    media_type: attachment.media_type,
+                };
+                // The files of a split bag repeat it.
+                if seen.insert((info.name.clone(), info.sha256.clone())) {
+                    infos.push(info);
+                }
+            }
             Err(error) => problems.add(error)?,
         }
     }

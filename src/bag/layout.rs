@@ -5,8 +5,10 @@ use std::collections::BTreeMap;
 use super::channels::Channels;
 use super::error::Fault;
 use super::format::{RecordSpan, Source};
+use super::metadata::BagInformation;
+use super::record::OWN_RECORD;
 use super::summary::Summary;
-use super::{BagError, ReadOptions, scan, summary};
+use super::{BagError, ReadOptions, content, scan, summary};
 
 /// Layout of one file.
 #[derive(Clone, Debug, Default)]
@@ -28,6 +30,14 @@ pub(super) struct Layout {
     pub(super) profile: String,
     /// Notes for the user.
     pub(super) notes: Vec<String>,
+    /// Size of the records of types that are not of MCAP, bytes; 0 if the index was used.
+    pub(super) unknown_bytes: u64,
+    /// True if the file is compressed as a whole.
+    pub(super) is_packed: bool,
+    /// True if the messages are compressed one by one.
+    pub(super) has_packed_messages: bool,
+    /// The reason why the file is not read; `None` if it is.
+    pub(super) lost: Option<String>,
 }
 
 /// A range of the file that holds messages, or is damaged.
@@ -56,9 +66,26 @@ pub(super) enum PartKind {
 }
 
 impl Layout {
-    /// Returns the layout of a file. The index is used if it is valid and the options allow it.
+    /// Returns the layout of a file that is not read, with the reason.
+    pub(super) fn lost(why: String) -> Self {
+        let part = Part {
+            kind: PartKind::Damage(why.clone()),
+            offset: 0,
+            end: 0,
+            start_time: 0,
+            end_time: 0,
+            message_indexes: Vec::new(),
+        };
+        Self {
+            parts: vec![part],
+            counts: Some(BTreeMap::new()),
+            lost: Some(why),
+            ..Self::default()
+        }
+    }
+
+    /// Returns the layout of an MCAP file. The index is used if it is valid and the options allow it.
     pub(super) fn of(source: &mut Source, options: &ReadOptions) -> Result<Self, BagError> {
-        source.check_magic()?;
         let summary = match summary::read(source) {
             Ok(summary) => Ok(summary),
             Err(Fault::Malformed(why)) => Err(why),
@@ -80,9 +107,34 @@ impl Layout {
                 layout
             }
         };
+        if let Some(fault) = &source.fault {
+            layout.notes.push(format!(
+                "{}: the compressed file ends early ({fault}); its content is read up to there",
+                source.path.display()
+            ));
+        }
+        layout.is_packed = source.is_packed;
+        layout.has_packed_messages = layout.states_packed_messages(source)?;
         layout.profile = scan::profile(source)?;
         layout.stated_counts = stated_counts;
         Ok(layout)
+    }
+
+    /// True if a description by rosbag2 inside the file says that the messages are compressed one by one.
+    fn states_packed_messages(&self, source: &mut Source) -> Result<bool, BagError> {
+        for span in &self.metadata {
+            if source.check_length(span, span.end.saturating_sub(span.offset)).is_err() {
+                continue;
+            }
+            let record = content::metadata(&source.body(span)?).ok();
+            let own = record.filter(|record| record.name == OWN_RECORD);
+            let text = own.and_then(|mut record| record.entries.remove("serialized_metadata"));
+            let description = text.and_then(|text| BagInformation::of_yaml(&text));
+            if description.is_some_and(|description| description.has_packed_messages()) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     fn by_index(summary: Summary) -> Result<Self, String> {

@@ -11,11 +11,14 @@ use super::channels::Channels;
 use super::chunk::ChunkDecoder;
 use super::error::Fault;
 use super::format::{ChunkHeader, RecordSpan, Source};
+use super::inflate::Inflater;
 use super::layout::{Layout, Part, PartKind};
+use super::open::Opener;
 use super::pictures::{Series, SeriesMessages};
 use super::plain::PlainReader;
 use super::take::{Filter, Taker};
-use super::{BagError, RawMessage, ReadOptions, scan};
+use super::waiting::{Turn, Waiting};
+use super::{BagError, RawMessage, scan};
 
 /// Maximum number of recycled buffers kept for the next messages.
 const SPARE_BUFFERS: usize = 8;
@@ -28,7 +31,7 @@ const MAX_FAULTS: usize = 8;
 pub struct Messages {
     files: VecDeque<(std::path::PathBuf, Arc<Layout>)>,
     filter: Filter,
-    options: ReadOptions,
+    opener: Arc<Opener>,
     current: Option<FileMessages>,
     spare: Vec<Vec<u8>>,
     /// Pictures or a video instead of files.
@@ -37,20 +40,20 @@ pub struct Messages {
 
 impl Messages {
     /// Returns an iterator over pictures or a video.
-    pub(super) fn of_series(series: &Series, filter: Filter, options: ReadOptions) -> Self {
+    pub(super) fn of_series(series: &Series, filter: Filter, opener: Arc<Opener>) -> Self {
         let series = Some(series.messages(filter.clone()));
-        Self { series, ..Self::new([], filter, options) }
+        Self { series, ..Self::new([], filter, opener) }
     }
 
     pub(super) fn new(
         files: impl IntoIterator<Item = (std::path::PathBuf, Arc<Layout>)>,
         filter: Filter,
-        options: ReadOptions,
+        opener: Arc<Opener>,
     ) -> Self {
         Self {
             files: files.into_iter().collect(),
             filter,
-            options,
+            opener,
             current: None,
             spare: Vec::new(),
             series: None,
@@ -85,7 +88,10 @@ impl Iterator for Messages {
                 self.current = None;
             }
             let (path, layout) = self.files.pop_front()?;
-            match Source::open(&path, self.options.record_limit_bytes) {
+            if let Some(why) = &layout.lost {
+                return Some(Err(BagError::Lost { path, why: why.clone() }));
+            }
+            match self.opener.open(&path) {
                 Ok(source) => {
                     let mut file = FileMessages::new(source, &layout, self.filter.clone());
                     file.spare = std::mem::take(&mut self.spare);
@@ -97,51 +103,12 @@ impl Iterator for Messages {
     }
 }
 
-/// Position of an item in the output order. The fields are compared one after another.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Turn {
-    /// Nanoseconds since the epoch.
-    time: u64,
-    /// Start of the part, bytes from the start of the file.
-    offset: u64,
-    /// Number within the part.
-    number: u64,
-}
-
-impl Turn {
-    const fn first(time: u64, offset: u64) -> Self {
-        Self { time, offset, number: 0 }
-    }
-}
-
-/// A buffered item: a message, or an error in the place of missing messages.
-struct Waiting {
-    turn: Turn,
-    item: Result<RawMessage, BagError>,
-}
-
-impl PartialEq for Waiting {
-    fn eq(&self, other: &Self) -> bool {
-        self.turn == other.turn
-    }
-}
-impl Eq for Waiting {}
-impl PartialOrd for Waiting {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Waiting {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.turn.cmp(&other.turn)
-    }
-}
-
 /// The messages of one file.
 struct FileMessages {
     source: Source,
     plain: PlainReader,
     decoder: ChunkDecoder,
+    inflater: Inflater,
     channels: Channels,
     filter: Filter,
     /// Parts still to be read, in order of time.
@@ -170,9 +137,12 @@ impl FileMessages {
                 });
             may_have && !is_past
         };
+        let mut inflater = Inflater::new(source.limit_bytes);
+        inflater.is_stated = layout.has_packed_messages;
         Self {
             plain: PlainReader::default(),
             decoder: ChunkDecoder::new(source.limit_bytes),
+            inflater,
             source,
             channels: layout.channels.clone(),
             parts: layout.parts.iter().filter(takes_any).cloned().collect(),
@@ -198,14 +168,44 @@ impl FileMessages {
                     Err(error) => return Some(Err(error)),
                 }
             } else if let Some(Reverse(first)) = self.waiting.pop() {
-                if let Ok(message) = &first.item {
-                    self.waiting_bytes -= message.data.len();
-                }
-                return Some(first.item);
+                return Some(match first.item {
+                    Ok(message) => {
+                        self.waiting_bytes -= message.data.len();
+                        self.inflate(message, first.turn.offset)
+                    }
+                    error => error,
+                });
             } else {
                 return self.missing().map(Err);
             }
         }
+    }
+
+    /// Decompresses a message of the part at `offset` if it is compressed.
+    fn inflate(&mut self, mut message: RawMessage, offset: u64) -> Result<RawMessage, BagError> {
+        let inflated = self.inflater.inflate(&mut message, &mut self.spare);
+        inflated.map(|()| message).map_err(|what| self.damaged_message(offset, what))
+    }
+
+    /// Rewrites a message of the part at `offset` if it is not one of ROS 2.
+    fn rewrite(
+        &mut self,
+        channel: u16,
+        mut message: RawMessage,
+        offset: u64,
+    ) -> Result<RawMessage, BagError> {
+        if let Some(rewrite) = self.channels.rewrite(channel) {
+            let mut data = self.spare.pop().unwrap_or_default();
+            rewrite.to_cdr(&message.data, &mut data).map_err(|what| {
+                self.damaged_message(offset, format!("{}: {what}", message.topic.name))
+            })?;
+            self.spare.push(std::mem::replace(&mut message.data, data));
+        }
+        Ok(message)
+    }
+
+    fn damaged_message(&self, offset: u64, what: String) -> BagError {
+        BagError::Damaged { path: self.source.path.clone(), offset, end: offset, what }
     }
 
     /// True if the next part may hold a message earlier than all buffered ones.
@@ -291,8 +291,10 @@ impl FileMessages {
             let fault = if opcode == op::MESSAGE {
                 let taken = Taker { channels, filter, spare }.take(body);
                 taken.map(|message| messages.extend(message))
-            } else {
+            } else if matches!(opcode, op::SCHEMA | op::CHANNEL | 0x80..) {
                 channels.add(opcode, body)
+            } else {
+                Err(format!("a chunk with a record of opcode {opcode:#04x}"))
             };
             if let Err(what) = fault
                 && faults.len() < MAX_FAULTS
@@ -322,7 +324,8 @@ impl FileMessages {
         for (number, (channel, message)) in messages.into_iter().enumerate() {
             *self.found.entry(channel).or_default() += 1;
             let (time, number) = (message.log_time_ns as u64, number as u64);
-            self.wait(Turn { time, offset, number }, Ok(message));
+            let message = self.rewrite(channel, message, offset);
+            self.wait(Turn { time, offset, number }, message);
         }
     }
 
@@ -341,7 +344,8 @@ impl FileMessages {
             Ok(Some((channel, message))) => {
                 *self.found.entry(channel).or_default() += 1;
                 part.start_time = message.log_time_ns as u64;
-                self.wait(Turn::first(part.start_time, part.offset), Ok(message));
+                let message = self.rewrite(channel, message, part.offset);
+                self.wait(Turn::first(part.start_time, part.offset), message);
             }
             Ok(None) => {}
             Err(what) => {

@@ -185,6 +185,16 @@ impl BagInformation {
         }
     }
 
+    /// Reads the YAML of the `rosbag2` metadata record.
+    pub(super) fn of_yaml(text: &str) -> Option<Self> {
+        serde_saphyr::from_str(text).ok()
+    }
+
+    /// True if the messages are compressed one by one.
+    pub(super) fn has_packed_messages(&self) -> bool {
+        self.compression_mode.eq_ignore_ascii_case("message")
+    }
+
     /// Returns the YAML of the `rosbag2` metadata record.
     pub(super) fn to_yaml(&self) -> Result<String, serde_saphyr::ser::Error> {
         serde_saphyr::to_string(self)

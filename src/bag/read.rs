@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::error::Fault;
+use super::find::{self, FoundFile, State};
 use super::format::{RecordSpan, Source};
 use super::layout::{Layout, PartKind};
+use super::open::Opener;
 use super::pictures::Series;
-use super::{
-    Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, import, place,
-};
+use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, import};
 
 /// Options for reading a bag.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +29,7 @@ impl Default for ReadOptions {
     }
 }
 
-/// A rosbag2 directory or a bare `.mcap`.
+/// A rosbag2 directory or a bare `.mcap`, also compressed as a whole (`.mcap.zstd`).
 ///
 /// A file with a valid index is read through it; any other is scanned once when it is opened.
 #[derive(Debug)]
@@ -43,25 +43,36 @@ pub struct BagReader {
     files: Vec<(PathBuf, Arc<Layout>)>,
     topics: Vec<Arc<Topic>>,
     notes: Vec<String>,
-    options: ReadOptions,
+    stated_messages: Option<u64>,
+    opener: Arc<Opener>,
 }
 
 impl BagReader {
-    /// Opens a bag.
+    /// Opens a bag. A file that is missing or cannot be read costs only its own messages: it is read as damage.
     ///
     /// # Errors
-    /// There is no bag, a file is not MCAP, the storage is not supported, a path leaves the directory, a listed file is
-    /// missing.
+    /// There is no bag, or nothing in it can be read.
     pub fn open(path: &Path, options: &ReadOptions) -> Result<Self, BagError> {
-        let opened = path;
-        let place::Files { paths, mut notes } = place::find(path)?;
+        let mut found = find::find(path)?;
+        let opener = Arc::new(Opener::new(options.record_limit_bytes));
+        let is_bare = found.files.len() == 1 && found.files.iter().all(|file| file.path == path);
         let mut files = Vec::new();
         let mut topics = BTreeSet::new();
-        for path in paths {
-            let mut source = Source::open(&path, options.record_limit_bytes)?;
-            let layout = Layout::of(&mut source, options)?;
+        let mut notes = std::mem::take(&mut found.notes);
+        for file in found.files {
+            let FoundFile { path, lost, state } = file;
+            let mut layout = match lost {
+                Some(why) => Layout::lost(why),
+                None => match opener.open(&path).and_then(|mut it| Layout::of(&mut it, options)) {
+                    Err(error) if is_bare => return Err(error),
+                    Err(BagError::Io { source, .. }) => Layout::lost(source.to_string()),
+                    Err(error) => Layout::lost(error.to_string()),
+                    Ok(layout) => layout,
+                },
+            };
+            layout.has_packed_messages |= found.has_packed_messages;
             notes.extend(layout.notes.iter().cloned());
-            if layout.profile != "ros2" {
+            if layout.lost.is_none() && layout.profile != "ros2" {
                 notes.push(format!(
                     "{}: the profile is {:?}, not \"ros2\"",
                     path.display(),
@@ -69,16 +80,22 @@ impl BagReader {
                 ));
             }
             topics.extend(layout.channels.iter().map(|(_, topic)| Arc::clone(topic)));
-            files.push((path, Arc::new(layout)));
+            files.push((path, layout, state));
         }
+        if found.is_order_unknown {
+            sort_by_time(&mut files);
+        }
+        compare(path, &mut files, found.stated_messages, &mut notes);
+        let files = files.into_iter().map(|(path, layout, _)| (path, Arc::new(layout))).collect();
         Ok(Self {
-            path: opened.into(),
-            name: opened.file_name().unwrap_or(opened.as_os_str()).to_string_lossy().into_owned(),
+            path: path.into(),
+            name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
             series: None,
             files,
             topics: topics.into_iter().collect(),
             notes,
-            options: *options,
+            stated_messages: found.stated_messages,
+            opener,
         })
     }
 
@@ -90,7 +107,9 @@ impl BagReader {
         options: ReadOptions,
     ) -> Self {
         let topics = series.topics();
-        Self { path, name, series: Some(series), files: Vec::new(), topics, notes, options }
+        let opener = Arc::new(Opener::new(options.record_limit_bytes));
+        let (files, stated_messages) = (Vec::new(), None);
+        Self { path, name, series: Some(series), files, topics, notes, stated_messages, opener }
     }
 
     /// The path by which it was opened; of single pictures, that of the first.
@@ -183,10 +202,11 @@ impl BagReader {
 
     /// Returns an iterator over the messages. It borrows nothing and may move to another thread.
     pub fn messages(&self, filter: &Filter) -> Messages {
-        if let Some(series) = &self.series {
-            return Messages::of_series(series, filter.clone(), self.options);
+        let opener = Arc::clone(&self.opener);
+        match &self.series {
+            Some(series) => Messages::of_series(series, filter.clone(), opener),
+            None => Messages::new(self.files.iter().cloned(), filter.clone(), opener),
         }
-        Messages::new(self.files.iter().cloned(), filter.clone(), self.options)
     }
 
     /// Returns an iterator over the attachments. Each may be damaged independently.
@@ -206,7 +226,7 @@ impl BagReader {
     ) -> impl Iterator<Item = Result<T, BagError>> {
         self.files.iter().flat_map(move |(path, layout)| {
             spans(layout).iter().map(move |span| {
-                let mut source = Source::open(path, self.options.record_limit_bytes)?;
+                let mut source = self.open_file(path)?;
                 match source.record_at(span.offset) {
                     Ok(Some(found)) if found == *span => {
                         parse(&source.body(span)?).map_err(|what| source.damaged(span, what))
@@ -221,11 +241,65 @@ impl BagReader {
         })
     }
 
+    /// Number of messages that `metadata.yaml` states; `None` if it states none.
+    pub(super) const fn stated_messages(&self) -> Option<u64> {
+        self.stated_messages
+    }
+
     pub(super) fn layouts(&self) -> impl Iterator<Item = (&Path, &Layout)> {
         self.files.iter().map(|(path, layout)| (path.as_path(), layout.as_ref()))
     }
 
-    pub(super) fn options(&self) -> &ReadOptions {
-        &self.options
+    /// Opens a file of the bag.
+    pub(super) fn open_file(&self, path: &Path) -> Result<Source, BagError> {
+        self.opener.open(path)
+    }
+}
+
+type File = (PathBuf, Layout, State);
+
+/// Sorts files by their first message; one without messages keeps its place behind the one before it.
+fn sort_by_time(files: &mut Vec<File>) {
+    let mut last = 0;
+    let mut keyed: Vec<_> = std::mem::take(files)
+        .into_iter()
+        .map(|file| {
+            let times = file.1.parts.iter().filter(|part| part.end_time > 0);
+            last = times.map(|part| part.start_time).min().unwrap_or(last);
+            (last, file)
+        })
+        .collect();
+    keyed.sort_by_key(|(time, _)| *time);
+    files.extend(keyed.into_iter().map(|(_, file)| file));
+}
+
+/// Compares the files with the number of messages that `metadata.yaml` states. Missing files whose messages are all in
+/// unlisted ones were only renamed.
+fn compare(
+    directory: &Path,
+    files: &mut Vec<File>,
+    stated_count: Option<u64>,
+    notes: &mut Vec<String>,
+) {
+    let Some(stated_count) = stated_count else { return };
+    let count = |(_, layout, _): &File| {
+        let counts = layout.counts.iter().flat_map(BTreeMap::values);
+        counts.fold(0_u64, |sum, count| sum.saturating_add(*count))
+    };
+    let found_count = files.iter().map(count).fold(0_u64, u64::saturating_add);
+    let num = |wanted| files.iter().filter(|(_, _, state)| *state == wanted).count();
+    let num_missing = num(State::Missing);
+    if num_missing > 0 && num_missing <= num(State::Unlisted) && found_count >= stated_count {
+        let missing = files.iter().filter(|(_, _, state)| *state == State::Missing);
+        for (path, _, _) in missing {
+            notes.push(format!("{}: missing, but no message is: renamed?", path.display()));
+        }
+        files.retain(|(_, _, state)| *state != State::Missing);
+    }
+    if found_count != stated_count {
+        notes.push(format!(
+            "{}: metadata.yaml states {stated_count} messages, the files hold {found_count}",
+            directory.display()
+        ));
     }
 }

@@ -1,15 +1,18 @@
 //! Recovers the readable part of a damaged bag into a new bag.
 
-use std::io;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::{fmt, io};
 
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::record::{OWN_RECORD, RecordSummary};
+use super::unpack::size_bytes;
 use super::{
     BagError, BagReader, Compression, Filter, ReadOptions, RecordError, RecordOptions, Recorder,
-    Times, place,
+    Times, TopicId, place,
 };
 
 /// Error of recovering a bag.
@@ -42,8 +45,26 @@ pub(crate) struct DamagedRange {
 impl DamagedRange {
     /// Returns the damaged range that an error reports; `None` for any other error.
     pub(super) fn of(error: &BagError) -> Option<Self> {
-        let BagError::Damaged { path, offset, end, what } = error else { return None };
-        Some(Self { file: path.clone(), offset: *offset, end: *end, what: what.clone() })
+        let (file, offset, end, what) = match error {
+            BagError::Damaged { path, offset, end, what } => (path, *offset, *end, what),
+            BagError::Lost { path, why } => (path, 0, size_bytes(path), why),
+            _ => return None,
+        };
+        Some(Self { file: file.clone(), offset, end, what: what.clone() })
+    }
+}
+
+impl fmt::Display for DamagedRange {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { file, offset, end, what } = self;
+        let file = file.display();
+        if end > offset && *offset > 0 {
+            write!(out, "{file}: bytes {offset} to {end}: {what}")
+        } else if *offset > 0 {
+            write!(out, "{file}: byte {offset}: {what}")
+        } else {
+            write!(out, "{file}: {what}")
+        }
     }
 }
 
@@ -67,12 +88,22 @@ pub(crate) struct Recovery {
     pub(crate) num_metadata: u64,
     /// Skipped ranges, whose messages are lost.
     pub(crate) damaged: Vec<DamagedRange>,
+    /// Whatever else is not in the new bag.
+    pub(crate) left_out: Vec<String>,
     /// Further notes for the user.
     pub(crate) notes: Vec<String>,
 }
 
+impl Recovery {
+    /// True if the new bag holds everything that the input held.
+    pub(crate) const fn is_complete(&self) -> bool {
+        self.damaged.is_empty() && self.left_out.is_empty()
+    }
+}
+
 /// Copies all readable topics, messages, metadata and attachments of `input` into a new bag `output`. The input is
 /// scanned without its index. A damaged chunk is skipped; after other damage, the scan searches for the next chunk.
+/// Compressed files and messages are decompressed, and the new chunks compressed instead.
 ///
 /// # Errors
 /// The input is not a bag or cannot be read, the output contains the input or cannot be written.
@@ -86,59 +117,141 @@ pub(crate) fn recover(
     let compression = options.compression.unwrap_or_else(|| compression_of(&bag));
     let record_options = RecordOptions { compression, force: options.force };
     let mut recorder = Recorder::create(output, record_options)?;
-    let mut damaged = Vec::new();
-    let mut notes = bag.notes().to_vec();
-    let mut report = |error: BagError| match DamagedRange::of(&error) {
-        Some(range) => damaged.push(range),
-        None => notes.push(error.to_string()),
-    };
-    for topic in bag.topics() {
-        recorder.add_topic(topic)?;
+    let mut losses = Losses { notes: bag.notes().to_vec(), ..Losses::default() };
+    for (path, layout) in bag.layouts().filter(|(_, layout)| layout.unknown_bytes > 0) {
+        let (path, bytes) = (path.display(), layout.unknown_bytes);
+        losses.left_out.push(format!("{path}: {bytes} bytes of record types that are not of MCAP"));
     }
-    let (mut num_attachments, mut num_metadata) = (0, 0);
-    for record in bag.metadata() {
-        match record {
-            Ok(record) if record.name == OWN_RECORD => {}
-            Ok(record) => {
-                recorder.metadata(&record)?;
-                num_metadata += 1;
-            }
-            Err(error) => report(error),
+    for topic in bag.topics() {
+        losses.topic(recorder.add_topic(topic), 0)?;
+    }
+    let num_metadata = copy_metadata(&bag, &mut recorder, &mut losses)?;
+    let num_attachments = copy_attachments(&bag, &mut recorder, &mut losses)?;
+    copy_messages(&bag, &mut recorder, &mut losses)?;
+    let output = recorder.finish()?;
+    losses.compare(&bag, output.messages);
+    let Losses { damaged, left_out, notes, .. } = losses;
+    Ok(Recovery { output, num_attachments, num_metadata, damaged, left_out, notes })
+}
+
+/// What is not in the new bag.
+#[derive(Default)]
+struct Losses {
+    damaged: Vec<DamagedRange>,
+    left_out: Vec<String>,
+    notes: Vec<String>,
+    /// Messages that the new bag cannot hold, by reason.
+    refused: BTreeMap<String, u64>,
+}
+
+impl Losses {
+    fn add(&mut self, error: &BagError) {
+        match DamagedRange::of(error) {
+            Some(range) => self.damaged.push(range),
+            None if error.is_loss() => self.left_out.push(error.to_string()),
+            None => self.notes.push(error.to_string()),
         }
     }
+
+    /// Returns the number of a topic; `None` for a second topic of the same name but another type, which a bag cannot
+    /// hold. Then `num_messages` more are left out.
+    fn topic(
+        &mut self,
+        added: Result<TopicId, RecordError>,
+        num_messages: u64,
+    ) -> Result<Option<TopicId>, RecordError> {
+        match added {
+            Ok(id) => Ok(Some(id)),
+            Err(error @ RecordError::TopicConflict { .. }) => {
+                *self.refused.entry(error.to_string()).or_default() += num_messages;
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Adds the refused messages, and those that `metadata.yaml` states beyond the recovered ones.
+    fn compare(&mut self, bag: &BagReader, num_recovered: u64) {
+        for (why, count) in &self.refused {
+            self.left_out.push(format!("{count} messages: {why}"));
+        }
+        let stated = bag.stated_messages().filter(|stated| *stated > num_recovered);
+        if let Some(stated) = stated.filter(|_| self.damaged.is_empty() && self.left_out.is_empty())
+        {
+            self.left_out.push(format!(
+                "{} messages that metadata.yaml states are in none of the files",
+                stated - num_recovered
+            ));
+        }
+    }
+}
+
+fn copy_metadata(
+    bag: &BagReader,
+    recorder: &mut Recorder,
+    losses: &mut Losses,
+) -> Result<u64, RecoverError> {
+    let (mut count, mut last) = (0, BTreeMap::new());
+    for record in bag.metadata() {
+        match record {
+            // The recorder writes its own.
+            Ok(record) if record.name == OWN_RECORD => {}
+            // The files of a split bag repeat it.
+            Ok(record) if last.get(&record.name) == Some(&record.entries) => {}
+            Ok(record) => {
+                recorder.metadata(&record)?;
+                count += 1;
+                last.insert(record.name, record.entries);
+            }
+            Err(error) => losses.add(&error),
+        }
+    }
+    Ok(count)
+}
+
+fn copy_attachments(
+    bag: &BagReader,
+    recorder: &mut Recorder,
+    losses: &mut Losses,
+) -> Result<u64, RecoverError> {
+    let (mut count, mut last) = (0, BTreeMap::new());
     for attachment in bag.attachments() {
         match attachment {
             Ok(attachment) => {
-                recorder.attach(&attachment)?;
-                num_attachments += 1;
+                let hash = Sha256::digest(&attachment.data);
+                // The files of a split bag repeat it.
+                if last.get(&attachment.name) != Some(&hash) {
+                    recorder.attach(&attachment)?;
+                    count += 1;
+                    last.insert(attachment.name, hash);
+                }
             }
-            Err(error) => report(error),
+            Err(error) => losses.add(&error),
         }
     }
-    copy_messages(&bag, &mut recorder, &mut report)?;
-    Ok(Recovery { output: recorder.finish()?, num_attachments, num_metadata, damaged, notes })
+    Ok(count)
 }
 
 fn copy_messages(
     bag: &BagReader,
     recorder: &mut Recorder,
-    report: &mut impl FnMut(BagError),
+    losses: &mut Losses,
 ) -> Result<(), RecoverError> {
     let mut messages = bag.messages(&Filter::all());
     while let Some(item) = messages.next() {
         match item {
             Ok(message) => {
-                let topic = recorder.add_topic(&message.topic)?;
-                let times = Times {
-                    log_ns: message.log_time_ns,
-                    publish_ns: message.publish_time_ns,
-                    sequence: message.sequence,
-                };
-                recorder.write(topic, times, &message.data)?;
+                if let Some(topic) = losses.topic(recorder.add_topic(&message.topic), 1)? {
+                    let times = Times {
+                        log_ns: message.log_time_ns,
+                        publish_ns: message.publish_time_ns,
+                        sequence: message.sequence,
+                    };
+                    recorder.write(topic, times, &message.data)?;
+                }
                 messages.recycle(message.data);
             }
-            Err(error @ BagError::Io { .. }) => return Err(error.into()),
-            Err(error) => report(error),
+            Err(error) => losses.add(&error),
         }
     }
     Ok(())
@@ -149,7 +262,8 @@ fn compression_of(bag: &BagReader) -> Compression {
         bag.layouts()
             .any(|(_, layout)| layout.compressions.iter().any(|compression| compression == name))
     };
-    if has("zstd") {
+    let is_packed = bag.layouts().any(|(_, layout)| layout.is_packed || layout.has_packed_messages);
+    if is_packed || has("zstd") {
         Compression::Zstd
     } else if has("lz4") {
         Compression::Lz4

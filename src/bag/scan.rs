@@ -57,6 +57,7 @@ pub(super) fn scan(source: &mut Source, channels: Channels) -> Result<Layout, Ba
             scan.unknown_bytes
         );
         scan.layout.notes.push(note);
+        scan.layout.unknown_bytes = scan.unknown_bytes;
     }
     scan.layout.sort();
     Ok(scan.layout)
@@ -70,6 +71,11 @@ struct Scan<'a> {
     /// The last record, if only the next one can confirm its length.
     suspect: Option<Suspect>,
     unknown_bytes: u64,
+}
+
+/// True for the records that a chunk may contain.
+fn is_content(opcode: u8) -> bool {
+    matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE)
 }
 
 struct Suspect {
@@ -88,17 +94,21 @@ impl Scan<'_> {
                 self.damage(offset, offset, what.into());
                 return Ok(None);
             }
-            Err(Fault::Malformed(what)) => return self.resume_behind(offset, what),
+            Err(Fault::Malformed(what)) => return self.malformed(offset, what),
             Err(Fault::Io(error)) => return Err(error),
         };
         if span.opcode == op::CHUNK {
             return match self.source.chunk_at(offset) {
                 Ok(chunk) => self.chunk(&chunk),
-                Err(Fault::Malformed(what)) => self.resume_behind(offset, what),
+                Err(Fault::Malformed(what)) => self.malformed(offset, what),
                 Err(Fault::Io(error)) => Err(error),
             };
         }
         if let Err(BagError::Damaged { what, .. }) = self.source.check_length(&span, 0) {
+            if is_content(span.opcode) && span.end - offset <= self.source.limit_bytes {
+                // The end of the file cuts this record off, so the length of the one before was right.
+                self.suspect = None;
+            }
             return self.resume_behind(offset, what);
         }
         if span.opcode == op::DATA_END && span.end - span.offset == DATA_END_BYTES {
@@ -109,6 +119,22 @@ impl Scan<'_> {
             Err(error) => Err(error),
             Ok(()) => Ok(Some(span.end)),
         }
+    }
+
+    /// Continues after a malformed record: inside a chunk whose header was never filled in, else behind it.
+    fn malformed(&mut self, offset: u64, what: String) -> Result<Option<u64>, BagError> {
+        let Some(content) = self.source.open_chunk_at(offset)? else {
+            if self.source.ends_in_prefix_of(offset, is_content)? {
+                self.suspect = None;
+            }
+            return self.resume_behind(offset, what);
+        };
+        let path = self.source.path.display();
+        self.layout.notes.push(format!(
+            "{path}: the chunk at byte {offset} was not finished; its complete messages are read"
+        ));
+        self.suspect = None;
+        Ok(Some(content))
     }
 
     fn record(&mut self, span: &RecordSpan) -> Result<(), BagError> {

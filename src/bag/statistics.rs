@@ -44,9 +44,14 @@ impl Statistics {
     /// Message rate, hertz; `None` for fewer than two messages or if all have the same time.
     pub(crate) fn rate_hz(&self) -> Option<f64> {
         let (first_ns, last_ns) = self.bounds_ns?;
-        let span_ns = i128::from(last_ns) - i128::from(first_ns);
-        (self.count > 1 && span_ns > 0).then(|| (self.count - 1) as f64 * 1e9 / span_ns as f64)
+        rate_hz(self.count, first_ns, last_ns)
     }
+}
+
+/// Rate of `count` events from the first to the last, hertz; `None` for fewer than two or if time does not advance.
+pub(super) fn rate_hz(count: u64, first_ns: i64, last_ns: i64) -> Option<f64> {
+    let span_ns = i128::from(last_ns) - i128::from(first_ns);
+    (count > 1 && span_ns > 0).then(|| (count - 1) as f64 * 1e9 / span_ns as f64)
 }
 
 #[cfg(test)]

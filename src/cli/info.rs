@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{Outcome, output, units::bytes};
+use crate::bag::images::ImageInfo;
 use crate::bag::info::{BagInfo, Depth, TopicInfo, describe};
 use crate::bag::{ReadOptions, pictures};
 use crate::report::date::date;
@@ -17,7 +18,7 @@ use crate::report::date::date;
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub(crate) struct InfoArgs {
-    /// A rosbag2 directory or an .mcap file; a folder of pictures, a picture or a video, as `replay` reads them.
+    /// A rosbag2 directory, or an .mcap or .mcap.zstd file; a folder of pictures, a picture or a video, as `replay` reads them.
     pub(crate) bag: PathBuf,
     /// One JSON object on standard output (see below).
     #[arg(long)]
@@ -34,13 +35,16 @@ Examples:
 
 --json prints one object:
   path, bytes, start_ns, end_ns (null without messages), duration_s, messages, verified (true if every message was read)
-  files:       [{path, bytes, indexed, compression: [\"none\"|\"lz4\"|\"zstd\"]}]
+  files:       [{path, bytes, indexed, compression: [\"none\"|\"lz4\"|\"zstd\" (chunks), \"zstd messages\", \"zstd file\"]}]
   topics:      [{name, type, encoding, type_hash, messages, rate_hz, largest_gap_s, largest_gap_at_ns,
-                skipped (by the writer's counter), bytes}]; rate and gap null when there are too few messages,
-                skipped and bytes null unless verified
+                skipped (by the writer's counter), bytes,
+                image: {encoding, width, height, stamp_rate_hz, problem}}]; rate and gap null when there are too few
+                messages, skipped and bytes null unless verified; image null for other types. It is that of the first
+                message; stamp_rate_hz is null if the stamps do not advance, problem says why it cannot be measured
   attachments: [{name, media_type, bytes, sha256}]
   metadata:    {record: {key: text}}; `laser_profiler` holds version, parameters, parameters_sha256
-  damaged:     [{file, offset, end, what}]; offsets in bytes from the start of the file
+  damaged:     [{file, offset, end, what}]; offsets in bytes from the start of the file, decompressed; both 0 for a
+               missing file
   notes:       [text]";
 
 /// Prints the description on `out`.
@@ -87,6 +91,7 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
     let how = if info.verified { "all read" } else { "from the index" };
     writeln!(out, "Messages    {}  ({how})", info.messages)?;
     print_topics(&info.topics, out)?;
+    print_images(&info.topics, out)?;
     for attachment in &info.attachments {
         let (name, media_type, size) =
             (&attachment.name, &attachment.media_type, bytes(attachment.bytes));
@@ -104,14 +109,7 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
         }
     }
     for range in &info.damaged {
-        writeln!(
-            out,
-            "Damaged     {}: bytes {} to {}: {}",
-            range.file.display(),
-            range.offset,
-            range.end,
-            range.what
-        )?;
+        writeln!(out, "Damaged     {range}")?;
     }
     for note in &info.notes {
         writeln!(out, "Note        {note}")?;
@@ -150,4 +148,24 @@ fn print_topics(topics: &[TopicInfo], out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "{}", cells.collect::<Vec<_>>().join("  ").trim_end())?;
     }
     writeln!(out)
+}
+
+fn print_images(topics: &[TopicInfo], out: &mut dyn Write) -> io::Result<()> {
+    let images = topics.iter().filter_map(|topic| Some((&topic.name, topic.image.as_ref()?)));
+    let mut has_any = false;
+    for (name, image) in images {
+        let ImageInfo { encoding, width, height, stamp_rate_hz, problem } = image;
+        let size = width.zip(*height).map_or(String::new(), |(w, h)| format!("  {w} x {h} px"));
+        let rate = stamp_rate_hz.map_or_else(
+            || "  stamps do not advance".into(),
+            |rate| format!("  {rate:.3} Hz by the stamps"),
+        );
+        let encoding = if encoding.is_empty() { "no encoding" } else { encoding };
+        writeln!(out, "Images      {name}  {encoding}{size}{rate}")?;
+        if let Some(problem) = problem {
+            writeln!(out, "  not measurable: {problem}")?;
+        }
+        has_any = true;
+    }
+    if has_any { writeln!(out) } else { Ok(()) }
 }

@@ -12,12 +12,13 @@ use crate::bag::recover::{RecoverOptions, Recovery, recover};
 
 /// Copies everything readable from a damaged bag into a new bag.
 ///
-/// Keeps all topics, messages, attachments and metadata. Skips damaged chunks and continues at the next valid one. The
-/// exit code is 3 if anything was skipped.
+/// Keeps all topics, messages, attachments and metadata. Skips missing files and damaged chunks and continues at the next
+/// valid one. Decompresses files (.mcap.zstd) and messages that are compressed one by one. The exit code is 3 if anything
+/// is not in the new bag; the summary names it.
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub(crate) struct RecoverArgs {
-    /// A rosbag2 directory or an .mcap file.
+    /// A rosbag2 directory, or an .mcap or .mcap.zstd file.
     pub(crate) bag: PathBuf,
     /// Directory of the new bag.
     #[arg(short, long)]
@@ -50,8 +51,9 @@ Example:
 
 --json prints one object:
   output, bytes, messages, topics: {name: count}, attachments, metadata (numbers of records)
-  damaged: [{file, offset, end, what}]; offsets in bytes from the start of the file
-  notes:   [text]";
+  damaged:  [{file, offset, end, what}]; offsets in bytes from the start of the file, decompressed
+  left_out: [text]; whatever else is not in the new bag
+  notes:    [text]";
 
 /// Recovers a bag and prints a summary on `out`.
 ///
@@ -67,7 +69,7 @@ pub(crate) fn run(args: &RecoverArgs, out: &mut dyn Write) -> anyhow::Result<Out
     let recovery = recover(&args.bag, &args.output, options)?;
     let printed = if args.json { print_json(&recovery, out) } else { print_text(&recovery, out) };
     output::printed(printed)?;
-    Ok(if recovery.damaged.is_empty() { Outcome::Done } else { Outcome::DataLost })
+    Ok(if recovery.is_complete() { Outcome::Done } else { Outcome::DataLost })
 }
 
 fn print_json(recovery: &Recovery, out: &mut dyn Write) -> io::Result<()> {
@@ -80,6 +82,7 @@ fn print_json(recovery: &Recovery, out: &mut dyn Write) -> io::Result<()> {
         "attachments": recovery.num_attachments,
         "metadata": recovery.num_metadata,
         "damaged": recovery.damaged,
+        "left_out": recovery.left_out,
         "notes": recovery.notes,
     });
     serde_json::to_writer_pretty(&mut *out, &object)?;
@@ -93,8 +96,10 @@ fn print_text(recovery: &Recovery, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "{topic}: {count} messages")?;
     }
     for range in &recovery.damaged {
-        let (file, offset, end) = (range.file.display(), range.offset, range.end);
-        writeln!(out, "skipped {file}: bytes {offset} to {end}: {}", range.what)?;
+        writeln!(out, "skipped {range}")?;
+    }
+    for what in &recovery.left_out {
+        writeln!(out, "left out {what}")?;
     }
     for note in &recovery.notes {
         writeln!(out, "note: {note}")?;

@@ -38,15 +38,16 @@ The results are a rosbag2 directory with ~/centerline and ~/annotations for ever
 
 --json prints one object:
   frames: {received, processed, rejected, dropped, lost}; received = processed + rejected + dropped,
-  points (of all centrelines), slices, standing (profiles that lie where the one before lies; missing if there are none), seconds, frames_per_second,
+  points (of all centrelines), points_saturated (of them, with a sample at full scale), outside_calibrated_volume, slices,
+  channel_auto (frames by the channel that `channel: auto` chose; missing for grey images), standing (profiles that lie where the one before lies; missing if there are none), seconds, frames_per_second,
   stages_ms: {decode, extract, triangulate, encode: each {p50, p99}}, output";
 
 /// Replays recordings through the node, as fast as possible, into a bag of results.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub(crate) struct ReplayArgs {
-    /// rosbag2 directories or .mcap files, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM) or quoted patterns,
-    /// replayed one after another. Single pictures are one series, in natural order.
+    /// rosbag2 directories, .mcap or .mcap.zstd files, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted
+    /// patterns or videos, replayed one after another. Single pictures are one series, in natural order.
     #[arg(required = true, value_name = "BAG|PICTURES")]
     pub(crate) bags: Vec<PathBuf>,
     #[command(flatten)]

@@ -1,6 +1,6 @@
 //! The summary of `replay` and `run`.
 
-use std::fmt::Write as _;
+use std::{collections::BTreeMap, fmt::Write as _};
 
 use serde::Serialize;
 
@@ -19,8 +19,12 @@ fn frames_per_second(summary: &Summary) -> f64 {
 pub(super) struct SummaryJson<'a> {
     frames: Frames,
     points: u64,
+    points_saturated: u64,
     outside_calibrated_volume: u64,
     slices: u64,
+    /// Frames by the channel that `channel: auto` stands for; `None` if it was not chosen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    channel_auto: Option<BTreeMap<&'static str, u64>>,
     /// Profiles that lie where the one before lies; `None` if there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
     standing: Option<u64>,
@@ -83,8 +87,11 @@ impl<'a> SummaryJson<'a> {
                 lost: counts.lost(),
             },
             points: counts.points,
+            points_saturated: counts.saturated,
             outside_calibrated_volume: counts.outside_calibration,
             slices: counts.slices,
+            channel_auto: Some(counts.chosen.named().collect())
+                .filter(|map: &BTreeMap<_, _>| !map.is_empty()),
             standing: (counts.standing > 0).then_some(counts.standing),
             positions: positions(counts),
             seconds: summary.elapsed.as_secs_f64(),
@@ -156,7 +163,16 @@ pub(super) fn text(summary: &Summary) -> String {
     if summary.was_interrupted {
         _ = writeln!(out, "interrupted: the rest of the input was not read");
     }
-    _ = writeln!(out, "{} points, {} slices", counts.points, counts.slices);
+    for (channel, frames) in counts.chosen.named() {
+        _ = writeln!(out, "channel auto: {channel} in {frames} frames");
+    }
+    _ = writeln!(
+        out,
+        "{} points, {:.1} % of them saturated; {} slices",
+        counts.points,
+        100.0 * counts.saturated as f64 / counts.points.max(1) as f64,
+        counts.slices
+    );
     _ = writeln!(
         out,
         "{:.2} s, {:.1} frames/s; p50 (p99) in ms:",
@@ -186,6 +202,7 @@ mod tests {
             out_of_order: 1,
             lost_transport: 5,
             points: 60,
+            saturated: 15,
             slices: 2,
             ..Counts::default()
         };
@@ -196,7 +213,7 @@ mod tests {
         let zero = r#"{"p50":0.0,"p99":0.0}"#;
         let expected = format!(
             "{}{}",
-            r#"{"frames":{"received":10,"processed":4,"rejected":3,"dropped":3,"lost":5},"points":60,"outside_calibrated_volume":0,"slices":2,"#,
+            r#"{"frames":{"received":10,"processed":4,"rejected":3,"dropped":3,"lost":5},"points":60,"points_saturated":15,"outside_calibrated_volume":0,"slices":2,"#,
             format_args!(
                 r#""seconds":2.0,"frames_per_second":2.0,"stages_ms":{{"decode":{zero},"extract":{zero},"triangulate":{zero},"encode":{zero}}},"output":"out"}}"#
             )

@@ -11,7 +11,7 @@ use crate::{
     msg::sensor_msgs::CameraInfo,
     scanner::{calibration::Calibration, camera::View},
 };
-use fit::{Fit, Misfit, fit};
+use fit::{Fit, Misfit, fit, is_unknown};
 
 /// Maximum number of messages that wait for their image; more than any camera sends ahead.
 const CAPACITY: usize = 32;
@@ -91,6 +91,7 @@ pub(crate) struct CameraInfos {
     calibration: Option<Calibration>,
     waiting: VecDeque<Described>,
     calibration_id: Option<u64>,
+    has_arrived: bool,
 }
 
 #[derive(Debug)]
@@ -108,8 +109,12 @@ impl CameraInfos {
     }
 
     /// Stores a message for its image. Replaces a message with the same stamp, and drops the oldest message if the
-    /// buffer is full.
+    /// buffer is full. A message of zeros describes nothing.
     pub(crate) fn insert(&mut self, info: &CameraInfo<'_>) {
+        self.has_arrived = true;
+        if is_unknown(info) {
+            return;
+        }
         let stamp_ns = info.header.stamp.to_ns();
         self.waiting.retain(|waiting| waiting.stamp_ns != stamp_ns);
         if self.waiting.len() == CAPACITY {
@@ -124,6 +129,11 @@ impl CameraInfos {
             },
             calibration_id: calibration_id(info),
         });
+    }
+
+    /// True if any message has arrived, even one of zeros.
+    pub(crate) const fn has_arrived(&self) -> bool {
+        self.has_arrived
     }
 
     /// Finds the message of an image. Keeps the message, because an image may be repeated.
@@ -290,6 +300,18 @@ mod tests {
         );
         infos.insert(&info(7));
         assert!(!is_new(&infos.pair_or_last(&image(7))));
+    }
+
+    #[test]
+    fn zeros_describe_nothing() {
+        let mut infos = CameraInfos::default();
+        assert!(!infos.has_arrived());
+        infos.insert(&CameraInfo { width: 0, height: 0, k: [0.0; 9], ..info(7) });
+        assert!(infos.has_arrived());
+        assert_eq!(infos.pair_or_last(&image(7)), CameraMatch::NoneYet);
+        infos.insert(&info(8));
+        infos.insert(&CameraInfo { width: 0, height: 0, k: [0.0; 9], ..info(9) });
+        assert!(is_new(&infos.pair_or_last(&image(9))), "the last one that describes a camera");
     }
 
     #[test]

@@ -22,6 +22,7 @@ use crate::{
 use super::{
     order::{NumberSource, Place},
     publisher::{PublishError, Publisher},
+    static_tf::RecordedTf,
     topics::Output,
 };
 
@@ -48,6 +49,8 @@ pub(crate) struct Results {
     part_frame: String,
     calibration_id: String,
     part_id: String,
+    /// Pose of the laser plane, in a replay.
+    static_tf: Option<RecordedTf>,
     dense: Vec<Point>,
     annotations: ImageAnnotations<'static>,
 }
@@ -68,6 +71,7 @@ impl Results {
             part_frame: calibration.map(|c| c.frame_id().to_owned()).unwrap_or_default(),
             calibration_id: calibration.map(Calibration::id).unwrap_or_default(),
             part_id: String::new(),
+            static_tf: None,
             dense: Vec::new(),
             annotations: ImageAnnotations::default(),
         };
@@ -90,6 +94,11 @@ impl Results {
         Self { part_frame, ..self }
     }
 
+    /// Writes the pose of the laser plane with the results.
+    pub(crate) fn set_static_tf(&mut self, static_tf: Option<RecordedTf>) {
+        self.static_tf = static_tf;
+    }
+
     /// Sets the part identity of subsequent slices.
     pub(crate) fn set_part_id(&mut self, part_id: String) {
         self.part_id = part_id;
@@ -102,6 +111,10 @@ impl Results {
         out: &mut Publisher<'_>,
     ) -> Result<(), PublishError> {
         let &Measured { header, image, output, time_ns, .. } = measured;
+        let static_tf = self.static_tf.as_mut();
+        if let Some(pose) = static_tf.and_then(|tf| tf.due(&header.frame_id, time_ns)) {
+            out.publish(Output::StaticTf, time_ns, &pose)?;
+        }
         let completed = Completed { slice: output.slice, height_map: output.height_map };
         self.publish_completed(completed, time_ns, out)?;
         let source = results::FrameSource {

@@ -1,4 +1,5 @@
-//! Publishes on `/tf_static` the pose of each laser plane in its camera's frame, once and after every change.
+//! The pose of each laser plane in its camera's frame, published on `/tf_static` once and after every change, and written
+//! to the results of a replay.
 
 use nalgebra::Isometry3;
 use thiserror::Error;
@@ -9,9 +10,13 @@ use crate::{
         names::NodeNames,
         transport::{Publication, Transport, TransportError},
     },
+    scanner::{calibration::Calibration, params::StripeDirection},
 };
 
-use super::endpoints::{self, SendError};
+use super::{
+    endpoints::{self, SendError},
+    topics::STATIC_TF,
+};
 
 /// The reason that a frame cannot be placed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -71,8 +76,7 @@ impl StaticTf {
         num_cameras: usize,
     ) -> Result<Self, TransportError> {
         let qos = QosProfile::latched(1);
-        let publication =
-            endpoints::advertise::<TFMessage<'_>>(transport, names, "/tf_static", qos)?;
+        let publication = endpoints::advertise::<TFMessage<'_>>(transport, names, STATIC_TF, qos)?;
         let (places, refused) = (vec![None; num_cameras], vec![None; num_cameras]);
         Ok(Self { publication, places, refused })
     }
@@ -128,14 +132,7 @@ impl StaticTf {
     }
 
     fn check(&self, camera: usize, parent: &str, child: &str) -> Result<(), StaticFrameError> {
-        // Old drivers prefix the name with a slash.
-        let parent = parent.trim_start_matches('/');
-        if parent.is_empty() {
-            return Err(StaticFrameError::Empty { child: child.to_owned() });
-        }
-        if parent == child.trim_start_matches('/') {
-            return Err(StaticFrameError::Same(child.to_owned()));
-        }
+        check_names(parent, child)?;
         let mut others = self.places.iter().enumerate().filter(|(other, _)| *other != camera);
         if others.any(|(_, place)| matches!(place, Some(place) if place.laser_frame == child)) {
             return Err(StaticFrameError::Taken(child.to_owned()));
@@ -160,6 +157,54 @@ impl StaticTf {
             })
             .collect();
         endpoints::send(&mut *self.publication, &TFMessage { transforms }, now_ns)
+    }
+}
+
+fn check_names(parent: &str, child: &str) -> Result<(), StaticFrameError> {
+    // Old drivers prefix the name with a slash.
+    let parent = parent.trim_start_matches('/');
+    if parent.is_empty() {
+        return Err(StaticFrameError::Empty { child: child.to_owned() });
+    }
+    if parent == child.trim_start_matches('/') {
+        return Err(StaticFrameError::Same(child.to_owned()));
+    }
+    Ok(())
+}
+
+/// The pose of the laser plane in the results of a replay: written with the first frame, and again if the images' frame
+/// changes.
+pub(crate) struct RecordedTf {
+    laser_frame: String,
+    camera_from_laser: Isometry3<f64>,
+    /// Frame of the last image.
+    camera_frame: Option<String>,
+}
+
+impl RecordedTf {
+    /// The pose of this calibration's plane; `None` if it has none, as a map from known heights.
+    pub(crate) fn new(calibration: &Calibration, direction: StripeDirection) -> Option<Self> {
+        Some(Self {
+            laser_frame: calibration.frame_id().to_owned(),
+            camera_from_laser: calibration.camera_from_laser(direction)?,
+            camera_frame: None,
+        })
+    }
+
+    /// Returns the message to write before the results of an image with that frame, if one is due. Logs the reason if the
+    /// plane cannot be placed.
+    pub(super) fn due(&mut self, camera_frame: &str, time_ns: i64) -> Option<TFMessage<'_>> {
+        if self.camera_frame.as_deref() == Some(camera_frame) {
+            return None;
+        }
+        self.camera_frame = Some(camera_frame.to_owned());
+        if let Err(error) = check_names(camera_frame, &self.laser_frame) {
+            tracing::warn!("/tf_static: {error}");
+            return None;
+        }
+        let (parent, child) = (self.camera_frame.as_deref()?, &self.laser_frame);
+        let transform = tf::transform(time_ns, parent, child, &self.camera_from_laser);
+        Some(TFMessage { transforms: vec![transform] })
     }
 }
 

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::histogram::Histogram;
+use crate::scanner::params::Channel;
 
 /// Counters of one stream. `received = processed + dropped_overload + rejected`, always.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,6 +48,47 @@ pub struct Counts {
     pub(crate) flooded: u64,
     /// Points of profiles outside the calibrated volume.
     pub(crate) outside_calibration: u64,
+    /// Points with a sample at full scale.
+    pub(crate) saturated: u64,
+    /// Frames by the channel that `channel: auto` stands for.
+    pub(crate) chosen: ChosenChannels,
+}
+
+/// Colour frames measured with `channel: auto`, by the channel that was chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ChosenChannels {
+    gray: u64,
+    red: u64,
+    green: u64,
+    blue: u64,
+}
+
+impl ChosenChannels {
+    /// Counts a frame.
+    pub(crate) const fn count(&mut self, channel: Channel) {
+        match channel {
+            Channel::Gray => self.gray += 1,
+            Channel::Red => self.red += 1,
+            Channel::Green => self.green += 1,
+            Channel::Blue => self.blue += 1,
+            _ => {}
+        }
+    }
+
+    /// Returns the channels that were chosen, with their frames.
+    pub(crate) fn named(&self) -> impl Iterator<Item = (&'static str, u64)> + use<> {
+        let Self { gray, red, green, blue } = *self;
+        [("gray", gray), ("red", red), ("green", green), ("blue", blue)]
+            .into_iter()
+            .filter(|(_, frames)| *frames > 0)
+    }
+
+    const fn add(&mut self, other: &Self) {
+        self.gray += other.gray;
+        self.red += other.red;
+        self.green += other.green;
+        self.blue += other.blue;
+    }
 }
 
 impl Counts {
@@ -82,6 +124,8 @@ impl Counts {
         self.positions_refused += other.positions_refused;
         self.flooded += other.flooded;
         self.outside_calibration += other.outside_calibration;
+        self.saturated += other.saturated;
+        self.chosen.add(&other.chosen);
     }
 
     /// True if every frame was measured and no result was dropped.

@@ -158,6 +158,8 @@ pub(crate) struct State {
     pub(crate) notes: Vec<Note>,
     /// Reason for the last rejection since the last report.
     pub(crate) last_rejection: Option<String>,
+    /// The channel that `channel: auto` stands for; `None` unless it was chosen.
+    pub(crate) channel: Option<&'static str>,
 }
 
 impl Reporter {
@@ -222,6 +224,8 @@ impl Reporter {
             ("slices", counts.slices.to_string()),
             ("frames without their other exposure", counts.unpaired.to_string()),
             ("frames too bright for the threshold", counts.flooded.to_string()),
+            ("points", counts.points.to_string()),
+            ("points saturated", counts.saturated.to_string()),
             ("points outside the calibrated volume", counts.outside_calibration.to_string()),
             ("frames without a position", counts.unlocated.to_string()),
             ("frames with a doubtful position", counts.doubtful.to_string()),
@@ -229,6 +233,7 @@ impl Reporter {
             ("profiles at the place of the one before", counts.standing.to_string()),
         ];
         let value = |(key, value)| KeyValue { key: Cow::Borrowed(key), value: Cow::Owned(value) };
+        let chosen = state.channel.iter().map(|text| ("channel auto", (*text).to_owned()));
         let rejection = state.last_rejection.iter().map(|text| ("last rejection", text.clone()));
         let notes = state.notes.iter().map(|note| (note.key, note.text.clone()));
         let status = DiagnosticStatus {
@@ -236,7 +241,13 @@ impl Reporter {
             name: Cow::Owned(self.status_name()),
             message: Cow::Owned(message),
             hardware_id: Cow::Borrowed(""),
-            values: values.into_iter().chain(rejection).chain(notes).map(value).collect(),
+            values: values
+                .into_iter()
+                .chain(chosen)
+                .chain(rejection)
+                .chain(notes)
+                .map(value)
+                .collect(),
         };
         DiagnosticArray { header: header(now_ns), status: vec![status] }
     }

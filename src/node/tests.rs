@@ -231,7 +231,7 @@ fn faulty_stream() -> Vec<Input> {
         good(3, 200),
         frame(4, 300, 200, |_| {}),
         frame(5, 400, 150, |_| {}),
-        frame(6, 500, 500, |image| image.encoding = "yuv422".into()),
+        frame(6, 500, 500, |image| image.encoding = "yuv420".into()),
         message(7, 600, vec![0, 1, 0, 0, 9, 9]),
         // 8 and 9 are lost.
         good(10, 900),

@@ -9,6 +9,7 @@ use crate::{
         qos::QosProfile,
         schema::{Message, MessageType},
         sensor_msgs::{Image, PointCloud2},
+        tf2_msgs::TFMessage,
     },
     ros::{
         names::{NameError, NodeNames},
@@ -39,6 +40,9 @@ pub(crate) enum Output {
     SliceInfo,
     /// The heights of a scan.
     HeightMap,
+    /// The pose of the laser plane, in a recording of one camera's results. On a network the node publishes those of all
+    /// cameras together.
+    StaticTf,
 }
 
 /// Every topic in the order of [`Output`]: those after [`Output::Diagnostics`] need a calibration.
@@ -53,6 +57,9 @@ const OUTPUTS: [(Output, &str, &MessageType, QosProfile); 9] = [
     (Output::SliceInfo, "~/slice_info", SliceInfo::TYPE, QosProfile::reliable(10)),
     (Output::HeightMap, "~/height_map", Image::TYPE, QosProfile::latched(1)),
 ];
+
+/// The topic of the laser plane's pose.
+pub(crate) const STATIC_TF: &str = "/tf_static";
 
 /// Returns the name of a camera's topic before remapping. With several cameras, the camera's name precedes it
 /// (`left/image_raw`, `~/left/centerline`). An absolute name belongs to the whole node.
@@ -83,6 +90,15 @@ pub(crate) fn published(
     OUTPUTS[..num].iter().map(topic).collect()
 }
 
+/// Returns the topic of the laser plane's pose, which follows the published ones in a recording.
+///
+/// # Errors
+/// A remap rule that gives the topic a name that ROS does not allow.
+pub(crate) fn static_tf(names: &NodeNames) -> Result<TopicEndpoint, NameError> {
+    let (kind, qos) = (TFMessage::TYPE, QosProfile::latched(1));
+    Ok(TopicEndpoint { name: names.resolve(STATIC_TF)?, kind, qos })
+}
+
 /// Converts the topics for a recording.
 pub(crate) fn recorded(endpoints: &[TopicEndpoint]) -> Vec<Topic> {
     let topic =
@@ -99,6 +115,7 @@ mod tests {
         for (index, (output, ..)) in OUTPUTS.iter().enumerate() {
             assert_eq!(*output as usize, index);
         }
+        assert_eq!(Output::StaticTf as usize, OUTPUTS.len());
     }
 
     #[test]

@@ -66,6 +66,17 @@ impl Bags {
         image: impl Fn(usize, &Image<'_>) -> Vec<u8>,
         info: impl Fn(usize, CameraInfo<'_>) -> Option<Vec<u8>>,
     ) -> PathBuf {
+        self.edited_late(name, 0, image, info)
+    }
+
+    /// Like `edited`, with the descriptions recorded later than they were, by this time in nanoseconds.
+    fn edited_late(
+        &self,
+        name: &str,
+        delay_ns: i64,
+        image: impl Fn(usize, &Image<'_>) -> Vec<u8>,
+        info: impl Fn(usize, CameraInfo<'_>) -> Option<Vec<u8>>,
+    ) -> PathBuf {
         let reader = BagReader::open(&self.path("whole"), &ReadOptions::default()).unwrap();
         let path = self.path(name);
         let options = RecordOptions { compression: Compression::None, ..RecordOptions::default() };
@@ -81,7 +92,8 @@ impl Bags {
                 } else {
                     info(number, cdr::decode(&message.data).unwrap())
                 };
-                let log_ns = message.log_time_ns;
+                let delay_ns = if topic_name == INFO_TOPIC { delay_ns } else { 0 };
+                let log_ns = message.log_time_ns + delay_ns;
                 let times = Times { log_ns, publish_ns: log_ns, sequence: message.sequence };
                 if let Some(bytes) = bytes {
                     recorder.write(id, times, &bytes).unwrap();
@@ -234,4 +246,54 @@ fn where_the_description_changes_a_new_scan_begins() {
     let (rejected, stderr, profiles) = bags.measured(&bag);
     assert_eq!((rejected, profiles.len() as u64), (0, FRAMES), "{stderr}");
     assert!(stderr.contains("camera_info changes within the stream: now 200 x 80"), "{stderr}");
+}
+
+#[test]
+fn the_verdict_does_not_depend_on_which_message_comes_first() {
+    let bags = Bags::new();
+    let other = |_, mut info: CameraInfo<'_>| {
+        info.k[0] *= 1.05;
+        Some(bytes(&info))
+    };
+    // After the first, the second and the last of four images, 20 ms apart.
+    for delay_ns in [1, 21_000_000, 61_000_000] {
+        let name = format!("late_{delay_ns}");
+        let bag = bags.edited_late(&name, delay_ns, |_, image| bytes(image), other);
+        let (rejected, stderr, profiles) = bags.measured(&bag);
+        assert_eq!((rejected, profiles.len()), (FRAMES, 0), "{delay_ns}: {stderr}");
+        assert!(stderr.contains("px from where the calibration does"), "{delay_ns}: {stderr}");
+    }
+    // The right camera loses nothing by it.
+    let bag =
+        bags.edited_late("late", 61_000_000, |_, image| bytes(image), |_, info| Some(bytes(&info)));
+    let (_, _, whole) = bags.measured(&bags.path("whole"));
+    let (rejected, stderr, profiles) = bags.measured(&bag);
+    assert_eq!((rejected, profiles), (0, whole), "{stderr}");
+}
+
+#[test]
+fn a_description_of_zeros_means_that_nothing_is_known() {
+    type Edit = fn(&mut CameraInfo<'_>);
+    let bags = Bags::new();
+    let (_, _, whole) = bags.measured(&bags.path("whole"));
+    let cases: [(&str, Edit); 3] = [
+        ("all", |info| {
+            let header = info.header.clone();
+            *info = CameraInfo { header, ..CameraInfo::default() };
+        }),
+        ("matrix", |info| (info.k, info.d) = ([0.0; 9], Vec::new())),
+        ("size", |info| (info.width, info.height) = (0, 0)),
+    ];
+    for (name, edit) in cases {
+        let bag = bags.edited(
+            name,
+            |_, image| bytes(image),
+            |_, mut info| {
+                edit(&mut info);
+                Some(bytes(&info))
+            },
+        );
+        let (rejected, stderr, profiles) = bags.measured(&bag);
+        assert_eq!((rejected, &profiles), (0, &whole), "{name}: {stderr}");
+    }
 }

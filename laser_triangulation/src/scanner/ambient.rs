@@ -3,7 +3,7 @@
 use super::{
     channel::{Decoder, SearchedRegion},
     image::{Image, OwnedImage},
-    params::{Background, Params},
+    params::{Background, Channel, Params},
     stripe::Extractor,
 };
 use thiserror::Error;
@@ -13,7 +13,7 @@ use thiserror::Error;
 pub(super) struct Ambient {
     image: Option<OwnedImage>,
     decoder: Decoder,
-    prepared: Option<(SearchedRegion, u32)>,
+    prepared: Option<(SearchedRegion, u32, Channel)>,
 }
 
 /// Reasons why the stored frame does not fit the image.
@@ -59,7 +59,13 @@ impl Ambient {
         self.prepared = None;
     }
 
+    /// True if the stored frame is one channel of grey levels, which `laser_profiler ambient` makes of colour images, too.
+    pub(super) fn is_gray(&self) -> bool {
+        self.image.as_ref().is_some_and(|image| !image.view().format().has_colors())
+    }
+
     /// Passes the searched part of the stored frame to the extractor, once, if the parameters subtract a reference.
+    /// `params.channel` is the channel that is measured.
     ///
     /// # Errors
     /// There is no stored frame, or it does not fit the image.
@@ -84,9 +90,10 @@ impl Ambient {
         if max_level != ambient_max_level {
             return Err(AmbientError::Depth { max_level, ambient_max_level });
         }
-        if self.prepared != Some((*searched, max_level)) {
+        let wanted = (*searched, max_level, params.channel);
+        if self.prepared != Some(wanted) {
             extractor.set_ambient(&self.decoder.decode(&ambient, params.channel, searched));
-            self.prepared = Some((*searched, max_level));
+            self.prepared = Some(wanted);
         }
         Ok(())
     }

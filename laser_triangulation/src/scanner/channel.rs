@@ -20,6 +20,41 @@ pub struct RoiError {
     pub height: u32,
 }
 
+/// The image does not have the channel that the parameters name.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("channel is {}, but {}: set channel to auto or gray", .channel.name(), .format.without_colors())]
+pub struct ChannelError {
+    /// Value of the parameter.
+    pub channel: Channel,
+    /// Format of the image.
+    pub format: PixelFormat,
+}
+
+impl PixelFormat {
+    /// Says in a clause for messages why there is no red, green and blue.
+    const fn without_colors(self) -> &'static str {
+        match self {
+            Self::Yuyv | Self::Uyvy | Self::Luma8 => {
+                "of YUV images only the luma is read, not the colours (the driver can convert them to rgb8)"
+            }
+            _ => "grey images have no colours",
+        }
+    }
+}
+
+/// Tests that images of that format have the channel. Grey and YUV images have one level a pixel, which is that of
+/// [`Channel::Auto`], [`Channel::Gray`] and [`Channel::Max`].
+///
+/// # Errors
+/// The channel is a colour, and the format has none.
+pub const fn check_channel(channel: Channel, format: PixelFormat) -> Result<(), ChannelError> {
+    match channel {
+        Channel::Auto | Channel::Gray | Channel::Max => Ok(()),
+        _ if format.has_colors() => Ok(()),
+        _ => Err(ChannelError { channel, format }),
+    }
+}
+
 /// The part of an image that is searched: a region of interest with its size resolved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SearchedRegion {
@@ -78,7 +113,8 @@ pub struct Offset {
     pub row: usize,
 }
 
-/// Step 2: one grey level per pixel. Borrows grey 8-bit images; converts everything else into buffers that are kept.
+/// Step 2: one grey level per pixel. Borrows 8-bit grey images and luma planes; copies one level a pixel of everything
+/// else into buffers that are kept.
 #[derive(Debug, Default)]
 pub struct Decoder {
     eight: Vec<u8>,
@@ -88,7 +124,9 @@ pub struct Decoder {
 impl Decoder {
     /// Returns the chosen channel of the searched part.
     ///
-    /// Bayer images are demosaiced bilinearly: a missing colour is the mean of the nearest pixels that have it.
+    /// Bayer images are demosaiced bilinearly: a missing colour is the mean of the nearest pixels that have it. Of YUV
+    /// images it is the luma as it is stored, without a conversion of colours or of the range. Formats without colours
+    /// have one channel, whichever is asked for: see [`check_channel`].
     pub fn decode<'a>(
         &'a mut self,
         image: &Image<'a>,
@@ -96,7 +134,9 @@ impl Decoder {
         region: &SearchedRegion,
     ) -> AnyPlane<'a> {
         match image.format() {
-            PixelFormat::Mono8 => AnyPlane::Eight(bytes(image).crop(region)),
+            PixelFormat::Mono8 | PixelFormat::Luma8 => AnyPlane::Eight(bytes(image).crop(region)),
+            PixelFormat::Yuyv => self.every_second(image, region, 0),
+            PixelFormat::Uyvy => self.every_second(image, region, 1),
             PixelFormat::Mono16(order) => {
                 self.sixteen.clear();
                 let sample = sample_of(order);
@@ -131,7 +171,46 @@ impl Decoder {
                 });
                 AnyPlane::Sixteen(packed(&self.sixteen, region))
             }
+            PixelFormat::Rgb16(order) => self.deep_colour::<6>(image, region, channel, (order, 0)),
+            PixelFormat::Bgr16(order) => self.deep_colour::<6>(image, region, channel, (order, 2)),
+            PixelFormat::Rgba16(order) => self.deep_colour::<8>(image, region, channel, (order, 0)),
+            PixelFormat::Bgra16(order) => self.deep_colour::<8>(image, region, channel, (order, 2)),
         }
+    }
+
+    /// The luma of interleaved YUV: the first or the second byte of each pixel.
+    fn every_second<'a>(
+        &'a mut self,
+        image: &Image<'_>,
+        region: &SearchedRegion,
+        place: usize,
+    ) -> AnyPlane<'a> {
+        self.eight.clear();
+        for y in region.y..region.y + region.height {
+            let row = &image.data()[y * image.step() + 2 * region.x..][..2 * region.width];
+            self.eight.extend(row.as_chunks::<2>().0.iter().map(|pair| pair[place]));
+        }
+        AnyPlane::Eight(packed(&self.eight, region))
+    }
+
+    /// One level of colours of 16 bits. `red` is the place of red in the pixel, 0 or 2; blue has the other.
+    fn deep_colour<'a, const BYTES: usize>(
+        &'a mut self,
+        image: &Image<'_>,
+        region: &SearchedRegion,
+        channel: Channel,
+        (order, red): (ByteOrder, usize),
+    ) -> AnyPlane<'a> {
+        self.sixteen.clear();
+        let sample = sample_of(order);
+        for y in region.y..region.y + region.height {
+            let row = &image.data()[y * image.step() + BYTES * region.x..][..BYTES * region.width];
+            self.sixteen.extend(row.as_chunks::<BYTES>().0.iter().map(|pixel| {
+                let at = |place: usize| u32::from(sample([pixel[2 * place], pixel[2 * place + 1]]));
+                select(channel, [at(red), at(1), at(2 - red)]) as u16
+            }));
+        }
+        AnyPlane::Sixteen(packed(&self.sixteen, region))
     }
 
     fn colour<'a, const BYTES: usize>(
@@ -248,113 +327,4 @@ fn demosaic(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const ALL: RegionOfInterest =
-        RegionOfInterest { x_offset: 0, y_offset: 0, width: None, height: None };
-
-    fn eight(format: PixelFormat, width: u32, step: u32, data: &[u8], channel: Channel) -> Vec<u8> {
-        let image = Image::new(width, data.len() as u32 / step, step, format, data).unwrap();
-        let mut decoder = Decoder::default();
-        match decoder.decode(
-            &image,
-            channel,
-            &SearchedRegion::new(ALL, image.width(), image.height()).unwrap(),
-        ) {
-            AnyPlane::Eight(plane) => {
-                (0..plane.height).flat_map(|y| plane.row(y).to_vec()).collect()
-            }
-            AnyPlane::Sixteen(_) => panic!("8-bit image became 16 bit"),
-        }
-    }
-
-    #[test]
-    fn padding_at_the_end_of_rows_is_no_pixel() {
-        let data = [1, 2, 99, 3, 4, 99];
-        assert_eq!(eight(PixelFormat::Mono8, 2, 3, &data, Channel::Auto), [1, 2, 3, 4]);
-    }
-
-    #[test]
-    fn every_colour_order_gives_the_same_channels() {
-        let cases: [(PixelFormat, &[u8]); 4] = [
-            (PixelFormat::Rgb8, &[10, 20, 30]),
-            (PixelFormat::Bgr8, &[30, 20, 10]),
-            (PixelFormat::Rgba8, &[10, 20, 30, 200]),
-            (PixelFormat::Bgra8, &[30, 20, 10, 200]),
-        ];
-        for (format, data) in cases {
-            let step = data.len() as u32;
-            assert_eq!(eight(format, 1, step, data, Channel::Red), [10], "{format:?}");
-            assert_eq!(eight(format, 1, step, data, Channel::Green), [20], "{format:?}");
-            assert_eq!(eight(format, 1, step, data, Channel::Blue), [30], "{format:?}");
-            assert_eq!(eight(format, 1, step, data, Channel::Max), [30], "{format:?}");
-            assert_eq!(eight(format, 1, step, data, Channel::Auto), [30], "{format:?}");
-            for (channel, excess) in
-                [(Channel::RedExcess, 0), (Channel::GreenExcess, 0), (Channel::BlueExcess, 10)]
-            {
-                assert_eq!(eight(format, 1, step, data, channel), [excess], "{format:?}");
-            }
-            // 0.299 * 10 + 0.587 * 20 + 0.114 * 30 = 18.15
-            assert_eq!(eight(format, 1, step, data, Channel::Gray), [18], "{format:?}");
-        }
-    }
-
-    #[test]
-    fn sixteen_bit_samples_follow_their_byte_order_and_need_no_alignment() {
-        let data = [0xff, 0x01, 0x02, 0x03, 0x04];
-        for (order, expected) in
-            [(ByteOrder::Little, [0x0201, 0x0403]), (ByteOrder::Big, [0x0102, 0x0304])]
-        {
-            let image = Image::new(2, 1, 4, PixelFormat::Mono16(order), &data[1..]).unwrap();
-            let mut decoder = Decoder::default();
-            let AnyPlane::Sixteen(plane) =
-                decoder.decode(&image, Channel::Auto, &SearchedRegion::new(ALL, 2, 1).unwrap())
-            else {
-                panic!("16-bit image became 8 bit")
-            };
-            assert_eq!(plane.row(0), expected);
-        }
-    }
-
-    /// A scene of one colour comes back as that colour for every pattern, borders included.
-    #[test]
-    fn a_uniform_bayer_scene_stays_uniform() {
-        for pattern in
-            [BayerPattern::Rggb, BayerPattern::Bggr, BayerPattern::Gbrg, BayerPattern::Grbg]
-        {
-            let rgb = [200, 100, 50];
-            let data: Vec<u8> = (0..5 * 4).map(|i| rgb[colour_at(pattern, i % 5, i / 5)]).collect();
-            for (channel, level) in [
-                (Channel::Red, 200),
-                (Channel::Green, 100),
-                (Channel::Blue, 50),
-                (Channel::RedExcess, 100),
-            ] {
-                let plane = eight(PixelFormat::Bayer8(pattern), 5, 5, &data, channel);
-                assert_eq!(plane, vec![level; 20], "{pattern:?} {channel:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_roi_selects_and_is_checked() {
-        let data: Vec<u8> = (0..12).collect();
-        let image = Image::new(4, 3, 4, PixelFormat::Mono8, &data).unwrap();
-        let mut decoder = Decoder::default();
-        let roi = RegionOfInterest { x_offset: 1, y_offset: 1, width: Some(2), height: None };
-        let AnyPlane::Eight(plane) =
-            decoder.decode(&image, Channel::Auto, &SearchedRegion::new(roi, 4, 3).unwrap())
-        else {
-            panic!()
-        };
-        assert_eq!((plane.width, plane.height, plane.row(1)), (2, 2, &[9, 10][..]));
-        for roi in [
-            RegionOfInterest { x_offset: 4, ..ALL },
-            RegionOfInterest { x_offset: 3, width: Some(2), ..ALL },
-            RegionOfInterest { y_offset: 1, height: Some(u32::MAX), ..ALL },
-        ] {
-            assert!(SearchedRegion::new(roi, 4, 3).is_err(), "{roi:?}");
-        }
-    }
-}
+mod tests;

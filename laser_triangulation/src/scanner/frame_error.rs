@@ -2,7 +2,11 @@
 
 use thiserror::Error;
 
-use super::{ambient::AmbientError, channel::RoiError, params::FullScaleError};
+use super::{
+    ambient::AmbientError,
+    channel::{ChannelError, RoiError},
+    params::FullScaleError,
+};
 
 /// Reason why a frame cannot be measured with these parameters.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -24,6 +28,9 @@ pub enum FrameError {
         /// Columns and rows of the calibrated images.
         calibrated: (u32, u32),
     },
+    /// The image does not have the channel.
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
     /// The saturation level exceeds the range of the samples.
     #[error(transparent)]
     FullScale(#[from] FullScaleError),

@@ -48,25 +48,63 @@ pub enum PixelFormat {
     Bayer8(BayerPattern),
     /// One 16-bit sample behind a colour filter array.
     Bayer16(BayerPattern, ByteOrder),
+    /// Red, green, blue, 16 bit each.
+    Rgb16(ByteOrder),
+    /// Blue, green, red, 16 bit each.
+    Bgr16(ByteOrder),
+    /// Red, green, blue, alpha, 16 bit each; alpha is ignored.
+    Rgba16(ByteOrder),
+    /// Blue, green, red, alpha, 16 bit each; alpha is ignored.
+    Bgra16(ByteOrder),
+    /// YUV 4:2:2, luma first: Y U Y V for two pixels, 8 bit each; chroma is ignored.
+    Yuyv,
+    /// YUV 4:2:2, chroma first: U Y V Y for two pixels, 8 bit each; chroma is ignored.
+    Uyvy,
+    /// The luma plane of a planar or semi-planar YUV image (NV12, I420), 8 bit.
+    Luma8,
 }
+
+/// White of 8-bit YUV of limited range, as most cameras send it: ITU-R BT.601 has black at 16 and white at 235.
+const WHITE_LUMA: u32 = 235;
 
 impl PixelFormat {
     /// Bytes a pixel takes.
     pub const fn bytes_per_pixel(self) -> usize {
         match self {
-            Self::Mono8 | Self::Bayer8(_) => 1,
-            Self::Mono16(_) | Self::Bayer16(..) => 2,
+            Self::Mono8 | Self::Bayer8(_) | Self::Luma8 => 1,
+            Self::Mono16(_) | Self::Bayer16(..) | Self::Yuyv | Self::Uyvy => 2,
             Self::Rgb8 | Self::Bgr8 => 3,
             Self::Rgba8 | Self::Bgra8 => 4,
+            Self::Rgb16(_) | Self::Bgr16(_) => 6,
+            Self::Rgba16(_) | Self::Bgra16(_) => 8,
         }
     }
 
     /// Largest value a sample can hold: 255 or 65535.
     pub const fn max_level(self) -> u32 {
         match self {
-            Self::Mono16(_) | Self::Bayer16(..) => 65_535,
+            Self::Mono16(_)
+            | Self::Bayer16(..)
+            | Self::Rgb16(_)
+            | Self::Bgr16(_)
+            | Self::Rgba16(_)
+            | Self::Bgra16(_) => 65_535,
             _ => 255,
         }
+    }
+
+    /// Level from which a sample counts as saturated unless the parameter `full_scale` states another: 235 for YUV, whose
+    /// samples do not tell whether white is 235 or 255, otherwise the largest level.
+    pub const fn white_level(self) -> u32 {
+        match self {
+            Self::Yuyv | Self::Uyvy | Self::Luma8 => WHITE_LUMA,
+            _ => self.max_level(),
+        }
+    }
+
+    /// True if a pixel has a red, a green and a blue level. Grey images have none; of YUV images the luma alone is read.
+    pub const fn has_colors(self) -> bool {
+        !matches!(self, Self::Mono8 | Self::Mono16(_) | Self::Yuyv | Self::Uyvy | Self::Luma8)
     }
 }
 

@@ -5,6 +5,7 @@
 pub mod image;
 mod plane;
 pub mod channel;
+pub mod auto_channel;
 pub(crate) mod ambient;
 pub mod coverage;
 pub mod stripe;

@@ -21,7 +21,8 @@ const _: () = assert!(MAX_SIDE_PX == 65_535);
 named_enum! {
     /// Grey level of a colour pixel.
     Channel {
-        /// The largest of the three channels of colour and Bayer images; grey images unchanged.
+        /// Of colour and Bayer images, the channel that shows the line least clipped, chosen once for a scan; outside a
+        /// pipeline, the largest of the three colours. Grey images unchanged.
         Auto = "auto",
         /// Luma of ITU-R BT.601: 0.299 R + 0.587 G + 0.114 B.
         Gray = "gray",
@@ -238,15 +239,18 @@ parameter_group! {
     /// All parameters of the measurement.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Params {
-        /// Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing; grey images are used
-        /// unchanged. auto, max: the largest of the three colours; gray: luma of BT.601; red, green, blue: best
-        /// contrast if it is the laser's colour; red_excess, green_excess, blue_excess: that colour minus the larger of
-        /// the other two, which removes white light.
+        /// Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing; grey images and the luma of YUV
+        /// images are used unchanged, and have no single colours. auto: of red, green, blue and gray the one that clips
+        /// the line least, chosen in the first frame that shows it and held for the scan; max: the largest of the three
+        /// colours; gray: luma of BT.601; red, green, blue: best contrast if it is the laser's colour and not saturated;
+        /// red_excess, green_excess, blue_excess: that colour minus the larger of the other two, which removes white
+        /// light, but also the core of a saturated line.
         channel: Channel = Channel::Auto => ["channel"],
         /// Direction of the stripe in the image. horizontal: one point per column; vertical: one point per row.
         stripe_direction: StripeDirection = StripeDirection::Horizontal => ["stripe_direction"],
-        /// Grey level from which a sample counts as saturated; 0: the maximum of the encoding, 255 or 65535. Set 4095
-        /// for 12-bit data in mono16, otherwise thresholds and saturation are wrong.
+        /// Grey level from which a sample counts as saturated, and to which thresholds are scaled; 0: the maximum of the
+        /// encoding, 255 or 65535, and 235 for YUV, the white of its limited range. Set 4095 for 12-bit data in mono16,
+        /// otherwise thresholds and saturation are wrong, and 255 for a YUV camera of full range.
         full_scale: Option<u32> = None => ["full_scale", 0..=65_535, "grey levels of the image"],
         /// Region of interest.
         roi: RegionOfInterest = RegionOfInterest::default() => group,
@@ -296,7 +300,7 @@ impl Params {
     pub const fn full_scale_of(&self, format: PixelFormat) -> Result<u32, FullScaleError> {
         let max_level = format.max_level();
         match self.full_scale {
-            None => Ok(max_level),
+            None => Ok(format.white_level()),
             Some(chosen) if chosen <= max_level => Ok(chosen),
             Some(full_scale) => Err(FullScaleError { full_scale, max_level }),
         }

@@ -2,17 +2,18 @@
 
 use super::{
     ambient::Ambient,
+    auto_channel::{AutoChannel, ChannelChoice},
     axis::{Axis, AxisKind, AxisTravel},
     calibration::{Calibration, Lines},
-    channel::{Decoder, SearchedRegion},
+    channel::{Decoder, SearchedRegion, check_channel},
     coverage::share_above_threshold,
     exposure_pair::{ExposurePairing, ExposurePairs},
     frame_error::FrameError,
     frame_index::FrameIndex,
     height_map::HeightMap,
-    image::{Frame, OwnedImage},
+    image::{Frame, Image, OwnedImage},
     motion::{Position, locator::Locator, standstill},
-    params::{Exposure, MotionSource, Params},
+    params::{Background, Channel, Exposure, MotionSource, Params},
     profile::Profile,
     scan::{Completed, Scan, ScanEntry, Slice},
     stripe::{Centerline, Extractor},
@@ -64,6 +65,7 @@ pub struct Pipeline {
     params: Params,
     calibration: Option<Calibration>,
     decoder: Decoder,
+    auto_channel: AutoChannel,
     ambient: Ambient,
     extractor: Extractor,
     /// Present if short and long exposures alternate.
@@ -86,6 +88,7 @@ impl Pipeline {
         let seed = calibration.as_ref().map(Calibration::id).unwrap_or_default();
         Self {
             decoder: Decoder::default(),
+            auto_channel: AutoChannel::default(),
             ambient: Ambient::default(),
             extractor: Extractor::new(params.extraction, params.stripe_direction),
             pairs: pairs(&params),
@@ -143,13 +146,16 @@ impl Pipeline {
         let Frame { stamp_ns, image } = *frame;
         let image_px = (image.width(), image.height());
         let full_scale = self.params.full_scale_of(image.format())?;
+        check_channel(self.params.channel, image.format())?;
         self.check_size(image_px)?;
         // Step 1: crop.
         let searched = SearchedRegion::new(self.params.roi, image.width(), image.height())?;
-        self.ambient.prepare(&image, &searched, &self.params, &mut self.extractor)?;
+        let channel = self.channel(&image, &searched, full_scale);
+        let params = Params { channel, ..self.params };
+        self.ambient.prepare(&image, &searched, &params, &mut self.extractor)?;
 
         // Step 2: one grey level a pixel.
-        let plane = self.decoder.decode(&image, self.params.channel, &searched);
+        let plane = self.decoder.decode(&image, channel, &searched);
         on_stage(Stage::Decode);
 
         // Steps 3 to 8: blur, segment, coarse peak, width, window, centre.
@@ -176,6 +182,10 @@ impl Pipeline {
 
         Ok(Output {
             centerline: &self.centerline,
+            channel,
+            channel_choice: (self.params.channel == Channel::Auto)
+                .then(|| self.auto_channel.choice())
+                .flatten(),
             pairing,
             share_above_threshold,
             position: located.map(|located| located.position),
@@ -185,6 +195,21 @@ impl Pipeline {
             slice: completed.slice,
             height_map: completed.height_map,
         })
+    }
+
+    /// Returns the channel to measure. A stored frame of grey levels was made from the largest colour, unless its maker
+    /// chose a channel and states the same one in the parameters.
+    fn channel(
+        &mut self,
+        image: &Image<'_>,
+        searched: &SearchedRegion,
+        full_scale: u32,
+    ) -> Channel {
+        let subtracts = self.params.extraction.background == Background::Reference;
+        if self.params.channel == Channel::Auto && subtracts && self.ambient.is_gray() {
+            return Channel::Max;
+        }
+        self.auto_channel.channel(image, searched, &self.params, full_scale)
     }
 
     /// A calibration holds for one image size: another one would be measured at the wrong place.
@@ -209,8 +234,9 @@ impl Pipeline {
         self.scan.discard();
     }
 
-    /// Forgets positions and exposures: the next frame does not continue the last one.
+    /// Forgets positions, exposures and the chosen channel: the next frame does not continue the last one.
     fn restart(&mut self) {
+        self.auto_channel.forget();
         self.locator.restart();
         self.extractor.reset();
         if let Some(pairs) = &mut self.pairs {
@@ -279,10 +305,20 @@ impl Pipeline {
         self.locator.reconfigure(&self.params, &params, self.calibration.as_ref());
         self.extractor = Extractor::new(params.extraction, params.stripe_direction);
         self.ambient.forget();
+        if is_seen_otherwise(&self.params, &params) {
+            self.auto_channel.forget();
+        }
         self.pairs = pairs(&params);
         self.scan.set_limits(params.scan_limits());
         self.params = params;
     }
+}
+
+/// True if these parameters select other samples.
+fn is_seen_otherwise(before: &Params, after: &Params) -> bool {
+    let Params { channel, stripe_direction, full_scale, roi, .. } = *before;
+    (channel, stripe_direction, full_scale, roi)
+        != (after.channel, after.stripe_direction, after.full_scale, after.roi)
 }
 
 fn pairs(params: &Params) -> Option<ExposurePairs> {
@@ -305,6 +341,12 @@ pub enum Stage {
 pub struct Output<'a> {
     /// The centreline; it may have no points.
     pub centerline: &'a Centerline,
+    /// The channel that was measured. For `channel: auto` it is the choice of this scan, the largest colour until a frame
+    /// shows the line, and `auto` for grey images.
+    pub channel: Channel,
+    /// The choice of `channel: auto` in this scan; `None` if the parameters name a channel, for grey images, and until a
+    /// frame shows the line.
+    pub channel_choice: Option<ChannelChoice>,
     /// Pairing of the two exposures, if they alternate.
     pub pairing: Option<ExposurePairing>,
     /// Share of the searched pixels above a fixed segment threshold, 0 to 1: above [`LARGEST_SHARE`] the threshold is too

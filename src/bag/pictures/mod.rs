@@ -8,6 +8,7 @@ mod table;
 mod find;
 mod sequence;
 mod messages;
+mod ffmpeg;
 mod video;
 mod series;
 

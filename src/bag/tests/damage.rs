@@ -8,7 +8,7 @@ use crate::bag::recover::{RecoverOptions, recover};
 use mcap::records::op;
 
 /// Offsets of the outer records of one kind.
-fn outer_records(bytes: &[u8], opcode: u8) -> Vec<usize> {
+pub(super) fn outer_records(bytes: &[u8], opcode: u8) -> Vec<usize> {
     let mut found = Vec::new();
     let mut at = mcap::MAGIC.len();
     while at + 9 <= bytes.len() - mcap::MAGIC.len() {

@@ -8,6 +8,8 @@ mod full_disk;
 mod split;
 mod foreign;
 mod describe;
+mod containers;
+mod unfinished;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -8,8 +8,10 @@ use image::{
 };
 
 use super::{
+    encoding::Encoding,
     file_kind::{self, Decoded},
-    frame::{FrameRejected, excerpt, pixel_format},
+    frame::FrameRejected,
+    jpeg, picture_file,
 };
 use crate::{
     msg::sensor_msgs::CompressedImage,
@@ -84,14 +86,13 @@ pub fn image<'a>(
 }
 
 /// Decodes a compressed image into `pixels`: grey as 8- or 16-bit grey (or the Bayer pattern named in the format),
-/// colour as `rgb8` or `rgba8`. Reads TIFF, BMP and PGM files too.
+/// colour as `rgb8` or `rgba8`, or with 16 bits. Reads TIFF, BMP and PGM files too.
 ///
-/// Allocates no pixels before the size in the file's header is checked against `max_frame_bytes`; the decoders use a
-/// small multiple of that.
+/// The data decide between JPEG and PNG, whatever the format states. Allocates no pixels before the size in the file's
+/// header is checked against `max_frame_bytes`; the decoders use a small multiple of that.
 ///
 /// # Errors
-/// A format other than JPEG and PNG, a size above the limit, or a file that is damaged or of another format than
-/// stated.
+/// A file other than JPEG and PNG, a size above the limit, or a file that is damaged.
 pub(crate) fn unpack(
     message: &CompressedImage<'_>,
     max_frame_bytes: u64,
@@ -101,49 +102,76 @@ pub(crate) fn unpack(
         let Decoded { width, height, format } = decoded?;
         return Ok(Shape { width, height, format });
     }
-    let codec = codec(&message.format)
-        .ok_or_else(|| FrameRejected::Format { format: excerpt(&message.format) })?;
+    let codec =
+        picture_file::codec(&message.format, message.data).map_err(FrameRejected::Format)?;
     let source = message.format.split(';').next().unwrap_or_default().trim();
     let file = File { codec, data: message.data, max_frame_bytes };
-    let reader = Cursor::new(message.data);
     let (width, height, color) = match codec {
-        Codec::Jpeg if !ends_as_jpeg(message.data) => {
-            return Err(FrameRejected::Truncated { length: message.data.len() });
+        Codec::Jpeg => {
+            let whole = jpeg::whole(message.data);
+            let whole = whole.ok_or(FrameRejected::Truncated { length: message.data.len() })?;
+            file.decode(JpegDecoder::new(Cursor::new(whole)), pixels)?
         }
-        Codec::Jpeg => file.decode(JpegDecoder::new(reader), pixels)?,
         Codec::Png => {
             let mut limits = Limits::no_limits();
             limits.max_alloc = Some(max_frame_bytes.max(MIN_DECODER_BYTES));
-            file.decode(PngDecoder::with_limits(reader, limits), pixels)?
+            file.decode(PngDecoder::with_limits(Cursor::new(message.data), limits), pixels)?
         }
     };
-    let format = match (color, pixel_format(source, NATIVE)) {
-        (ColorType::L8, Some(bayer @ PixelFormat::Bayer8(_)))
-        | (ColorType::L16, Some(bayer @ PixelFormat::Bayer16(..))) => bayer,
+    let format = match (color, Encoding::of(source, NATIVE)) {
+        (ColorType::L8, Some(Encoding::Packed(bayer @ PixelFormat::Bayer8(_))))
+        | (ColorType::L16, Some(Encoding::Packed(bayer @ PixelFormat::Bayer16(..)))) => bayer,
         (ColorType::L8, _) => PixelFormat::Mono8,
         (ColorType::L16, _) => PixelFormat::Mono16(NATIVE),
         (ColorType::Rgb8, _) => PixelFormat::Rgb8,
         (ColorType::Rgba8, _) => PixelFormat::Rgba8,
+        (ColorType::Rgb16, _) => PixelFormat::Rgb16(NATIVE),
+        (ColorType::Rgba16, _) => PixelFormat::Rgba16(NATIVE),
         _ => return Err(FrameRejected::Color { codec, color }),
     };
     Ok(Shape { width, height, format })
 }
 
-/// Returns the codec of a format: its only word, or the first word after the `;` written by `image_transport`.
-fn codec(format: &str) -> Option<Codec> {
-    let compression = format.rsplit(';').next()?;
-    match compression.split_ascii_whitespace().next()?.to_ascii_lowercase().as_str() {
-        "jpeg" | "jpg" => Some(Codec::Jpeg),
-        "png" => Some(Codec::Png),
-        _ => None,
-    }
+/// What a compressed image is, from the header of its file.
+#[derive(Clone, Debug)]
+pub(crate) struct Kind {
+    /// Columns.
+    pub(crate) width: u32,
+    /// Rows.
+    pub(crate) height: u32,
+    /// Codec and pixels, such as `jpeg rgb8`.
+    pub(crate) encoding: String,
 }
 
-/// Returns true if the data ends with the end-of-image marker, possibly padded. The decoder completes truncated images
-/// silently.
-fn ends_as_jpeg(data: &[u8]) -> bool {
-    let padding = data.iter().rev().take_while(|&&byte| byte == 0).count();
-    data[..data.len() - padding].ends_with(&[0xff, 0xd9])
+/// Reads the header of a compressed image.
+///
+/// # Errors
+/// A file other than JPEG and PNG, or one whose header is damaged.
+pub(crate) fn kind(message: &CompressedImage<'_>) -> Result<Kind, FrameRejected> {
+    let data = message.data;
+    let codec = picture_file::codec(&message.format, data).map_err(FrameRejected::Format)?;
+    let opened = match codec {
+        Codec::Jpeg => JpegDecoder::new(Cursor::new(data)).map(|file| size_and_color(&file)),
+        Codec::Png => PngDecoder::new(Cursor::new(data)).map(|file| size_and_color(&file)),
+    };
+    let length = data.len();
+    let broken = |reason| FrameRejected::Codec { codec, length, reason };
+    let ((width, height), color) = opened.map_err(broken)?;
+    let pixels = match color {
+        ColorType::L8 => "mono8",
+        ColorType::L16 => "mono16",
+        ColorType::Rgb8 => "rgb8",
+        ColorType::Rgba8 => "rgba8",
+        ColorType::Rgb16 => "rgb16",
+        ColorType::Rgba16 => "rgba16",
+        _ => "grey with alpha",
+    };
+    let encoding = format!("{} {pixels}", codec.to_string().to_ascii_lowercase());
+    Ok(Kind { width, height, encoding })
+}
+
+fn size_and_color(file: &impl ImageDecoder) -> ((u32, u32), ColorType) {
+    (file.dimensions(), file.color_type())
 }
 
 /// A compressed image and the size limit of its pixels.
@@ -178,158 +206,4 @@ impl File<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-
-    use super::*;
-    use crate::scanner::image::BayerPattern;
-
-    const LIMIT: u64 = 1 << 20;
-
-    fn png(width: u32, height: u32, pixels: &[u8], color: ExtendedColorType) -> Vec<u8> {
-        let mut file = Vec::new();
-        PngEncoder::new(&mut file).write_image(pixels, width, height, color).unwrap();
-        file
-    }
-
-    fn jpeg(width: u32, height: u32, pixels: &[u8], color: ExtendedColorType) -> Vec<u8> {
-        let mut file = Vec::new();
-        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut file, 100)
-            .write_image(pixels, width, height, color)
-            .unwrap();
-        file
-    }
-
-    fn message<'a>(format: &'a str, data: &'a [u8]) -> CompressedImage<'a> {
-        CompressedImage { format: format.into(), data, ..Default::default() }
-    }
-
-    #[test]
-    fn png_decodes_exactly() {
-        let grey: Vec<u8> = (0..6).collect();
-        let deep: Vec<u8> =
-            [1, 500, 65535, 256, 0, 7].iter().flat_map(|v: &u16| v.to_ne_bytes()).collect();
-        let color: Vec<u8> = (0..18).collect();
-        let alpha: Vec<u8> = (0..24).collect();
-        let bayer8 = PixelFormat::Bayer8(BayerPattern::Gbrg);
-        let mut pixels = vec![9; 100];
-        for (format, file, expected, samples) in [
-            ("png", png(3, 2, &grey, ExtendedColorType::L8), PixelFormat::Mono8, &grey),
-            (
-                "mono16; png compressed ",
-                png(3, 2, &deep, ExtendedColorType::L16),
-                PixelFormat::Mono16(NATIVE),
-                &deep,
-            ),
-            (
-                "bgr8; png compressed bgr8",
-                png(3, 2, &color, ExtendedColorType::Rgb8),
-                PixelFormat::Rgb8,
-                &color,
-            ),
-            ("PNG", png(3, 2, &alpha, ExtendedColorType::Rgba8), PixelFormat::Rgba8, &alpha),
-            (
-                "bayer_gbrg8; png compressed ",
-                png(3, 2, &grey, ExtendedColorType::L8),
-                bayer8,
-                &grey,
-            ),
-        ] {
-            let image = image(&message(format, &file), LIMIT, &mut pixels).unwrap();
-            assert_eq!(
-                (image.width(), image.height(), image.format()),
-                (3, 2, expected),
-                "{format}"
-            );
-            assert_eq!(image.data(), samples, "{format}");
-        }
-    }
-
-    #[test]
-    fn jpeg_decodes_approximately() {
-        // 16 x 8 pixels: whole blocks, each of a single colour.
-        let grey: Vec<u8> = (0..128).map(|i| if i % 16 < 8 { 40 } else { 200 }).collect();
-        let color: Vec<u8> = grey.iter().flat_map(|&v| [v, 100, 255 - v]).collect();
-        for (format, file, expected, samples) in [
-            ("jpeg", jpeg(16, 8, &grey, ExtendedColorType::L8), PixelFormat::Mono8, &grey),
-            (
-                "mono8; jpeg compressed ",
-                jpeg(16, 8, &grey, ExtendedColorType::L8),
-                PixelFormat::Mono8,
-                &grey,
-            ),
-            (
-                "rgb8; jpeg compressed bgr8",
-                jpeg(16, 8, &color, ExtendedColorType::Rgb8),
-                PixelFormat::Rgb8,
-                &color,
-            ),
-        ] {
-            let mut pixels = Vec::new();
-            let image = image(&message(format, &file), LIMIT, &mut pixels).unwrap();
-            assert_eq!(
-                (image.width(), image.height(), image.format()),
-                (16, 8, expected),
-                "{format}"
-            );
-            let farthest = image.data().iter().zip(samples).map(|(a, b)| a.abs_diff(*b)).max();
-            assert!(farthest.unwrap() <= 8, "{format}: {farthest:?}");
-        }
-    }
-
-    #[test]
-    fn false_sizes_are_rejected_before_allocation() {
-        let mut false_jpeg = jpeg(16, 8, &[0; 128], ExtendedColorType::L8);
-        let frame = false_jpeg.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();
-        false_jpeg[frame + 5..frame + 9].fill(0xff);
-        // Width and height of the header chunk, and its checksum (computed with zlib).
-        let mut false_png = png(3, 2, &[0; 6], ExtendedColorType::L8);
-        false_png[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
-        false_png[29..33].copy_from_slice(&[0x93, 0x6e, 0x86, 0x8c]);
-        for (format, file) in [("jpeg", false_jpeg), ("png", false_png)] {
-            let mut pixels = Vec::new();
-            let error = image(&message(format, &file), LIMIT, &mut pixels).unwrap_err();
-            assert!(
-                matches!(error, FrameRejected::TooLarge { width: 65535, height: 65535, .. }),
-                "{format}: {error}"
-            );
-            assert_eq!(pixels.capacity(), 0, "{format}");
-        }
-    }
-
-    #[test]
-    fn damaged_and_unknown_files_are_rejected() {
-        let grey: Vec<u8> = (0..128).collect();
-        let jpeg = jpeg(16, 8, &grey, ExtendedColorType::L8);
-        let png = png(16, 8, &grey, ExtendedColorType::L8);
-        let rejected = |format: &str, data: &[u8]| {
-            image(&message(format, data), LIMIT, &mut Vec::new()).unwrap_err()
-        };
-        for length in 0..jpeg.len() {
-            let error = rejected("jpeg", &jpeg[..length]);
-            assert!(matches!(error, FrameRejected::Truncated { .. }), "{length}: {error}");
-        }
-        for length in 0..png.len() - 16 {
-            let error = rejected("png", &png[..length]);
-            assert!(
-                matches!(error, FrameRejected::Codec { codec: Codec::Png, .. }),
-                "{length}: {error}"
-            );
-        }
-        assert!(matches!(rejected("jpeg", &[0xff, 0xd9]), FrameRejected::Codec { .. }));
-        assert!(matches!(rejected("png", &jpeg), FrameRejected::Codec { .. }));
-        for format in ["", ";", "tiff", "16UC1; compressedDepth png", "rgb8; rvl"] {
-            assert!(matches!(rejected(format, &png), FrameRejected::Format { .. }), "{format}");
-        }
-    }
-
-    #[test]
-    fn padded_jpeg_is_accepted_and_unsupported_colour_is_named() {
-        let mut padded = jpeg(16, 8, &[7; 128], ExtendedColorType::L8);
-        padded.extend([0; 5]);
-        assert!(image(&message("jpeg", &padded), LIMIT, &mut Vec::new()).is_ok());
-        let deep_color = png(1, 1, &[0; 6], ExtendedColorType::Rgb16);
-        let error = image(&message("png", &deep_color), LIMIT, &mut Vec::new()).unwrap_err();
-        assert!(matches!(error, FrameRejected::Color { color: ColorType::Rgb16, .. }), "{error}");
-    }
-}
+mod tests;

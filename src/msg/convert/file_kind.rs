@@ -168,6 +168,8 @@ impl Task {
             }
             ColorType::Rgb8 => PixelFormat::Rgb8,
             ColorType::Rgba8 => PixelFormat::Rgba8,
+            ColorType::Rgb16 => PixelFormat::Rgb16(NATIVE),
+            ColorType::Rgba16 => PixelFormat::Rgba16(NATIVE),
             _ => return Err(FrameRejected::FileColor { kind, color }),
         };
         Ok(Decoded { width, height, format })

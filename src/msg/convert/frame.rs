@@ -2,15 +2,16 @@
 
 use thiserror::Error;
 
-use super::{compressed::Codec, file_kind::FileKind};
+use super::{
+    compressed::Codec,
+    encoding::{Chroma, Encoding, UnknownEncoding, excerpt},
+    file_kind::FileKind,
+    picture_file::UnknownPicture,
+};
 use crate::{
     msg::sensor_msgs,
-    scanner::image::{BayerPattern, ByteOrder, Image, ImageError, PixelFormat},
+    scanner::image::{ByteOrder, Image, ImageError, PixelFormat},
 };
-
-/// Encodings supported by the scanner.
-pub(crate) const ENCODINGS: &str = "mono8, mono16, 8UC1, 16UC1, rgb8, bgr8, rgba8, bgra8, \
-                             bayer_{rggb,bggr,gbrg,grbg}{8,16}";
 
 /// Reasons to reject a camera's message. The frame is skipped and counted; the stream continues.
 #[derive(Debug, Error)]
@@ -19,17 +20,30 @@ pub enum FrameRejected {
     #[error(transparent)]
     Image(#[from] ImageError),
     /// Unknown encoding.
-    #[error("encoding {encoding:?} is not one of {ENCODINGS}")]
-    Encoding {
-        /// Stated text, truncated to 32 characters.
+    #[error("{0}")]
+    Encoding(UnknownEncoding),
+    /// Luma and chroma planes of another length than size and step say.
+    #[error(
+        "data has {actual} bytes, but {encoding} of {width} x {height} pixels with a step of {step} bytes needs {needed}: \
+         {height} rows of luma, then the chroma (height counts the rows of luma alone)"
+    )]
+    Planes {
+        /// Stated encoding.
         encoding: String,
+        /// Columns.
+        width: u32,
+        /// Rows of luma.
+        height: u32,
+        /// Bytes from the start of one row of luma to the next.
+        step: u32,
+        /// Bytes in the buffer.
+        actual: u64,
+        /// Bytes expected.
+        needed: u64,
     },
-    /// Unknown format of a compressed image.
-    #[error("format {format:?} is neither jpeg nor png")]
-    Format {
-        /// Stated text, truncated to 32 characters.
-        format: String,
-    },
+    /// Data that are neither JPEG nor PNG.
+    #[error("{0}")]
+    Format(UnknownPicture),
     /// The frame exceeds the memory limit.
     #[error(
         "image of {width} x {height} pixels takes {bytes} bytes, more than the limit of {max_frame_bytes}"
@@ -45,9 +59,7 @@ pub enum FrameRejected {
         max_frame_bytes: u64,
     },
     /// Unsupported pixels in a compressed image.
-    #[error(
-        "{codec} image has {color:?} pixels, but must have 8-bit grey or colour, or 16-bit grey"
-    )]
+    #[error("{codec} image has {color:?} pixels, but must have 8-bit or 16-bit grey or colour")]
     Color {
         /// Stated format.
         codec: Codec,
@@ -55,9 +67,7 @@ pub enum FrameRejected {
         color: image::ColorType,
     },
     /// Unsupported pixels in a picture file.
-    #[error(
-        "{kind} image has {color:?} pixels, but must have 8-bit grey or colour, or 16-bit grey"
-    )]
+    #[error("{kind} image has {color:?} pixels, but must have 8-bit or 16-bit grey or colour")]
     FileColor {
         /// Kind of the file.
         kind: FileKind,
@@ -75,7 +85,7 @@ pub enum FrameRejected {
         reason: image::ImageError,
     },
     /// Truncated compressed image.
-    #[error("JPEG image of {length} bytes has no end-of-image marker at its end")]
+    #[error("JPEG image of {length} bytes is cut off: it has no end-of-image marker")]
     Truncated {
         /// Number of bytes.
         length: usize,
@@ -92,7 +102,7 @@ pub enum FrameRejected {
     },
 }
 
-/// Views an image message as an image.
+/// Views an image message as an image. Of an image in planes it is the luma plane.
 ///
 /// # Errors
 /// Unknown encoding; more than `max_frame_bytes` bytes, stated or required; inconsistent size, step and data.
@@ -102,48 +112,59 @@ pub(crate) fn image<'a>(
 ) -> Result<Image<'a>, FrameRejected> {
     let &sensor_msgs::Image { width, height, step, data, .. } = message;
     let order = if message.is_bigendian == 0 { ByteOrder::Little } else { ByteOrder::Big };
-    let format = pixel_format(&message.encoding, order)
-        .ok_or_else(|| FrameRejected::Encoding { encoding: excerpt(&message.encoding) })?;
-    let pixel_bytes = u64::from(width)
-        .saturating_mul(u64::from(height))
-        .saturating_mul(format.bytes_per_pixel() as u64);
-    let bytes = pixel_bytes.max(u64::from(height) * u64::from(step));
+    let encoding = Encoding::of(&message.encoding, order)
+        .ok_or_else(|| FrameRejected::Encoding(UnknownEncoding::new(&message.encoding)))?;
+    let plane = |row: u64, chroma: Option<Chroma>| {
+        let chroma = chroma.map_or(0, |chroma| chroma.bytes(height, row));
+        row.saturating_mul(height.into()).saturating_add(chroma)
+    };
+    let bytes = |bytes_per_pixel: usize, chroma| {
+        let row = u64::from(width).saturating_mul(bytes_per_pixel as u64);
+        plane(row.max(step.into()), chroma)
+    };
+    let bytes = match encoding {
+        Encoding::Packed(format) => bytes(format.bytes_per_pixel(), None),
+        Encoding::SemiPlanar(chroma) => bytes(1, Some(chroma)),
+    };
     if bytes > max_frame_bytes {
         return Err(FrameRejected::TooLarge { width, height, bytes, max_frame_bytes });
     }
-    Ok(Image::new(width, height, step, format, data)?)
+    match encoding {
+        Encoding::Packed(format) => Ok(Image::new(width, height, step, format, data)?),
+        Encoding::SemiPlanar(chroma) => luma_plane(message, chroma),
+    }
 }
 
-/// Returns the pixel format of an encoding; `None` if unsupported.
-pub(super) fn pixel_format(encoding: &str, order: ByteOrder) -> Option<PixelFormat> {
-    Some(match encoding {
-        "mono8" | "8UC1" => PixelFormat::Mono8,
-        "mono16" | "16UC1" => PixelFormat::Mono16(order),
-        "rgb8" => PixelFormat::Rgb8,
-        "bgr8" => PixelFormat::Bgr8,
-        "rgba8" => PixelFormat::Rgba8,
-        "bgra8" => PixelFormat::Bgra8,
-        _ => {
-            let (pattern, bits) = encoding.strip_prefix("bayer_")?.split_at_checked(4)?;
-            let pattern = match pattern {
-                "rggb" => BayerPattern::Rggb,
-                "bggr" => BayerPattern::Bggr,
-                "gbrg" => BayerPattern::Gbrg,
-                "grbg" => BayerPattern::Grbg,
-                _ => return None,
-            };
-            match bits {
-                "8" => PixelFormat::Bayer8(pattern),
-                "16" => PixelFormat::Bayer16(pattern, order),
-                _ => return None,
-            }
-        }
-    })
-}
-
-/// Returns the first 32 characters of a received text.
-pub(super) fn excerpt(text: &str) -> String {
-    text.chars().take(32).collect()
+/// Views the luma plane in front of a chroma plane.
+///
+/// ROS defines neither the step nor the length of such images exactly. Two forms are in use: `step` is the distance of the
+/// rows of luma, those of the chroma follow with the same distance; or `step` is the length of the data over `height`, and
+/// nothing is padded. In both, `height` counts the rows of luma.
+fn luma_plane<'a>(
+    message: &sensor_msgs::Image<'a>,
+    chroma: Chroma,
+) -> Result<Image<'a>, FrameRejected> {
+    let &sensor_msgs::Image { width, height, step, data, .. } = message;
+    let actual = data.len() as u64;
+    let luma = |stride: u32| u64::from(stride) * u64::from(height);
+    let needed = |stride: u32| luma(stride) + chroma.bytes(height, stride.into());
+    // A pair of chroma samples takes two bytes, also behind a last column without a neighbour.
+    let paired = luma(step) + chroma.bytes(height, u64::from(step) + u64::from(step % 2));
+    let is_paired = chroma == Chroma::Quarter && actual == paired;
+    let stride = if actual == needed(step) || is_paired {
+        step
+    } else if actual == needed(width) && actual == luma(step) {
+        width
+    } else if width == 0 || height == 0 || step < width {
+        // The view below states the reason.
+        step
+    } else {
+        let encoding = excerpt(&message.encoding);
+        let needed = needed(step);
+        return Err(FrameRejected::Planes { encoding, width, height, step, actual, needed });
+    };
+    let plane = data.get(..luma(stride) as usize).unwrap_or(data);
+    Ok(Image::new(width, height, stride, PixelFormat::Luma8, plane)?)
 }
 
 #[cfg(test)]
@@ -164,39 +185,11 @@ mod tests {
     }
 
     #[test]
-    fn every_encoding_has_its_format() {
-        let (little, big) = (ByteOrder::Little, ByteOrder::Big);
-        let cases = [
-            ("mono8", 0, PixelFormat::Mono8),
-            ("8UC1", 1, PixelFormat::Mono8),
-            ("mono16", 0, PixelFormat::Mono16(little)),
-            ("16UC1", 1, PixelFormat::Mono16(big)),
-            ("rgb8", 0, PixelFormat::Rgb8),
-            ("bgr8", 0, PixelFormat::Bgr8),
-            ("rgba8", 0, PixelFormat::Rgba8),
-            ("bgra8", 0, PixelFormat::Bgra8),
-            ("bayer_rggb8", 0, PixelFormat::Bayer8(BayerPattern::Rggb)),
-            ("bayer_bggr8", 0, PixelFormat::Bayer8(BayerPattern::Bggr)),
-            ("bayer_gbrg16", 0, PixelFormat::Bayer16(BayerPattern::Gbrg, little)),
-            ("bayer_grbg16", 1, PixelFormat::Bayer16(BayerPattern::Grbg, big)),
-        ];
-        for (encoding, is_bigendian, format) in cases {
-            let step = 3 * format.bytes_per_pixel() as u32 + 5;
-            let data: Vec<u8> = (0..2 * step as u8).collect();
-            let message = sensor_msgs::Image { is_bigendian, ..message(encoding, step, &data) };
-            let image = image(&message, LIMIT).unwrap();
-            assert_eq!(image.format(), format, "{encoding}");
-            assert_eq!((image.width(), image.height(), image.step()), (3, 2, step as usize));
-            assert_eq!(image.data(), data);
-        }
-    }
-
-    #[test]
     fn unknown_encodings_are_rejected_with_a_list() {
         let long = "x".repeat(10_000);
         for encoding in [
             "",
-            "yuv422",
+            "yuv420",
             "mono32",
             "32FC1",
             "bayer_",
@@ -207,9 +200,9 @@ mod tests {
             &long,
         ] {
             let error = image(&message(encoding, 3, &[0; 6]), LIMIT).unwrap_err();
-            assert!(matches!(error, FrameRejected::Encoding { .. }), "{encoding}: {error}");
+            assert!(matches!(error, FrameRejected::Encoding(_)), "{encoding}: {error}");
             let words = error.to_string();
-            assert!(words.contains("bayer_{rggb,bggr,gbrg,grbg}{8,16}") && words.len() < 300);
+            assert!(words.contains("bayer_{rggb,bggr,gbrg,grbg}{8,16}") && words.len() < 600);
         }
     }
 
@@ -273,5 +266,110 @@ mod tests {
             rejected(&sensor_msgs::Image { encoding: "mono16".into(), ..good }),
             ImageError::Step { step: 4, needed: 6, .. }
         ));
+    }
+
+    /// Step 8 for a row of 3 pixels, 2 rows: each layout with padding, and what it needs.
+    #[test]
+    fn every_layout_is_viewed_with_its_step() {
+        for (encoding, bytes_per_pixel) in [
+            ("mono8", 1),
+            ("8UC3", 3),
+            ("8UC4", 4),
+            ("16UC1", 2),
+            ("yuv422_yuy2", 2),
+            ("yuyv", 2),
+            ("yuv422", 2),
+            ("uyvy", 2),
+            ("rgb16", 6),
+            ("bgr16", 6),
+            ("rgba16", 8),
+            ("bgra16", 8),
+        ] {
+            for padding in [0, 1, 5] {
+                let step = 3 * bytes_per_pixel + padding;
+                let data: Vec<u8> = (0..2 * step as u8).collect();
+                let message = message(encoding, step, &data);
+                let viewed = image(&message, LIMIT).unwrap();
+                assert_eq!((viewed.width(), viewed.height()), (3, 2), "{encoding}");
+                assert_eq!(
+                    (viewed.step(), viewed.data()),
+                    (step as usize, &data[..]),
+                    "{encoding}"
+                );
+            }
+            let short = vec![0; 2 * (3 * bytes_per_pixel as usize - 1)];
+            let error =
+                image(&message(encoding, 3 * bytes_per_pixel - 1, &short), LIMIT).unwrap_err();
+            assert!(matches!(error, FrameRejected::Image(ImageError::Step { .. })), "{encoding}");
+        }
+    }
+
+    /// Sizes of V4L2's definitions: NV12 and NV21 have a row of chroma for two of luma, NV24 two for one.
+    #[test]
+    fn the_luma_plane_lies_in_front_of_the_chroma() {
+        for (encoding, [width, height, step], length) in [
+            ("nv12", [4, 2, 4], 12),
+            ("nv21", [4, 2, 4], 12),
+            ("nv12", [4, 2, 6], 18),
+            ("nv12", [4, 3, 4], 12 + 8),
+            ("nv12", [3, 2, 3], 9),
+            ("nv12", [3, 2, 3], 6 + 4),
+            ("nv12", [3, 3, 4], 12 + 8),
+            ("nv24", [4, 2, 4], 24),
+            ("nv24", [3, 3, 5], 45),
+        ] {
+            let data: Vec<u8> = (0..length).collect();
+            let message = sensor_msgs::Image { width, height, ..message(encoding, step, &data) };
+            let image = image(&message, LIMIT).unwrap();
+            assert_eq!(image.format(), PixelFormat::Luma8);
+            assert_eq!(
+                (image.width(), image.height(), image.step()),
+                (width, height, step as usize)
+            );
+            assert_eq!(image.data().as_ptr_range().start, data.as_ptr(), "no copy");
+            assert_eq!(image.data().len() as u32, step * height);
+        }
+    }
+
+    /// Drivers that divide the length by the height state one and a half times the width (three times for NV24).
+    #[test]
+    fn a_step_of_luma_and_chroma_together_is_understood() {
+        for (encoding, step) in [("nv12", 6), ("nv24", 12)] {
+            let data: Vec<u8> = (0..2 * step as u8).collect();
+            let message = sensor_msgs::Image { width: 4, ..message(encoding, step, &data) };
+            let image = image(&message, LIMIT).unwrap();
+            assert_eq!((image.step(), image.data()), (4, &data[..8]), "{encoding}");
+        }
+    }
+
+    #[test]
+    fn planes_of_another_length_are_rejected() {
+        for (encoding, height, step, length) in [
+            ("nv12", 2, 4, 8),
+            ("nv12", 2, 4, 11),
+            ("nv12", 2, 4, 13),
+            ("nv21", 2, 8, 16),
+            ("nv24", 2, 4, 12),
+            // The height of the buffer instead of that of the picture.
+            ("nv12", 3, 4, 12),
+        ] {
+            let data = vec![0; length];
+            let message = sensor_msgs::Image { width: 4, height, ..message(encoding, step, &data) };
+            let error = image(&message, LIMIT).unwrap_err();
+            let words = error.to_string();
+            assert!(matches!(error, FrameRejected::Planes { .. }), "{encoding} {length}: {words}");
+            assert!(words.contains("rows of luma alone") && words.contains(encoding), "{words}");
+        }
+        let narrow = sensor_msgs::Image { width: 4, ..message("nv12", 3, &[0; 9]) };
+        let error = image(&narrow, LIMIT).unwrap_err();
+        assert!(matches!(error, FrameRejected::Image(ImageError::Step { .. })), "{error}");
+    }
+
+    #[test]
+    fn the_limit_counts_the_chroma() {
+        let data = [0; 12];
+        let message = sensor_msgs::Image { width: 4, ..message("nv12", 4, &data) };
+        assert!(image(&message, 12).is_ok());
+        assert!(matches!(image(&message, 11), Err(FrameRejected::TooLarge { bytes: 12, .. })));
     }
 }

@@ -46,6 +46,8 @@ pub(crate) fn raw<'a>(
         PixelFormat::Mono16(order) => ("mono16", order == ByteOrder::Big),
         PixelFormat::Rgb8 => ("rgb8", false),
         PixelFormat::Rgba8 => ("rgba8", false),
+        PixelFormat::Rgb16(order) => ("rgb16", order == ByteOrder::Big),
+        PixelFormat::Rgba16(order) => ("rgba16", order == ByteOrder::Big),
         // The decoders return no other format for a file that names no Bayer pattern.
         _ => ("mono8", false),
     };

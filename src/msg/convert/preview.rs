@@ -18,38 +18,67 @@ pub(crate) const fn factor(width_px: u32) -> u32 {
 }
 
 /// Replaces `pixels` by the preview, 8-bit grey, row by row; returns its width and height. A colour contributes its
-/// largest component. Samples of 16 bits are shifted right until the brightest fits into eight bits.
+/// largest component, YUV its luma. Samples of 16 bits are shifted right until the brightest fits into eight bits.
 pub(crate) fn reduce(image: &Image<'_>, factor: u32, pixels: &mut Vec<u8>) -> (u32, u32) {
     let factor = factor.max(1);
     let (width, height) = (image.width().div_ceil(factor), image.height().div_ceil(factor));
     pixels.clear();
     pixels.resize(width as usize * height as usize, 0);
-    let mut fill = |level: &dyn Fn(&[u8]) -> u8| {
-        let bytes_per_pixel = image.format().bytes_per_pixel();
-        let row_bytes = image.width() as usize * bytes_per_pixel;
-        for (row, line) in image.data().chunks(image.step()).enumerate() {
-            let line = line[..row_bytes].chunks(factor as usize * bytes_per_pixel);
+    let format = image.format();
+    let bytes_per_pixel = format.bytes_per_pixel();
+    let row_bytes = image.width() as usize * bytes_per_pixel;
+    let rows = || image.data().chunks(image.step()).map(|row| &row[..row_bytes]);
+    let mut fill = |brightest: &dyn Fn(&[u8]) -> u8| {
+        for (row, line) in rows().enumerate() {
             let first = row / factor as usize * width as usize;
-            for (pixel, square) in pixels[first..].iter_mut().zip(line) {
-                *pixel = (*pixel).max(level(square));
+            let squares = line.chunks(factor as usize * bytes_per_pixel);
+            for (pixel, square) in pixels[first..].iter_mut().zip(squares) {
+                *pixel = (*pixel).max(brightest(square));
             }
         }
     };
-    match image.format() {
-        PixelFormat::Mono16(order) | PixelFormat::Bayer16(_, order) => {
-            let shift = bits_above_eight(image.data(), order);
+    match order_of(format) {
+        None => fill(&|square| levels_of(square, format).flatten().copied().max().unwrap_or(0)),
+        Some(order) => {
+            // Cameras of 10 or 12 bits use the low bits.
+            let pairs = rows().flat_map(|row| pairs_of(row, format));
+            let all = pairs.fold(0, |all, pair| all | sample(pair, order));
+            let shift = (u16::BITS - all.leading_zeros()).saturating_sub(u8::BITS);
             let level = |pair: &[u8]| (sample(pair, order) >> shift) as u8;
-            fill(&|square| square.chunks_exact(2).map(level).max().unwrap_or(0));
-        }
-        PixelFormat::Rgba8 | PixelFormat::Bgra8 => fill(&|square| {
-            let levels = square.chunks_exact(4).flat_map(|color| &color[..3]);
-            levels.copied().max().unwrap_or(0)
-        }),
-        PixelFormat::Mono8 | PixelFormat::Bayer8(_) | PixelFormat::Rgb8 | PixelFormat::Bgr8 => {
-            fill(&|square| square.iter().copied().max().unwrap_or(0));
+            fill(&|square| pairs_of(square, format).map(level).max().unwrap_or(0));
         }
     }
     (width, height)
+}
+
+/// Returns the bytes of each pixel that are levels: neither alpha nor chroma.
+fn levels_of(pixels: &[u8], format: PixelFormat) -> impl Iterator<Item = &[u8]> {
+    let levels = match format {
+        PixelFormat::Yuyv => 0..1,
+        PixelFormat::Uyvy => 1..2,
+        PixelFormat::Rgba8 | PixelFormat::Bgra8 => 0..3,
+        PixelFormat::Rgba16(_) | PixelFormat::Bgra16(_) => 0..6,
+        _ => 0..format.bytes_per_pixel(),
+    };
+    pixels.chunks_exact(format.bytes_per_pixel()).map(move |pixel| &pixel[levels.clone()])
+}
+
+/// Returns the 16-bit levels of all pixels as pairs of bytes.
+fn pairs_of(pixels: &[u8], format: PixelFormat) -> impl Iterator<Item = &[u8]> {
+    levels_of(pixels, format).flat_map(|levels| levels.chunks_exact(2))
+}
+
+/// Returns the byte order of samples of 16 bits; `None` if they have 8.
+const fn order_of(format: PixelFormat) -> Option<ByteOrder> {
+    match format {
+        PixelFormat::Mono16(order)
+        | PixelFormat::Bayer16(_, order)
+        | PixelFormat::Rgb16(order)
+        | PixelFormat::Bgr16(order)
+        | PixelFormat::Rgba16(order)
+        | PixelFormat::Bgra16(order) => Some(order),
+        _ => None,
+    }
 }
 
 fn sample(pair: &[u8], order: ByteOrder) -> u16 {
@@ -58,12 +87,6 @@ fn sample(pair: &[u8], order: ByteOrder) -> u16 {
         ByteOrder::Little => u16::from_le_bytes(pair),
         ByteOrder::Big => u16::from_be_bytes(pair),
     }
-}
-
-/// Returns the number of bits in use above eight. Cameras of 10 or 12 bits use the low bits.
-fn bits_above_eight(data: &[u8], order: ByteOrder) -> u32 {
-    let all = data.chunks_exact(2).fold(0, |all, pair| all | sample(pair, order));
-    (u16::BITS - all.leading_zeros()).saturating_sub(u8::BITS)
 }
 
 /// Scales annotations from an image to its preview. Their coordinates start at the corner of the image.
@@ -116,6 +139,16 @@ mod tests {
         assert_eq!(reduced(&image, 2).0, [9]);
         let image = Image::new(2, 1, 6, PixelFormat::Bgr8, &[1, 9, 2, 0, 0, 3]).unwrap();
         assert_eq!(reduced(&image, 1).0, [9, 3]);
+        // Chroma of 255 is not brightness, alpha of 65535 is none either.
+        let image = Image::new(2, 1, 4, PixelFormat::Yuyv, &[7, 255, 8, 255]).unwrap();
+        assert_eq!(reduced(&image, 1).0, [7, 8]);
+        let image = Image::new(2, 1, 4, PixelFormat::Uyvy, &[255, 7, 255, 8]).unwrap();
+        assert_eq!(reduced(&image, 1).0, [7, 8]);
+        let deep: Vec<u8> =
+            [16, 4095, 0, 65_535_u16].iter().flat_map(|v| v.to_le_bytes()).collect();
+        let format = PixelFormat::Rgba16(ByteOrder::Little);
+        let image = Image::new(1, 1, 8, format, &deep).unwrap();
+        assert_eq!(reduced(&image, 1).0, [255]);
     }
 
     #[test]

@@ -75,20 +75,36 @@ pub(crate) struct Fit {
     pub(crate) difference_px: f64,
 }
 
+/// True if a message states nothing: drivers without a calibration publish zeros.
+pub(crate) fn is_unknown(info: &CameraInfo<'_>) -> bool {
+    states_no_size(info) && !states_camera(info)
+}
+
+fn states_no_size(info: &CameraInfo<'_>) -> bool {
+    (info.width, info.height) == (0, 0)
+}
+
+/// True if the message has a camera matrix; zeros mean that the driver is not calibrated.
+fn states_camera(info: &CameraInfo<'_>) -> bool {
+    info.k[0] != 0.0
+}
+
 /// Returns the region of the sensor that a `camera_info` describes, and the difference of its camera from the
-/// calibrated one.
+/// calibrated one. A message without a size is of the calibrated size.
 ///
 /// # Errors
 /// The message is from a camera other than the calibrated one.
 pub(crate) fn fit(calibration: &Calibration, info: &CameraInfo<'_>) -> Result<Fit, Misfit> {
-    let view = view(info)?;
-    let mut fit = Fit { view, difference_px: 0.0 };
-    let Some(calibrated) = calibration.image_size_px() else { return Ok(fit) };
+    let Some(calibrated) = calibration.image_size_px() else {
+        return Ok(Fit { view: view(info)?, difference_px: 0.0 });
+    };
+    let sized = CameraInfo { width: calibrated.0, height: calibrated.1, ..info.clone() };
+    let info = if states_no_size(info) { &sized } else { info };
+    let mut fit = Fit { view: view(info)?, difference_px: 0.0 };
     if (info.width, info.height) != calibrated {
         return Err(Misfit::Size { info: (info.width, info.height), calibrated });
     }
-    // All zeros: the driver is not calibrated.
-    if let (Calibration::CameraAndPlane(geometry), true) = (calibration, info.k[0] != 0.0) {
+    if let (Calibration::CameraAndPlane(geometry), true) = (calibration, states_camera(info)) {
         fit.difference_px = compare(&geometry.camera, info)?;
     }
     Ok(fit)
@@ -207,6 +223,9 @@ laser_plane: {normal: [0.0, -0.866, 0.5], distance_m: 0.15}
         // A driver without a calibration of its own.
         let unknown = CameraInfo { k: [0.0; 9], d: vec![], ..info() };
         assert!(near(fit(&calibration(), &unknown).unwrap(), whole));
+        // A driver that states its camera, but no size.
+        let sizeless = CameraInfo { width: 0, height: 0, ..info() };
+        assert!(near(fit(&calibration(), &sizeless).unwrap(), whole));
         // An older calibration of the same camera.
         let mut older = info();
         older.k[0] = 627.0;

@@ -13,7 +13,6 @@ use crate::{
     msg::qos::Durability,
     node::{
         board::Board,
-        camera_info::ImageHeader,
         clock::RosClock,
         command::{Answer, Command, Mailbox, Reply, Settings},
         live_recording::RecordingControl,
@@ -162,10 +161,9 @@ impl Camera {
     ) -> io::Result<(Self, Measuring)> {
         let input = Arc::new(Queue::new(INPUT_BOUND, WhenFull::DropOldest));
         let settings = Arc::new(Mailbox::default());
-        let observer = images.observer.clone();
-        let observe = Box::new(move |image: &ImageHeader<'_>| observer.on_image(image));
         let board = Board::default();
-        let online = Online::new(Arc::clone(&settings), clock, survey, observe);
+        let describe = Box::new(images.observer.clone());
+        let online = Online::new(Arc::clone(&settings), clock, survey, describe);
         let online = online.with_board(board.clone());
         let worker = worker.with_online(online).with_inbox(Arc::clone(&images.inbox));
         let taken = Arc::clone(&input);

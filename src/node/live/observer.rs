@@ -9,6 +9,7 @@ use crate::{
         clock::RosClock,
         static_tf::{PlaneFrames, StaticTf},
         status::Note,
+        worker::online::Describe,
     },
     ros::transport::OnArrival,
     scanner::{calibration::Calibration, params::StripeDirection},
@@ -85,19 +86,6 @@ impl Observer {
         })
     }
 
-    /// Observes an image and returns its camera's description.
-    pub(super) fn on_image(&self, image: &ImageHeader<'_>) -> CameraMatch {
-        let seen = &mut *lock(&self.seen);
-        seen.image.stamp_ns = image.stamp_ns;
-        image.frame_id.clone_into(&mut seen.image.frame_id);
-        seen.image.size_px = (image.width, image.height);
-        seen.pair();
-        if let Some(calibration) = &self.calibration {
-            self.place(calibration, seen.direction, image.frame_id);
-        }
-        seen.infos.pair_or_last(image)
-    }
-
     fn place(&self, calibration: &Calibration, direction: StripeDirection, camera_frame: &str) {
         let frames = PlaneFrames { camera: camera_frame, laser: calibration.frame_id() };
         // A map from known heights has no camera pose.
@@ -127,6 +115,24 @@ impl Observer {
         .into_iter()
         .flatten()
         .collect()
+    }
+}
+
+impl Describe for Observer {
+    fn observe(&self, image: &ImageHeader<'_>) -> CameraMatch {
+        let seen = &mut *lock(&self.seen);
+        seen.image.stamp_ns = image.stamp_ns;
+        image.frame_id.clone_into(&mut seen.image.frame_id);
+        seen.image.size_px = (image.width, image.height);
+        seen.pair();
+        if let Some(calibration) = &self.calibration {
+            self.place(calibration, seen.direction, image.frame_id);
+        }
+        seen.infos.pair_or_last(image)
+    }
+
+    fn is_described(&self) -> bool {
+        lock(&self.seen).infos.has_arrived()
     }
 }
 

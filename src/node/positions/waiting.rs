@@ -22,6 +22,16 @@ pub(in crate::node) enum Arrival {
     Fault(String),
 }
 
+impl Arrival {
+    /// Time of reception, nanoseconds; `None` for a fault.
+    pub(in crate::node) fn received_ns(&self) -> Option<i64> {
+        match self {
+            Self::Frame(frame) => Some(frame.message.log_time_ns),
+            Self::Fault(_) => None,
+        }
+    }
+}
+
 /// A waiting arrival.
 pub(in crate::node) struct Held {
     /// The frame or fault.
@@ -55,26 +65,32 @@ pub(in crate::node) struct Waiting {
 }
 
 impl Held {
-    fn num_bytes(&self) -> usize {
+    /// Size of the message, bytes.
+    pub(in crate::node) fn num_bytes(&self) -> usize {
         match &self.arrival {
             Arrival::Frame(frame) => frame.message.data.len(),
             Arrival::Fault(what) => what.len(),
         }
     }
 
-    fn is_given_up(&self, positions: &Positions, now: Now) -> bool {
-        let Some(timeout_ns) = positions.timeout_ns() else {
-            return matches!(now, Now::End);
-        };
-        let timeout = Duration::from_nanos(timeout_ns.unsigned_abs()).saturating_add(OVERTAKING);
+    /// Time since its reception; `None` if no more messages will arrive.
+    pub(in crate::node) fn waited(&self, now: Now) -> Option<Duration> {
         match now {
             Now::Received(now_ns) => {
                 let waited_ns = now_ns.saturating_sub(self.received_ns);
-                u64::try_from(waited_ns).is_ok_and(|ns| Duration::from_nanos(ns) > timeout)
+                Some(Duration::from_nanos(u64::try_from(waited_ns).unwrap_or(0)))
             }
-            Now::Tick(now) => now.saturating_duration_since(self.since) > timeout,
-            Now::End => true,
+            Now::Tick(now) => Some(now.saturating_duration_since(self.since)),
+            Now::End => None,
         }
+    }
+
+    fn is_given_up(&self, positions: &Positions, now: Now) -> bool {
+        let Some(waited) = self.waited(now) else { return true };
+        positions.timeout_ns().is_some_and(|timeout_ns| {
+            let timeout = Duration::from_nanos(timeout_ns.unsigned_abs());
+            waited > timeout.saturating_add(OVERTAKING)
+        })
     }
 }
 

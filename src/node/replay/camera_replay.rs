@@ -16,6 +16,7 @@ use crate::{
         results::Results,
         run::{Chain, REPLAY_BOUND},
         sink::Outlet,
+        static_tf::RecordedTf,
         status::{Reporter, session_id},
         topics,
         worker::{Worker, WorkerOptions},
@@ -125,6 +126,11 @@ impl CameraReplay {
         let calibration = self.calibration();
         let published = topics::published(&replay.names, &self.camera.name, calibration)?;
         let mut topics = topics::recorded(&published);
+        let direction = self.camera.scanner.stripe_direction;
+        let static_tf = calibration.and_then(|known| RecordedTf::new(known, direction));
+        if static_tf.is_some() {
+            topics.push(self.static_tf_topic(replay)?);
+        }
         let num_topics = topics.len();
         if replay.request.with_images {
             let side = self.side_topics();
@@ -135,10 +141,19 @@ impl CameraReplay {
         let results = ResultsBag::create(&self.output, replay.options, &topics, description)?;
         Ok(Chain {
             topic: self.image_topic.name.clone(),
-            worker: self.worker(replay)?,
+            worker: self.worker(replay)?.with_static_tf(static_tf),
             outlets: vec![Outlet::replay(Box::new(results))],
             num_topics,
         })
+    }
+
+    /// Returns the topic of the laser plane's pose. If the recorded one is written beside it, both have its definition.
+    fn static_tf_topic(&self, replay: &Replay) -> Result<Topic, ReplayError> {
+        let endpoint = topics::static_tf(&replay.names)?;
+        let is_passed = replay.request.with_images && self.side_topics().contains(&endpoint.name);
+        let given = recorded(&endpoint.name, &replay.bags).filter(|_| is_passed);
+        let own = Topic::new(endpoint.name, endpoint.kind, endpoint.qos);
+        Ok(given.filter(|given| given.type_name == own.type_name).unwrap_or(own))
     }
 
     /// Returns the name of the camera; empty if it is the only one.

@@ -3,7 +3,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 use super::*;
 use crate::{
     bag::{RawMessage, Recorder, Times, Topic},
-    msg::{cdr, laser_profiler_msgs::Centerline},
+    msg::{cdr, geometry_msgs::Vector3, laser_profiler_msgs::Centerline, tf2_msgs::TFMessage},
     node::{source::Input, tests::good},
     ros::{arguments::Assignment, value::Value},
 };
@@ -98,6 +98,15 @@ fn the_results_bag_is_self_contained() {
     assert_eq!(count("/laser_profiler/points"), 1);
     assert_eq!(count("/laser_profiler/height_map"), 1);
     assert_eq!(count("/cam/image_raw"), 5);
+    // The pose of the laser plane, latched, before the first result. The axis of the fan is that of the formula.
+    let [pose] = results["/tf_static"].as_slice() else { panic!("one message") };
+    assert!(pose.topic.is_latched());
+    assert_eq!(pose.log_time_ns, results["/laser_profiler/centerline"][0].log_time_ns);
+    let placed: TFMessage<'_> = cdr::decode(&pose.data).unwrap();
+    let [placed] = placed.transforms.as_slice() else { panic!("one transform") };
+    assert_eq!((&*placed.header.frame_id, &*placed.child_frame_id), ("optical", "laser"));
+    let Vector3 { x, y, z } = placed.transform.translation;
+    assert!([x, y, z].iter().all(|metres| metres.is_finite()) && z > 0.0, "{x} {y} {z}");
     let lines = &results["/laser_profiler/centerline"];
     for (number, (line, image)) in (1..).zip(lines.iter().zip(&results["/cam/image_raw"])) {
         let log_ns = image.log_time_ns;

@@ -86,6 +86,8 @@ fn counted() -> Counts {
         positions_refused: 16,
         outside_calibration: 17,
         standing: 18,
+        points: 20,
+        saturated: 19,
         ..Counts::default()
     }
 }
@@ -107,6 +109,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         load: Load::default(),
         notes: vec![note(0, "roomy"), note(2, "full")],
         last_rejection: Some("odd".to_owned()),
+        channel: Some("green"),
     };
     let status = reporter.stream_status(5, &state);
     let fields = [
@@ -141,11 +144,14 @@ fn every_counter_reaches_its_field_of_the_status() {
         ("slices", "8"),
         ("frames without their other exposure", "12"),
         ("frames too bright for the threshold", "13"),
+        ("points", "20"),
+        ("points saturated", "19"),
         ("points outside the calibrated volume", "17"),
         ("frames without a position", "14"),
         ("frames with a doubtful position", "15"),
         ("positions refused", "16"),
         ("profiles at the place of the one before", "18"),
+        ("channel auto", "green"),
         ("last rejection", "odd"),
         ("disk", "roomy"),
         ("disk", "full"),

@@ -26,15 +26,14 @@ impl Worker {
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
     ) -> Result<(), PublishError> {
-        let (mut stamp_ns, mut received_ns) = (None, self.last_time_ns);
-        if let Arrival::Frame(frame) = &arrival {
-            received_ns = frame.message.log_time_ns;
-            if let (Some(header), Some(positions)) =
-                (header(&frame.message, &self.options), &mut self.measurer.positions)
-            {
-                positions.set_camera_frame(&header.frame_id);
-                stamp_ns = Some(header.stamp.to_ns());
-            }
+        let received_ns = arrival.received_ns().unwrap_or(self.last_time_ns);
+        let mut stamp_ns = None;
+        if let Arrival::Frame(frame) = &arrival
+            && let Some(header) = header(&frame.message, &self.options)
+            && let Some(positions) = &mut self.measurer.positions
+        {
+            positions.set_camera_frame(&header.frame_id);
+            stamp_ns = Some(header.stamp.to_ns());
         }
         let since = Instant::now();
         self.waiting.push(Held { arrival, num_dropped, stamp_ns, received_ns, since });
@@ -48,6 +47,7 @@ impl Worker {
         spare: &Queue<Vec<u8>>,
         out: &mut Publisher<'_>,
     ) -> Result<(), PublishError> {
+        self.release_opening(now, spare, out)?;
         loop {
             let Some(positions) = &self.measurer.positions else { return Ok(()) };
             let Some(held) = self.waiting.next(positions, now) else { return Ok(()) };
@@ -83,8 +83,9 @@ impl Worker {
         }
         if self.framing.topic.as_ref() == Some(&message.topic.name) {
             self.framing.take(message);
-            return Ok(());
+            return self.release_opening(Now::Received(message.log_time_ns), spare, out);
         }
+        self.release_opening(Now::Received(message.log_time_ns), spare, out)?;
         let Some(positions) = &mut self.measurer.positions else { return Ok(()) };
         positions.take(message);
         self.ledger.set_positions_refused(positions.num_refused());

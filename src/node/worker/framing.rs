@@ -41,6 +41,16 @@ impl Framing {
         }
     }
 
+    /// True if images are compared with descriptions.
+    pub(super) const fn is_calibrated(&self) -> bool {
+        self.calibration.is_some()
+    }
+
+    /// True if a recorded description has arrived.
+    pub(super) const fn is_described(&self) -> bool {
+        self.infos.has_arrived()
+    }
+
     /// Finds the description of a recorded image.
     pub(super) fn pair(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
         self.infos.pair_or_last(image)

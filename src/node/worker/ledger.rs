@@ -14,6 +14,7 @@ use crate::{
         statistics::Counts,
     },
     scanner::{
+        auto_channel::ChannelChoice,
         axis::RawPosition,
         coverage::LARGEST_SHARE,
         exposure_pair::ExposurePairing,
@@ -65,6 +66,8 @@ pub(super) struct Ledger {
     stamps: StampOrder,
     last_publisher: PublisherId,
     last_rejection: Option<String>,
+    /// The last choice of `channel: auto`.
+    channel_choice: Option<ChannelChoice>,
 }
 
 impl Ledger {
@@ -153,7 +156,9 @@ impl Ledger {
             self.counts.located += u64::from(outcome.position.is_some());
             self.counts.unlocated += u64::from(outcome.position.is_none());
         }
-        self.count_flooded(outcome.share_above_threshold);
+        self.counts.saturated += outcome.num_saturated;
+        self.count_channel(outcome.channel_choice);
+        self.count_flooded(outcome);
         self.count_outside(outcome.num_outside_calibration);
         self.count_doubtful(outcome.stamp_ns, outcome.position);
         self.counts.standing += u64::from(outcome.stands);
@@ -214,6 +219,11 @@ impl Ledger {
         self.last_rejection.take()
     }
 
+    /// The name of the channel that `channel: auto` stands for in the last frame with a choice.
+    pub(super) fn channel(&self) -> Option<&'static str> {
+        self.channel_choice.map(|choice| choice.channel.name())
+    }
+
     /// Prepares for stamps and sequence numbers that do not continue the earlier ones. Counters continue.
     pub(super) fn restart(&mut self) {
         self.stamps = StampOrder::default();
@@ -225,16 +235,32 @@ impl Ledger {
         self.pending.missing = self.pending.missing.saturating_add(missing);
     }
 
+    /// Counts a frame by the channel that `channel: auto` stands for. Logs every new choice.
+    fn count_channel(&mut self, choice: Option<ChannelChoice>) {
+        let Some(choice) = choice else { return };
+        self.counts.chosen.count(choice.channel);
+        let before = self.channel_choice.replace(choice);
+        if before.map(|choice| choice.channel) != Some(choice.channel) {
+            tracing::info!("{}", in_a_sentence(&choice));
+        }
+    }
+
     /// Counts a frame with too many bright pixels for a stripe. Warns about the first.
-    fn count_flooded(&mut self, share_above_threshold: Option<f64>) {
-        let Some(share) = share_above_threshold.filter(|share| *share > LARGEST_SHARE) else {
-            return;
-        };
+    fn count_flooded(&mut self, outcome: &Outcome) {
+        let share = outcome.share_above_threshold.filter(|share| *share > LARGEST_SHARE);
+        let Some(share) = share else { return };
         self.counts.flooded += 1;
         if self.counts.flooded == 1 {
+            // Of a saturated stripe, subtracting the background and the excess of a colour leave the halo.
+            let is_saturated = 2 * outcome.num_saturated > outcome.num_points;
+            let remedy = if is_saturated {
+                "most points are saturated, so shorten the exposure, or raise the threshold"
+            } else {
+                "raise it, or set extraction.background: local and extraction.threshold: adaptive"
+            };
             tracing::warn!(
-                "{:.0} % of the searched pixels are above extraction.segment_threshold, too many for a stripe: raise it, or \
-                 set extraction.background: local and extraction.threshold: adaptive; further such frames are only counted",
+                "{:.0} % of the searched pixels are above extraction.segment_threshold, too many for a stripe: {remedy}; further \
+                 such frames are only counted",
                 100.0 * share
             );
         }
@@ -276,6 +302,25 @@ fn is_unpaired(pairing: Option<ExposurePairing>) -> bool {
         tracing::debug!("exposures alternate, but this frame is as bright as the previous one");
     }
     matches!(pairing, Some(ExposurePairing::Alone | ExposurePairing::Alike))
+}
+
+/// States a choice of the channel and its reason.
+fn in_a_sentence(choice: &ChannelChoice) -> String {
+    let &ChannelChoice { channel, clipped, brightest, brightest_clipped } = choice;
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let name = channel.name();
+    if channel == brightest {
+        return format!(
+            "channel auto: measuring {name}, in which the line has the most contrast ({} of the cross-sections clipped)",
+            percent(clipped)
+        );
+    }
+    format!(
+        "channel auto: measuring {name}: it clips the line in {} of the cross-sections, {} in {}",
+        percent(clipped),
+        brightest.name(),
+        percent(brightest_clipped)
+    )
 }
 
 fn in_words(doubts: u8) -> String {

@@ -16,6 +16,7 @@ use crate::{
         statistics::StageTimes,
     },
     scanner::{
+        auto_channel::ChannelChoice,
         axis::AxisTravel,
         exposure_pair::ExposurePairing,
         frame_index::FrameIndex,
@@ -24,6 +25,7 @@ use crate::{
         params::MotionParams,
         pipeline::{Pipeline, Stage},
         profile::Profile,
+        stripe::flag,
     },
 };
 
@@ -43,6 +45,10 @@ pub(super) struct Job<'a> {
 pub(super) struct Outcome {
     pub(super) stamp_ns: i64,
     pub(super) num_points: u64,
+    /// Points with a sample at full scale.
+    pub(super) num_saturated: u64,
+    /// The channel that `channel: auto` stands for.
+    pub(super) channel_choice: Option<ChannelChoice>,
     pub(super) has_slice: bool,
     pub(super) pairing: Option<ExposurePairing>,
     pub(super) share_above_threshold: Option<f64>,
@@ -110,6 +116,8 @@ impl Measurer {
         let outcome = Outcome {
             stamp_ns,
             num_points: output.centerline.len() as u64,
+            num_saturated: output.centerline.num_flagged(flag::SATURATED) as u64,
+            channel_choice: output.channel_choice,
             has_slice: output.slice.is_some(),
             pairing: output.pairing,
             share_above_threshold: output.share_above_threshold,

@@ -7,10 +7,11 @@ mod frame;
 mod framing;
 mod ledger;
 mod measurer;
+mod opening;
 mod standing;
 pub(crate) mod online;
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
 use crate::{
     ros::node_params::ImageTransport,
@@ -31,6 +32,7 @@ use super::{
     results::Results,
     sink::Purpose,
     source::Input,
+    static_tf::RecordedTf,
     statistics::{Counts, StageTimes},
     status::{Interval, Load, Reporter, Schedule, State},
     topics::Output,
@@ -40,6 +42,7 @@ use framing::Framing;
 use ledger::Ledger;
 use measurer::Measurer;
 use online::Online;
+use opening::Opening;
 use standing::Standing;
 
 /// Options for the input of a worker.
@@ -70,6 +73,8 @@ pub(crate) struct Worker {
     waiting: Waiting,
     /// Descriptions of the camera.
     framing: Framing,
+    /// The first frames, which wait for a description.
+    opening: Opening,
     /// Scans without a motion.
     standing: Standing,
     /// State that only a camera on a network has.
@@ -95,6 +100,7 @@ impl Worker {
             position_topics: Vec::new(),
             waiting: Waiting::default(),
             framing: Framing::default(),
+            opening: Opening::default(),
             standing: Standing::default(),
             online: None,
         }
@@ -115,6 +121,13 @@ impl Worker {
     ) -> Self {
         self.measurer.positions = positions;
         Self { position_topics: topics, ..self }
+    }
+
+    /// Writes the pose of the laser plane with the results, on the topic after the published ones.
+    #[must_use]
+    pub(crate) fn with_static_tf(mut self, static_tf: Option<RecordedTf>) -> Self {
+        self.measurer.results.set_static_tf(static_tf);
+        self
     }
 
     /// Adds a queue of messages about the axis.
@@ -166,7 +179,7 @@ impl Worker {
                 Popped::Closed => break,
             }
             self.release_overdue(spare, out)?;
-            self.tick(input.len() + self.waiting.len(), out)?;
+            self.tick(input.len() + self.opening.len() + self.waiting.len(), out)?;
         }
         self.finish(spare, out)?;
         Ok((*self.ledger.counts(), self.measurer.into_stages()))
@@ -220,6 +233,23 @@ impl Worker {
             Input::Fault(what) => Arrival::Fault(what),
             other => return self.take_non_frame(other, spare, out),
         };
+        if !self.is_opening() {
+            return self.take_in_order(arrival, num_dropped, spare, out);
+        }
+        let received_ns = arrival.received_ns().unwrap_or(self.last_time_ns);
+        let since = Instant::now();
+        let held = Held { arrival, num_dropped, stamp_ns: None, received_ns, since };
+        self.hold_opening(held, spare, out)
+    }
+
+    /// Processes a frame or a fault, or queues it until its position is known.
+    fn take_in_order(
+        &mut self,
+        arrival: Arrival,
+        num_dropped: u32,
+        spare: &Queue<Vec<u8>>,
+        out: &mut Publisher<'_>,
+    ) -> Result<(), PublishError> {
         if self.measurer.positions.is_some() {
             return self.hold(arrival, num_dropped, spare, out);
         }
@@ -243,7 +273,10 @@ impl Worker {
             }
             // The reader counts and reports damage; frames never get here.
             Input::Damage(_) | Input::Message(..) | Input::Ahead(_) | Input::Fault(_) => Ok(()),
-            Input::Command(command) => self.execute(command, out),
+            Input::Command(command) => {
+                self.release_opening(Now::End, spare, out)?;
+                self.execute(command, out)
+            }
         }
     }
 
@@ -312,7 +345,9 @@ impl Worker {
         }
         let last_rejection = self.ledger.take_last_rejection();
         notes.extend(self.standing.note(interval));
-        let state = State { counts: *self.ledger.counts(), interval, load, notes, last_rejection };
+        let counts = *self.ledger.counts();
+        let channel = self.ledger.channel();
+        let state = State { counts, interval, load, notes, last_rejection, channel };
         let status = self.reporter.stream_status(stamp_ns, &state);
         out.publish(Output::StreamStatus, now_ns, &status)?;
         let diagnostics = self.reporter.diagnostics(stamp_ns, &state);

@@ -34,8 +34,14 @@ pub(crate) struct Surroundings {
 /// Returns the surroundings; called once per report.
 pub(crate) type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
 
-/// Observes every measured image and returns the description of its camera.
-pub(crate) type Observe = Box<dyn FnMut(&ImageHeader<'_>) -> CameraMatch + Send>;
+/// The descriptions of a camera on a network.
+pub(crate) trait Describe: Send {
+    /// Observes a measured image and returns the description of its camera.
+    fn observe(&self, image: &ImageHeader<'_>) -> CameraMatch;
+
+    /// True if a description has arrived.
+    fn is_described(&self) -> bool;
+}
 
 /// The part of a worker that only a live camera has.
 pub(crate) struct Online {
@@ -44,7 +50,7 @@ pub(crate) struct Online {
     /// Number of the clock's time discontinuities at the start of this session.
     num_breaks: u64,
     survey: Survey,
-    observe: Observe,
+    describe: Box<dyn Describe>,
     /// Board for the last report.
     pub(super) board: Board,
     next_tick: Instant,
@@ -64,14 +70,14 @@ impl Online {
         settings: Arc<Mailbox<Settings>>,
         clock: RosClock,
         survey: Survey,
-        observe: Observe,
+        describe: Box<dyn Describe>,
     ) -> Self {
         Self {
             settings,
             num_breaks: clock.num_breaks(),
             clock,
             survey,
-            observe,
+            describe,
             board: Board::default(),
             next_tick: Instant::now() + TICK,
             latency: Histogram::default(),
@@ -111,8 +117,12 @@ impl Online {
         std::mem::replace(&mut self.num_breaks, num_breaks) != num_breaks
     }
 
-    pub(super) fn observe(&mut self, image: &ImageHeader<'_>) -> CameraMatch {
-        (self.observe)(image)
+    pub(super) fn observe(&self, image: &ImageHeader<'_>) -> CameraMatch {
+        self.describe.observe(image)
+    }
+
+    pub(super) fn is_described(&self) -> bool {
+        self.describe.is_described()
     }
 
     /// Records the latency from stamp to result. Ignores stamps in the future, which come from a clock that runs ahead.

@@ -77,7 +77,9 @@ fn pictures_that_cannot_be_used_are_left_out_by_name() {
     let mut command = laser_profiler(&["import", "-o"]);
     let ended = end(command.arg(path("bag")).arg(path("scan")));
     assert_eq!(ended.code, Some(3), "{ended:?}");
-    for told in ["frame_3.png: is no picture", "frame_7.png: has 9 x 9 pixels", "10 pictures", "2 left out"] {
+    for told in
+        ["frame_3.png: is no picture", "frame_7.png: has 9 x 9 pixels", "10 pictures", "2 left out"]
+    {
         assert!(ended.stdout.contains(told), "{told}: {ended:?}");
     }
     // The motion by velocity is refused for the recording as for the pictures: their times are not known.
@@ -85,7 +87,9 @@ fn pictures_that_cannot_be_used_are_left_out_by_name() {
     let motion = ["--ros-args", "-p", "motion.source:=constant", "-p", "motion.velocity:=0.1"];
     let ended = end(command.arg(path("results")).arg(path("bag")).args(motion));
     assert_eq!(ended.code, Some(2), "{ended:?}");
-    for (input, reason, code) in [("bag", "recordings need no import", 1), ("nothing", "No such file", 1)] {
+    for (input, reason, code) in
+        [("bag", "recordings need no import", 1), ("nothing", "No such file", 1)]
+    {
         let mut command = laser_profiler(&["import", "-o"]);
         let ended = end(command.arg(path("again")).arg(path(input)));
         assert_eq!(ended.code, Some(code), "{ended:?}");
@@ -160,7 +164,8 @@ fn without_ffmpeg_the_command_that_installs_it_is_told() {
         let video = place.path().join(name);
         fs::write(&video, "no video").unwrap();
         let mut command = laser_profiler(&["replay", "-o"]);
-        let ended = end(command.arg(place.path().join("out")).arg(&video).env("PATH", place.path()));
+        let ended =
+            end(command.arg(place.path().join("out")).arg(&video).env("PATH", place.path()));
         assert_eq!(ended.code, Some(1), "{ended:?}");
         assert!(ended.stderr.contains("sudo apt install ffmpeg"), "{ended:?}");
         let missing = video.with_extension("none.mp4");

@@ -102,7 +102,7 @@ impl LaserFinder {
 
     fn lights(&self, format: PixelFormat) -> Vec<Light> {
         match (format, self.channel) {
-            (PixelFormat::Mono8 | PixelFormat::Mono16(_), _) => vec![Light::Channel(Channel::Auto)],
+            (format, _) if !format.has_colors() => vec![Light::Channel(Channel::Auto)],
             (_, Some(channel)) => vec![Light::Channel(channel)],
             (_, None) => COLORS.map(Light::Over).to_vec(),
         }

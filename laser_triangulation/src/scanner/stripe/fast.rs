@@ -3,13 +3,14 @@
 
 use super::{
     Centerline,
+    assemble::Assembler,
     background::BackgroundFilter,
     blur::{Kernel, Sample, blurred_at},
     broad::BroadRuns,
     columns::Columns,
     lanes::{Centres, LANES, Sections},
     load::Loader,
-    measure::{Assembler, Points},
+    measure::Points,
     noise_estimate::NoiseEstimator,
     picture::Picture,
     section::{Candidate, Levels, LineCandidate},

@@ -35,6 +35,8 @@ pub(super) struct Sections {
     pub(crate) last: Lane,
     /// Largest blurred sample of each lane's candidate, as in [`blurred`](Self::blurred).
     pub(crate) peak: Lane,
+    /// Rows in which any lane has a sample of its candidate.
+    candidate_rows: Range<usize>,
 }
 
 /// An estimator's result for every lane.
@@ -58,6 +60,7 @@ impl Default for Sections {
             first: none,
             last: none,
             peak: none,
+            candidate_rows: 0..0,
         }
     }
 }
@@ -72,6 +75,14 @@ pub(super) fn each(f: impl Fn(usize) -> f32) -> Lane {
     lanes
 }
 
+/// Appends the first `count` lanes.
+#[inline(always)]
+pub(super) fn append<T: Copy>(to: &mut Vec<T>, lanes: &[T; LANES], count: usize) {
+    // A copy of constant length is much faster than one of `count`.
+    to.extend_from_slice(lanes);
+    to.truncate(to.len() - (LANES - count));
+}
+
 /// One lane of several numbers.
 #[inline(always)]
 pub(super) fn lane_of<const N: usize>(numbers: &[Lane; N], lane: usize) -> [f32; N] {
@@ -82,16 +93,31 @@ pub(super) fn lane_of<const N: usize>(numbers: &[Lane; N], lane: usize) -> [f32;
     of_lane
 }
 
-/// Reduces all lanes with `f`, by halves. `f32::min` and `f32::max` ignore NaN.
+/// Returns the smallest of all lanes, but at least 0, which also stands for NaN.
 #[inline(always)]
-fn fold(lanes: &Lane, f: fn(f32, f32) -> f32) -> f32 {
-    let mut half: [f32; 8] = std::array::from_fn(|i| f(lanes[i], lanes[i + 8]));
-    for width in [4, 2, 1] {
-        for i in 0..width {
-            half[i] = f(half[i], half[i + width]);
-        }
+fn smallest(lanes: &Lane) -> f32 {
+    let mut smallest = u32::MAX;
+    for &number in lanes {
+        smallest = smallest.min(rank(number));
     }
-    half[0]
+    f32::from_bits(smallest)
+}
+
+/// Returns the largest of all lanes, but at least 0, which also stands for NaN.
+#[inline(always)]
+fn largest(lanes: &Lane) -> f32 {
+    let mut largest = 0;
+    for &number in lanes {
+        largest = largest.max(rank(number));
+    }
+    f32::from_bits(largest)
+}
+
+/// Returns the bits of a number, which order positive numbers as they are: vector units reduce integers faster. 0 for
+/// NaN and negative numbers.
+#[inline(always)]
+const fn rank(number: f32) -> u32 {
+    (if number > 0.0 { number } else { 0.0 }).to_bits()
 }
 
 impl Sections {
@@ -127,23 +153,23 @@ impl Sections {
     /// Returns the rows in which any lane has a sample of its candidate.
     #[inline(always)]
     pub(super) fn candidate_rows(&self) -> Range<usize> {
-        self.reach(&self.first, &self.last)
+        self.candidate_rows.clone()
     }
 
     /// Returns the rows that hold every position between `low` and `high` (fractional rows) of the lanes.
     #[inline(always)]
     pub(super) fn reach(&self, low: &Lane, high: &Lane) -> Range<usize> {
-        let (from, to) = (fold(low, f32::min), fold(high, f32::max));
-        let end = ((to.max(-1.0) + 1.0) as usize).min(self.rows());
-        (from.max(0.0) as usize).min(end)..end
+        let behind = each(|lane| high[lane] + 1.0);
+        let end = (largest(&behind) as usize).min(self.rows());
+        (smallest(low) as usize).min(end)..end
     }
 
     /// Returns the rows that lie between `low` and `high` (fractional rows, both included) in every lane.
     #[inline(always)]
     pub(super) fn within(&self, low: &Lane, high: &Lane) -> Range<usize> {
-        let (from, to) = (fold(low, f32::max), fold(high, f32::min));
-        let end = ((to.max(-1.0) + 1.0) as usize).min(self.rows());
-        (from.max(0.0).ceil() as usize).min(end)..end
+        let behind = each(|lane| high[lane] + 1.0);
+        let end = (smallest(&behind) as usize).min(self.rows());
+        (largest(low).ceil() as usize).min(end)..end
     }
 
     /// Makes room for `rows` rows of `count` lanes. Samples of earlier batches remain, but lie in no window.
@@ -151,6 +177,7 @@ impl Sections {
         self.count = count;
         self.raw.resize(rows, [0.0; LANES]);
         self.blurred.resize(rows, [0.0; LANES]);
+        self.candidate_rows = rows..0;
     }
 
     /// Records the candidate's position in a lane, whose window `held` (positions) begins in row `start`. Call it for
@@ -163,10 +190,15 @@ impl Sections {
         candidate: &Candidate,
     ) {
         let first = start + (candidate.first as usize - held.start);
-        self.start[lane] = start as f32;
-        self.end[lane] = (start + held.len()) as f32;
-        self.first[lane] = first as f32;
-        self.last[lane] = (first + candidate.length() as usize - 1) as f32;
+        let behind = first + candidate.length() as usize;
+        let rows = &mut self.candidate_rows;
+        (rows.start, rows.end) = (rows.start.min(first), rows.end.max(behind));
+        // Rows are few. Signed, because vector units convert signed integers faster.
+        let row = |row: usize| row as i32 as f32;
+        self.start[lane] = row(start);
+        self.end[lane] = row(start + held.len());
+        self.first[lane] = row(first);
+        self.last[lane] = row(behind - 1);
         self.peak[lane] = grey(candidate.peak) as f32;
         if lane == 0 {
             for array in
@@ -175,5 +207,27 @@ impl Sections {
                 *array = [array[0]; LANES];
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_hold_all_lanes_or_lie_in_every_one() {
+        let mut sections = Sections::default();
+        sections.clear(LANES, 40);
+        let mut low = each(|lane| 3.75 + 0.5 * lane as f32);
+        let high = each(|lane| 20.25 + 0.5 * lane as f32);
+        assert_eq!(sections.reach(&low, &high), 3..28);
+        assert_eq!(sections.within(&low, &high), 12..21);
+        (low[0], low[3]) = (-5.0, f32::NAN);
+        assert_eq!(sections.reach(&low, &high), 0..28);
+        assert_eq!(sections.within(&low, &high), 12..21);
+        let none = [-3.5; LANES];
+        assert!(sections.reach(&none, &none).is_empty());
+        assert!(sections.within(&low, &none).is_empty());
+        assert_eq!(sections.reach(&high, &[99.0; LANES]), 20..40);
     }
 }

@@ -1,24 +1,18 @@
-//! Steps 5 to 8 on cross-sections side by side; assembles the points into a centreline.
+//! Steps 5 to 8 on cross-sections side by side.
 
 use super::{
-    Centerline,
-    broad::Broad,
     fir_peak::fir_peak,
-    flag,
     fractional::fractional_window_gravity,
     gaussian_fit::{coarse_peak, gaussian_fit},
     gaussian_ml::gaussian_ml,
     gravity::{gray_gravity, rounded_window_gravity, width_samples, window_half_length_px},
     lanes::{Centres, LANES, Lane, Sections},
     log_gaussian::log_gaussian,
-    section::{Candidate, Levels, LineCandidate},
-    shape::{Shape, Shapes},
+    section::{Levels, LineCandidate},
+    shape::{SHARES, Shape},
     width::{Edges, brightest, brightest_raw, full_width_half_maximum, raw_at},
 };
-use crate::scanner::{
-    channel::Offset,
-    params::{GravityWindow, Method, StripeDirection},
-};
+use crate::scanner::params::{GravityWindow, Method};
 
 /// Steps 5 to 8: returns the centres of cross-sections by the chosen method; `brightest` is the position of each one's
 /// peak.
@@ -57,13 +51,13 @@ pub(super) fn centres(sections: &Sections, brightest: &Lane, levels: &Levels<'_>
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Points {
     /// Positions from which the centres count: the first samples of the candidates.
-    first: [u32; LANES],
-    centres: Centres,
-    width_px: Lane,
-    intensity: Lane,
-    brightest_raw: Lane,
+    pub(crate) first: [u32; LANES],
+    pub(crate) centres: Centres,
+    pub(crate) width_px: Lane,
+    pub(crate) intensity: Lane,
+    pub(crate) brightest_raw: Lane,
     /// Shapes of the cross-sections.
-    shape: Shape,
+    pub(crate) shape: Shape,
 }
 
 impl Points {
@@ -79,7 +73,8 @@ impl Points {
         let brightest = brightest(sections);
         let mut centres = centres(sections, &brightest, levels);
         refine(&mut centres);
-        let half = Edges::at(sections, &brightest, 0.5);
+        let edges = Edges::at(sections, &brightest, SHARES);
+        let [_, half, _] = &edges;
         let mut first = [0; LANES];
         for (first, found) in first.iter_mut().zip(found) {
             *first = found.candidate.first;
@@ -87,10 +82,10 @@ impl Points {
         Self {
             first,
             centres,
-            width_px: full_width_half_maximum(&half, levels.noise.kernel.variance_px2()),
+            width_px: full_width_half_maximum(half, levels.noise.kernel.variance_px2()),
             intensity: raw_at(sections, &centres.position_px),
             brightest_raw: brightest_raw(sections),
-            shape: Shape::of(sections, &brightest, &half, levels),
+            shape: Shape::of(sections, &edges, levels),
         }
     }
 
@@ -131,124 +126,6 @@ impl Points {
     }
 }
 
-/// Builds a centreline from cross-sections in order along the stripe.
-#[derive(Debug)]
-pub(super) struct Assembler<'a> {
-    centerline: &'a mut Centerline,
-    shapes: &'a mut Shapes,
-    direction: StripeDirection,
-    /// Column and row of the searched region in the image.
-    offset: Offset,
-    /// Positions across the stripe: rows of the region for a horizontal stripe.
-    length_across: u32,
-    /// The cross-section pushed last.
-    previous: Option<LineCandidate>,
-}
-
-impl<'a> Assembler<'a> {
-    /// Starts an empty centreline in a region of `length_across` positions across the stripe.
-    pub(super) fn new(
-        centerline: &'a mut Centerline,
-        shapes: &'a mut Shapes,
-        direction: StripeDirection,
-        offset: Offset,
-        length_across: usize,
-    ) -> Self {
-        centerline.clear();
-        shapes.clear();
-        let length_across = length_across as u32;
-        Self { centerline, shapes, direction, offset, length_across, previous: None }
-    }
-
-    /// Adds the points of these candidates.
-    pub(super) fn push(&mut self, found: &[LineCandidate], points: &Points, levels: &Levels<'_>) {
-        let mut across_px = [0.0; LANES];
-        for (lane, found) in found.iter().enumerate() {
-            let mut flags = 0;
-            if points.brightest_raw[lane] >= levels.full_scale as f32 {
-                flags |= flag::SATURATED;
-            }
-            if levels.is_low(found.candidate.peak, points.intensity[lane]) {
-                flags |= flag::LOW_CONTRAST;
-            }
-            self.join(found, flags);
-            let position_px = points.centres.position_px[lane].into();
-            across_px[lane] = self.across_px(points.first[lane], position_px);
-        }
-        let count = found.len();
-        self.across().extend_from_slice(&across_px[..count]);
-        self.centerline.width_px.extend_from_slice(&points.width_px[..count]);
-        self.centerline.intensity.extend_from_slice(&points.intensity[..count]);
-        self.centerline.sigma_px.extend_from_slice(&points.centres.sigma_px[..count]);
-        self.shapes.push(&points.shape, count);
-    }
-
-    /// Adds the point of a candidate that is too long for a cross-section of the stripe: its centre of gravity. The
-    /// true centre may be anywhere in it.
-    pub(super) fn push_broad(&mut self, found: &LineCandidate, broad: &Broad, levels: &Levels<'_>) {
-        let is_saturated = broad.brightest_raw >= levels.full_scale;
-        self.join(found, flag::LOW_CONTRAST | if is_saturated { flag::SATURATED } else { 0 });
-        let across_px = self.across_px(found.candidate.first, broad.position_px);
-        self.across().push(across_px);
-        self.shapes.push_broad();
-        self.centerline.width_px.push(f32::NAN);
-        self.centerline.intensity.push(broad.intensity);
-        // Uniform distribution over the candidate.
-        let sigma_px = f64::from(found.candidate.length()) / 12.0_f64.sqrt();
-        self.centerline.sigma_px.push(sigma_px as f32);
-    }
-
-    /// Adds the line and the flags of a point: the given flags and those from its candidate.
-    #[inline(always)]
-    fn join(&mut self, found: &LineCandidate, mut flags: u8) {
-        let LineCandidate { line, candidate } = *found;
-        if !self.previous.is_some_and(|previous| continues(&previous, found)) {
-            self.centerline.stripe_start.push(self.centerline.flags.len() as u32);
-        }
-        self.previous = Some(*found);
-        if candidate.count > 1 {
-            flags |= flag::MULTIPLE_PEAKS;
-        }
-        if candidate.first == 0 || candidate.last + 1 == self.length_across {
-            flags |= flag::CLIPPED;
-        }
-        self.centerline.flags.push(flags);
-        match self.direction {
-            StripeDirection::Horizontal => {
-                self.centerline.u_px.push((self.offset.column as u32 + line) as f32);
-            }
-            StripeDirection::Vertical => {
-                self.centerline.v_px.push((self.offset.row as u32 + line) as f32);
-            }
-        }
-    }
-
-    /// Returns the position across the stripe in the image of a position counted from `first`, pixels.
-    #[inline(always)]
-    fn across_px(&self, first: u32, position_px: f64) -> f32 {
-        let offset = match self.direction {
-            StripeDirection::Horizontal => self.offset.row,
-            StripeDirection::Vertical => self.offset.column,
-        };
-        (f64::from(offset as u32 + first) + position_px) as f32
-    }
-
-    /// Returns the array that holds positions across the stripe.
-    #[inline(always)]
-    const fn across(&mut self) -> &mut Vec<f32> {
-        match self.direction {
-            StripeDirection::Horizontal => &mut self.centerline.v_px,
-            StripeDirection::Vertical => &mut self.centerline.u_px,
-        }
-    }
-}
-
-/// True if a candidate touches that of the line before, corners included.
-const fn continues(previous: &LineCandidate, next: &LineCandidate) -> bool {
-    let (above, below): (&Candidate, &Candidate) = (&previous.candidate, &next.candidate);
-    previous.line + 1 == next.line && below.first <= above.last + 1 && above.first <= below.last + 1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -257,7 +134,7 @@ mod tests {
         stripe::{
             blur::{Kernel, UNITS},
             reference::Section,
-            section::grey,
+            section::{Candidate, grey},
         },
     };
     use proptest::prelude::*;

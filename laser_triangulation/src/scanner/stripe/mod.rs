@@ -47,6 +47,7 @@ mod select;
 mod shape;
 mod texture;
 mod measure;
+mod assemble;
 pub(crate) mod correlation;
 mod smooth;
 mod vectors;
@@ -123,6 +124,12 @@ impl Centerline {
     /// True if no stripe was found.
     pub fn is_empty(&self) -> bool {
         self.u_px.is_empty()
+    }
+
+    /// Returns the number of points that carry any of these bits of [`flag`].
+    #[must_use]
+    pub fn num_flagged(&self, bits: u8) -> usize {
+        self.flags.iter().filter(|flags| *flags & bits != 0).count()
     }
 
     /// Copies `other`, reusing the memory.
@@ -217,7 +224,7 @@ impl Extractor {
     }
 
     /// Extracts the centreline of a whole image. Uses grey images as they are, and the largest channel of colour and
-    /// Bayer images ([`Channel::Auto`]). Full scale is the format's largest level.
+    /// Bayer images ([`Channel::Auto`]). Full scale is the format's white level.
     ///
     /// For another channel, a region of interest or a lower full scale, decode the image with [`Decoder`] and call
     /// [`extract_plane`](Self::extract_plane).
@@ -253,7 +260,7 @@ impl Extractor {
     pub fn extract(&mut self, image: &Image<'_>) -> &Centerline {
         let Self { eight, sixteen, decoder, centerline, .. } = self;
         let region = SearchedRegion::whole(image);
-        let (offset, full_scale) = (region.offset(), image.format().max_level());
+        let (offset, full_scale) = (region.offset(), image.format().white_level());
         match decoder.decode(image, Channel::Auto, &region) {
             AnyPlane::Eight(plane) => eight.extract(&plane, offset, full_scale, centerline),
             AnyPlane::Sixteen(plane) => sixteen.extract(&plane, offset, full_scale, centerline),

@@ -2,10 +2,11 @@
 
 use super::{
     Centerline,
+    assemble::Assembler,
     blur::{Kernel, Sample, blurred_at},
     broad::Broad,
     lanes::{LANES, Sections},
-    measure::{Assembler, Points},
+    measure::Points,
     noise_estimate::NoiseEstimator,
     picture::Picture,
     section::{Candidate, Levels, LineCandidate, grey},

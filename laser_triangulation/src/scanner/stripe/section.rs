@@ -148,7 +148,7 @@ impl Levels<'_> {
     /// True if a candidate's largest blurred sample is low against the noise of a raw pixel of level `intensity`.
     pub(super) fn is_low(&self, peak: u32, intensity: f32) -> bool {
         let variance = self.noise.constant + self.noise.per_level * f64::from(intensity);
-        grey(peak) < self.min_snr * variance.sqrt()
+        grey(peak) * grey(peak) < self.min_snr * self.min_snr * variance
     }
 
     /// Returns the number of positions that the section should hold on either side of a candidate. This covers the

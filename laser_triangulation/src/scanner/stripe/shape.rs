@@ -9,7 +9,7 @@ use super::{
     Centerline,
     elementary::in_quadrature,
     flag,
-    lanes::{Lane, Sections, each},
+    lanes::{Lane, Sections, append, each},
     logarithm::ln,
     section::Levels,
     width::Edges,
@@ -19,6 +19,8 @@ use crate::statistics::{MAD_TO_SIGMA, median};
 /// Shares of the peak at which edges are compared: close to the top, and low on the flanks but above most halos.
 const HIGH: f32 = 0.7;
 const LOW: f32 = 0.35;
+/// The shares of the peak at which a cross-section's edges are needed: its shape's, and half between them for the width.
+pub(super) const SHARES: [f32; 3] = [HIGH, 0.5, LOW];
 /// ln(1 / [`HIGH`]).
 const LN_HIGH: f32 = 0.356_674_94;
 /// Width of a Gaussian at [`HIGH`] divided by that at half its peak: √(ln(1/0.7) / ln 2).
@@ -42,7 +44,7 @@ const WIDEST_CLIPPED_PX: f32 = 32.0;
 /// A run this much longer than a Gaussian of the same peak and width has a halo under it: times, and pixels more.
 const HALO: (f32, f32) = (1.3, 4.0);
 /// Approximate number of second differences evaluated per frame.
-const DIFFERENCES: usize = 512;
+const DIFFERENCES: usize = 256;
 
 /// Shape of each cross-section of a batch.
 #[derive(Clone, Copy, Debug)]
@@ -58,26 +60,17 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    /// Measures it; `half` are the edges at half the peak.
+    /// Measures it from the edges at [`SHARES`].
     #[inline(always)]
     pub(super) fn of(
         sections: &Sections,
-        brightest: &Lane,
-        half: &Edges,
+        [high, half, low]: &[Edges; 3],
         levels: &Levels<'_>,
     ) -> Self {
-        let high = Edges::at(sections, brightest, HIGH);
-        let [top, bottom] = [&high, &Edges::at(sections, brightest, LOW)].map(Edges::middle_px);
-        let threshold = levels.segment_threshold_grey().max(1.0);
-        let (length, top_width) = (sections.length(), high.width_px());
-        let has_halo = each(|lane| {
-            // A Gaussian's width at the threshold, from its width at `HIGH`.
-            let ratio = ln(sections.peak[lane] / threshold).max(0.0) / LN_HIGH;
-            let expected = top_width[lane] * ratio.sqrt();
-            if length[lane] > HALO.0 * expected + HALO.1 { 1.0 } else { 0.0 }
-        });
+        let [top, bottom] = [high, low].map(Edges::middle_px);
         let bend_px = each(|lane| bottom[lane] - top[lane]);
-        Self { high, bend_px, width_px: half.width_px(), has_halo }
+        let has_halo = has_halo(sections, &high.width_px(), levels);
+        Self { high: *high, bend_px, width_px: half.width_px(), has_halo }
     }
 
     /// True if a halo lies under the stripe in a lane.
@@ -89,6 +82,30 @@ impl Shape {
     pub(super) fn top(&self, lane: usize) -> Option<[f32; 2]> {
         self.high.between(lane)
     }
+}
+
+/// Returns 1 where a candidate is longer than a Gaussian of its peak and its width at [`HIGH`].
+#[inline(always)]
+fn has_halo(sections: &Sections, top_width: &Lane, levels: &Levels<'_>) -> Lane {
+    let threshold = levels.segment_threshold_grey().max(1.0);
+    let (peak, length) = (&sections.peak, sections.length());
+    // A Gaussian as long as this, without what a halo may add, has this ln(peak / threshold).
+    let ln_of_length = each(|lane| {
+        let times = ((length[lane] - HALO.1) / HALO.0).max(0.0) / top_width[lane];
+        LN_HIGH * (times * times)
+    });
+    // ln x > 2 (x - 1) / (x + 1), which is enough for most.
+    let may_have = each(|lane| {
+        let least = 2.0 * (peak[lane] - threshold) / (peak[lane] + threshold);
+        if ln_of_length[lane] > least { 1.0 } else { 0.0 }
+    });
+    if may_have.iter().sum::<f32>() <= 0.0 {
+        return may_have;
+    }
+    each(|lane| {
+        let is_longer = ln_of_length[lane] > ln(peak[lane] / threshold).max(0.0);
+        if is_longer { may_have[lane] } else { 0.0 }
+    })
 }
 
 /// Shapes of all points of a frame.
@@ -114,9 +131,9 @@ impl Shapes {
     pub(super) fn push(&mut self, shape: &Shape, count: usize) {
         let top_width = shape.high.width_px();
         let top = each(|lane| top_width[lane] / shape.width_px[lane]);
-        self.bend_px.extend_from_slice(&shape.bend_px[..count]);
-        self.width_px.extend_from_slice(&shape.width_px[..count]);
-        self.top.extend_from_slice(&top[..count]);
+        append(&mut self.bend_px, &shape.bend_px, count);
+        append(&mut self.width_px, &shape.width_px, count);
+        append(&mut self.top, &top, count);
     }
 
     /// Adds a cross-section that is too long to have a shape.
@@ -133,31 +150,34 @@ impl Shapes {
         let bend_noise_px = SIGNIFICANT * scatter(bend_px, distance, differences);
         let top_noise = SIGNIFICANT * scatter(top, distance, differences);
         let broadest = GAUSSIAN_TOP + BROADEST.max(top_noise);
-        for (i, flags) in centerline.flags.iter_mut().enumerate() {
-            let (bend, width, has) = (bend_px[i].abs(), width_px[i], *flags);
+        let points = centerline.flags.iter_mut().zip(&mut centerline.sigma_px);
+        let shapes = bend_px.iter().zip(&*width_px).zip(&*top);
+        for ((flags, sigma), ((bend, &width), &top)) in points.zip(shapes) {
+            let (bend, most) = (bend.abs(), bend_noise_px.max(STRAIGHT * width));
+            // False where an edge is hidden.
+            if bend <= most && top <= broadest && top * width <= WIDEST_CLIPPED_PX {
+                continue;
+            }
+            let has = *flags;
             let has = |flag: u8| has & flag != 0;
-            let sigma = &mut centerline.sigma_px[i];
             let mut widen = |error: f32| {
                 // An unknown width adds nothing.
                 if error.is_finite() {
                     *sigma = in_quadrature(*sigma, error);
                 }
             };
-            if bend > bend_noise_px.max(STRAIGHT * width) {
+            if bend > most {
                 *flags |= flag::MISFIT;
                 // The centre lies in the top.
-                widen((ERROR_PER_BEND * bend).min(top[i] * width));
+                widen((ERROR_PER_BEND * bend).min(top * width));
             }
             if bend.is_nan() && has(flag::MULTIPLE_PEAKS) {
                 widen(ERROR_BESIDE_NEIGHBOUR * width);
             }
             let is_hidden =
                 bend.is_nan() && !has(flag::CLIPPED | flag::MULTIPLE_PEAKS | flag::LOW_CONTRAST);
-            let is_broad = if has(flag::SATURATED) {
-                top[i] * width > WIDEST_CLIPPED_PX
-            } else {
-                top[i] > broadest
-            };
+            let is_broad =
+                if has(flag::SATURATED) { top * width > WIDEST_CLIPPED_PX } else { top > broadest };
             if is_hidden || is_broad {
                 *flags |= flag::MISFIT;
                 widen(ERROR_PER_WIDTH * width);
@@ -169,13 +189,13 @@ impl Shapes {
 /// Returns the robust scatter of values along the stripe, from their second differences at a distance.
 fn scatter(values: &[f32], distance: usize, differences: &mut Vec<f32>) -> f32 {
     let step = values.len() / DIFFERENCES + 1;
-    let middles = (distance..values.len().saturating_sub(distance)).step_by(step);
     differences.clear();
-    differences.extend(
-        middles
-            .map(|at| (values[at - distance] - 2.0 * values[at] + values[at + distance]).abs())
-            .filter(|difference| difference.is_finite()),
-    );
+    for triple in values.windows(2 * distance + 1).step_by(step) {
+        let difference = triple[0] - 2.0 * triple[distance] + triple[2 * distance];
+        if difference.is_finite() {
+            differences.push(difference.abs());
+        }
+    }
     MAD_TO_SIGMA as f32 * median(differences).unwrap_or(0.0) / 6.0_f32.sqrt()
 }
 

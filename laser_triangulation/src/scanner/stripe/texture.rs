@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Approximate number of differences evaluated per frame.
-const DIFFERENCES: usize = 1024;
+const DIFFERENCES: usize = 512;
 /// Speckles are smaller than this, pixels: the stripe's own errors may be correlated over it.
 const LARGEST_SPECKLE_PX: usize = 7;
 /// Fewer differences give no estimate.
@@ -33,6 +33,7 @@ pub(super) struct TextureEstimator {
     distance: usize,
     /// Variance of the second difference of neighbours, in variances of a centre.
     neighbour_gain: f64,
+    /// Squares of differences over their variances, or standard deviations.
     quotients: Vec<f32>,
 }
 
@@ -83,6 +84,7 @@ impl TextureEstimator {
         };
         let reach = (N - 1) * distance;
         let step = along.len() / DIFFERENCES + 1;
+        let mean_gain = gain as f32 / N as f32;
         self.quotients.clear();
         for from in (0..along.len().saturating_sub(reach)).step_by(step) {
             // Lines without a gap, of one stripe.
@@ -96,15 +98,15 @@ impl TextureEstimator {
                 difference += weight * across[from + i * distance];
                 variance += sigma * sigma;
             }
-            let variance = variance / N as f32 * gain as f32;
-            self.quotients.push(difference.abs() / variance.sqrt());
+            self.quotients.push(difference * difference / (variance * mean_gain));
         }
         if self.quotients.len() < LEAST {
             return 1.0;
         }
         let chance = CHANCE.0 + CHANCE.1 * MEDIAN_ERROR / (self.quotients.len() as f64).sqrt();
+        // The square of the median magnitude.
         let median = f64::from(median(&mut self.quotients).unwrap_or(0.0));
-        let ratio = median / NORMAL_MEDIAN_MAGNITUDE;
+        let ratio = median.sqrt() / NORMAL_MEDIAN_MAGNITUDE;
         if ratio > 1.0 + chance { ratio } else { 1.0 }
     }
 }

@@ -31,55 +31,54 @@ pub(super) struct Edges {
 }
 
 impl Edges {
-    /// Finds the edges at that share of every lane's peak, 0 to 1.
+    /// Finds the edges at these shares of every lane's peak, 0 to 1, descending, in one walk.
     #[inline(always)]
-    pub(super) fn at(sections: &Sections, brightest: &Lane, share: f32) -> Self {
-        // Position of each edge's inner sample, its level and that of its outer neighbour.
-        let mut rise = [[f32::NAN; LANES]; 3];
-        let mut fall = [[f32::NAN; LANES]; 3];
-        let edge = each(|lane| sections.peak[lane] * share);
+    pub(super) fn at<const N: usize>(
+        sections: &Sections,
+        brightest: &Lane,
+        shares: [f32; N],
+    ) -> [Self; N] {
+        let edges = shares.map(|share| each(|lane| sections.peak[lane] * share));
         let top = each(|lane| sections.first[lane] + brightest[lane]);
-        // From the peak outwards, until every lane has both edges.
-        let rows = sections.reach(&sections.start, &top);
-        for i in (rows.start + 1..rows.end).rev() {
-            let (place, before, level) =
-                (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
-            let mut is_open = false;
+        let (mut rise, mut fall) = ([Crossing::NONE; N], [Crossing::NONE; N]);
+        // From the peak outwards, until every lane has the lowest edges, and with them the others.
+        let tops = sections.reach(&top, &top);
+        for i in (1..tops.end).rev() {
+            let place = sections.place(i);
+            let (level, neighbour) = (&sections.blurred[i], &sections.blurred[i - 1]);
+            let mut outer = *neighbour;
             for lane in 0..LANES {
                 let is_inside =
                     (i as f32 > sections.start[lane]) & (place[lane] <= brightest[lane]);
-                let is_rise = is_inside & (before[lane] < edge[lane]) & rise[0][lane].is_nan();
-                rise[0][lane] = if is_rise { place[lane] } else { rise[0][lane] };
-                rise[1][lane] = if is_rise { level[lane] } else { rise[1][lane] };
-                rise[2][lane] = if is_rise { before[lane] } else { rise[2][lane] };
-                is_open |= rise[0][lane].is_nan();
+                outer[lane] = if is_inside { outer[lane] } else { f32::INFINITY };
             }
-            if !is_open {
+            for (rise, edge) in rise.iter_mut().zip(&edges) {
+                rise.meet(edge, &place, level, &outer);
+            }
+            if rise.last().is_none_or(Crossing::is_complete) {
                 break;
             }
         }
-        let rows = sections.reach(&top, &each(|lane| sections.end[lane] - 1.0));
-        for i in rows.start + 1..rows.end {
-            let (place, before, level) =
-                (sections.place(i), &sections.blurred[i - 1], &sections.blurred[i]);
-            let mut is_open = false;
+        for i in tops.start + 1..sections.rows() {
+            let place = sections.place(i - 1);
+            let (level, neighbour) = (&sections.blurred[i - 1], &sections.blurred[i]);
+            let mut outer = *neighbour;
             for lane in 0..LANES {
-                let is_inside = (place[lane] > brightest[lane]) & ((i as f32) < sections.end[lane]);
-                let is_fall = is_inside & (level[lane] < edge[lane]) & fall[0][lane].is_nan();
-                fall[0][lane] = if is_fall { place[lane] - 1.0 } else { fall[0][lane] };
-                fall[1][lane] = if is_fall { before[lane] } else { fall[1][lane] };
-                fall[2][lane] = if is_fall { level[lane] } else { fall[2][lane] };
-                is_open |= fall[0][lane].is_nan();
+                let is_inside =
+                    (place[lane] >= brightest[lane]) & ((i as f32) < sections.end[lane]);
+                outer[lane] = if is_inside { outer[lane] } else { f32::INFINITY };
             }
-            if !is_open {
+            for (fall, edge) in fall.iter_mut().zip(&edges) {
+                fall.meet(edge, &place, level, &outer);
+            }
+            if fall.last().is_none_or(Crossing::is_complete) {
                 break;
             }
         }
-        // A crossing lies between a sample at or above the level and its outer neighbour below.
-        let beyond = |[_, inside, outside]: &[Lane; 3]| {
-            each(|lane| (inside[lane] - edge[lane]) / (inside[lane] - outside[lane]))
-        };
-        Self { inner: [rise[0], fall[0]], beyond: [beyond(&rise), beyond(&fall)] }
+        std::array::from_fn(|n| Self {
+            inner: [rise[n].place, fall[n].place],
+            beyond: [rise[n].beyond(&edges[n]), fall[n].beyond(&edges[n])],
+        })
     }
 
     /// Returns the distance between the edges, pixels.
@@ -103,6 +102,48 @@ impl Edges {
     }
 }
 
+/// The first pair of samples of every lane, from the peak outwards, between which the level falls below an edge.
+#[derive(Clone, Copy)]
+struct Crossing {
+    /// Position of the inner sample; NaN: none yet.
+    place: Lane,
+    /// Levels of the inner and of the outer sample.
+    inner: Lane,
+    outer: Lane,
+}
+
+impl Crossing {
+    const NONE: Self =
+        Self { place: [f32::NAN; LANES], inner: [f32::NAN; LANES], outer: [f32::NAN; LANES] };
+
+    /// Takes the next sample and its outer neighbour in lanes without crossing.
+    #[inline(always)]
+    fn meet(&mut self, edge: &Lane, place: &Lane, inner: &Lane, outer: &Lane) {
+        for lane in 0..LANES {
+            let is_first = (outer[lane] < edge[lane]) & self.place[lane].is_nan();
+            self.place[lane] = if is_first { place[lane] } else { self.place[lane] };
+            self.inner[lane] = if is_first { inner[lane] } else { self.inner[lane] };
+            self.outer[lane] = if is_first { outer[lane] } else { self.outer[lane] };
+        }
+    }
+
+    /// True if every lane has its crossing.
+    #[inline(always)]
+    fn is_complete(&self) -> bool {
+        let mut is_open = false;
+        for place in &self.place {
+            is_open |= place.is_nan();
+        }
+        !is_open
+    }
+
+    /// Returns the distance of the crossing from the inner sample, 0 to 1.
+    #[inline(always)]
+    fn beyond(&self, edge: &Lane) -> Lane {
+        each(|lane| (self.inner[lane] - edge[lane]) / (self.inner[lane] - self.outer[lane]))
+    }
+}
+
 /// Returns the full width at half maximum, pixels, from the edges at half the peak, with the blur's own width removed in
 /// quadrature. Stripes thinner than 2 pixels come out up to a tenth too wide. NaN where an edge is hidden.
 #[inline(always)]
@@ -123,7 +164,8 @@ pub(super) fn brightest_raw(sections: &Sections) -> Lane {
     let mut brightest = [0.0; LANES];
     let from = each(|lane| (sections.first[lane] - 1.0).max(sections.start[lane]));
     let to = each(|lane| (sections.last[lane] + 1.0).min(sections.end[lane] - 1.0));
-    for i in sections.reach(&from, &to) {
+    let rows = sections.candidate_rows();
+    for i in rows.start.saturating_sub(1)..(rows.end + 1).min(sections.rows()) {
         let (row, level) = (i as f32, sections.raw[i]);
         for lane in 0..LANES {
             let is_near = (row >= from[lane]) & (row <= to[lane]) & (level[lane] > brightest[lane]);
@@ -136,15 +178,24 @@ pub(super) fn brightest_raw(sections: &Sections) -> Lane {
 /// Returns the unblurred level of every lane at a position between samples, linearly interpolated.
 #[inline(always)]
 pub(super) fn raw_at(sections: &Sections, position_px: &Lane) -> Lane {
-    each(|lane| {
-        if lane >= sections.count {
-            return 0.0;
+    let end = each(|lane| sections.end[lane] - 1.0);
+    let left = each(|lane| {
+        let row = sections.first[lane] + position_px[lane].floor();
+        let row = if lane < sections.count { row } else { sections.start[lane] };
+        row.max(sections.start[lane]).min(end[lane])
+    });
+    let right = each(|lane| (left[lane] + 1.0).min(end[lane]));
+    let (mut before, mut behind) = ([0.0; LANES], [0.0; LANES]);
+    for i in sections.reach(&left, &right) {
+        let (row, level) = (i as f32, &sections.raw[i]);
+        for lane in 0..LANES {
+            before[lane] = if row <= left[lane] { level[lane] } else { before[lane] };
+            behind[lane] = if row <= right[lane] { level[lane] } else { behind[lane] };
         }
-        let (start, end) = (sections.start[lane], sections.end[lane] - 1.0);
-        let left = (sections.first[lane] + position_px[lane].floor()).max(start).min(end);
-        let right = (left + 1.0).min(end);
+    }
+    each(|lane| {
         let share = (position_px[lane] - position_px[lane].floor()).max(0.0);
-        let [left, right] = [left, right].map(|row| sections.raw[row as usize][lane]);
-        left * (1.0 - share) + right * share
+        let level = before[lane] * (1.0 - share) + behind[lane] * share;
+        if lane < sections.count { level } else { 0.0 }
     })
 }

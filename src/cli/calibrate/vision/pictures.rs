@@ -224,7 +224,7 @@ impl Pictures {
 /// Converts a picture to 8-bit grey, the input of the detectors of boards and markers.
 pub(super) fn gray(image: &Image<'_>, params: &Params) -> GrayPicture {
     let full_scale = params.full_scale_of(image.format());
-    GrayPicture::from_image(image, full_scale.unwrap_or(image.format().max_level()))
+    GrayPicture::from_image(image, full_scale.unwrap_or(image.format().white_level()))
 }
 
 fn stem(path: &Path) -> String {
