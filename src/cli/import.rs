@@ -101,14 +101,12 @@ fn json_of(imported: &Imported, notes: &[String]) -> String {
 }
 
 fn text_of(imported: &Imported, notes: &[String]) -> String {
-    let mut text: String = notes.iter().map(|note| format!("note: {note}\n")).collect();
-    for reason in &imported.left_out {
-        text.push_str(&format!("left out: {reason}\n"));
-    }
+    let notes = notes.iter().map(|note| format!("note: {note}"));
+    let reasons = imported.left_out.iter().map(|reason| format!("left out: {reason}"));
     let Imported { output, num_pictures, num_left_out, .. } = imported;
     let left_out =
         if *num_left_out > 0 { format!(", {num_left_out} left out") } else { String::new() };
     let (place, size) = (output.directory.display(), bytes(output.bytes));
-    text.push_str(&format!("{place}: {num_pictures} pictures ({size}){left_out}\n"));
-    text
+    let last = format!("{place}: {num_pictures} pictures ({size}){left_out}\n");
+    notes.chain(reasons).chain([last]).collect::<Vec<_>>().join("\n")
 }

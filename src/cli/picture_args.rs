@@ -12,7 +12,7 @@ pub(super) struct PictureArgs {
     #[arg(long, value_name = "HZ", value_parser = frame_rate)]
     pub(super) frame_rate: Option<f64>,
     /// CSV file of stamps and positions of the pictures. Its first line names the columns: file (name of the picture), and
-    /// at least one of stamp_s (seconds) and position (metres or radians). Positions are the source of the motion unless
+    /// at least one of `stamp_s` (seconds) and position (metres or radians). Positions are the source of the motion unless
     /// motion.source is set.
     #[arg(long, value_name = "FILE.csv")]
     pub(super) positions: Option<PathBuf>,

@@ -41,7 +41,7 @@ pub(super) fn command(program: &str, path: &Path, before: &[&str]) -> Command {
 pub(super) fn no_program(
     path: &Path,
     program: &'static str,
-    error: std::io::Error,
+    error: &std::io::Error,
 ) -> PictureError {
     match error.kind() {
         ErrorKind::NotFound => PictureError::NoFfmpeg { path: path.into() },
@@ -54,7 +54,7 @@ pub(super) fn probe(path: &Path) -> Result<Stream, PictureError> {
         ["-select_streams", "v:0", "-show_entries", "stream=width,height,pix_fmt,avg_frame_rate"];
     let mut command = command("ffprobe", path, &[]);
     let output = command.args(entries).args(["-of", "json"]).output();
-    let output = output.map_err(|error| no_program(path, "ffprobe", error))?;
+    let output = output.map_err(|error| no_program(path, "ffprobe", &error))?;
     let invalid = |why: String| PictureError::Video { path: path.into(), why };
     if !output.status.success() {
         let text = String::from_utf8_lossy(&output.stderr);
@@ -70,7 +70,7 @@ pub(super) fn packet_stamps_ns(path: &Path) -> Result<Vec<i64>, PictureError> {
     let mut command = command("ffprobe", path, &[]);
     command.args(["-select_streams", "v:0", "-show_entries", "packet=pts_time", "-of", "csv=p=0"]);
     command.stdout(Stdio::piped()).stderr(Stdio::null());
-    let mut child = command.spawn().map_err(|error| no_program(path, "ffprobe", error))?;
+    let mut child = command.spawn().map_err(|error| no_program(path, "ffprobe", &error))?;
     let mut stamps_ns = Vec::new();
     if let Some(output) = child.stdout.take() {
         let mut lines = BufReader::new(output);

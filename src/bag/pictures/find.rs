@@ -150,7 +150,8 @@ fn in_folder(folder: &Path) -> Result<Option<Found>, PictureError> {
     .flatten()
     .collect();
     if pictures.is_empty() {
-        let others = notes.iter().map(|note| format!("; it has {note}")).collect();
+        let others =
+            if notes.is_empty() { String::new() } else { format!("; it has {}", notes.join("; ")) };
         return Err(PictureError::NoPictures { folder: folder.into(), others });
     }
     sort_naturally(&mut pictures);

@@ -105,7 +105,9 @@ impl Video {
             // Videos begin at 0, which would mean that the camera has no clock: the first frame is one period later.
             let period_ns = own_rate_hz.map_or(NS as i64, |rate_hz| (NS / rate_hz).round() as i64);
             let shift_ns = period_ns.max(1).saturating_sub(stamps_ns.first().copied().unwrap_or(0));
-            stamps_ns.iter_mut().for_each(|stamp_ns| *stamp_ns = stamp_ns.saturating_add(shift_ns));
+            for stamp_ns in &mut stamps_ns {
+                *stamp_ns = stamp_ns.saturating_add(shift_ns);
+            }
         }
         let images = Arc::new(Topic::new("/image_raw", Image::TYPE, QosProfile::reliable(DEPTH)));
         Ok(Self { path: path.into(), size_px: [width, height], pixels, stamps_ns, images })
@@ -147,7 +149,7 @@ impl Decoder {
             .args(every_frame())
             .args(["-f", "rawvideo", "-pix_fmt", format, "-"]);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
-        let failed = |error| no_program(&video.path, "ffmpeg", error);
+        let failed = |error: std::io::Error| no_program(&video.path, "ffmpeg", &error);
         let mut child = command.spawn().map_err(failed)?;
         let (Some(frames), Some(errors)) = (child.stdout.take(), child.stderr.take()) else {
             return Err(failed(std::io::Error::other("has no output")));
