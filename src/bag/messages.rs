@@ -14,7 +14,7 @@ use super::format::{ChunkHeader, RecordSpan, Source};
 use super::inflate::Inflater;
 use super::layout::{Layout, Part, PartKind};
 use super::open::Opener;
-use super::pictures::{Series, SeriesMessages};
+use super::pictures::SeriesMessages;
 use super::plain::PlainReader;
 use super::take::{Filter, Taker};
 use super::waiting::{Turn, Waiting};
@@ -34,15 +34,13 @@ pub struct Messages {
     opener: Arc<Opener>,
     current: Option<FileMessages>,
     spare: Vec<Vec<u8>>,
-    /// Pictures or a video instead of files.
     series: Option<SeriesMessages>,
 }
 
 impl Messages {
-    /// Returns an iterator over pictures or a video.
-    pub(super) fn of_series(series: &Series, filter: Filter, opener: Arc<Opener>) -> Self {
-        let series = Some(series.messages(filter.clone()));
-        Self { series, ..Self::new([], filter, opener) }
+    /// Reads pictures or a video instead of files.
+    pub(super) fn with_series(self, series: SeriesMessages) -> Self {
+        Self { series: Some(series), ..self }
     }
 
     pub(super) fn new(

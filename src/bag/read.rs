@@ -203,9 +203,10 @@ impl BagReader {
     /// Returns an iterator over the messages. It borrows nothing and may move to another thread.
     pub fn messages(&self, filter: &Filter) -> Messages {
         let opener = Arc::clone(&self.opener);
+        let messages = Messages::new(self.files.iter().cloned(), filter.clone(), opener);
         match &self.series {
-            Some(series) => Messages::of_series(series, filter.clone(), opener),
-            None => Messages::new(self.files.iter().cloned(), filter.clone(), opener),
+            Some(series) => messages.with_series(series.messages(filter.clone())),
+            None => messages,
         }
     }
 
