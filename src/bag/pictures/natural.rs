@@ -66,7 +66,7 @@ mod tests {
         assert_eq!(sorted(&["img1", "img01", "img001"]), ["img001", "img01", "img1"]);
         assert_eq!(
             sorted(&["img_1", "img", "img1", "", "0", "00"]),
-            ["", "00", "0", "img", "img1", "img_1"]
+            ["", "0", "00", "img", "img1", "img_1"]
         );
     }
 }
