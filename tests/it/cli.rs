@@ -20,6 +20,7 @@ const VERBS: [&str; 15] = [
     "parameters",
     "info",
     "recover",
+    "import",
     "simulate",
     "evaluate",
     "calibrate",
