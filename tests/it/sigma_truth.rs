@@ -27,9 +27,15 @@ use crate::recordings::real;
 /// Frames of each recording, spread over its length.
 const NUM_FRAMES: usize = 20;
 
-/// Limits of scatter ÷ stated standard deviation: of the median over the frames, and below which 95 % of them lie.
-const MEDIAN: std::ops::RangeInclusive<f64> = 0.0..=f64::INFINITY;
-const P95: f64 = f64::INFINITY;
+/// Limits of scatter ÷ stated standard deviation: of the median over the frames, and below which 95 % of them lie. The
+/// median has no lower limit: neighbours share speckles and pixels, so that their differences show less than the stated
+/// standard deviation, and where a halo lies beside the line it is widened.
+const MEDIAN: std::ops::RangeInclusive<f64> = 0.0..=1.25;
+const P95: f64 = 2.0;
+/// The same about the known centres, up to speckle of contrast 0.3. The centre of gravity is left out: it has a bias of its
+/// own, which is larger than the noise.
+const ABOUT_TRUTH: std::ops::RangeInclusive<f64> = 0.75..=1.25;
+const MOST_CONTRAST: f64 = 0.3;
 
 /// Pictures of a scene, and how to measure them.
 struct Recording {
@@ -193,6 +199,10 @@ fn on_rendered_speckle() {
                 case.contrast, case.grain_px, found.about_truth
             );
             complaints.extend(judged(&name, method, params.noise, &found.along));
+            let is_judged = case.contrast <= MOST_CONTRAST && method != Method::GrayGravity;
+            if is_judged && !ABOUT_TRUTH.contains(&found.about_truth) {
+                complaints.push(format!("{name} {}", method.name()));
+            }
         }
     }
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
