@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::pictures::PictureError;
+
 /// Error of reading a recording or a part of it.
 #[derive(Debug, Error)]
 pub enum BagError {
@@ -73,6 +75,17 @@ pub enum BagError {
         /// Limit on the size of the buffered messages, bytes.
         limit_bytes: usize,
     },
+    /// A picture of a series cannot be used; the series continues after it.
+    #[error("{}: {why}", path.display())]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// Reason.
+        why: String,
+    },
+    /// Pictures cannot be read as a recording.
+    #[error(transparent)]
+    Pictures(#[from] PictureError),
     /// The messages are not encoded as ROS 2 encodes them.
     #[error("{topic}: messages are encoded as {encoding:?}, not as \"cdr\" (ROS 2)")]
     Encoding {

@@ -118,7 +118,8 @@ pub(crate) struct AttachmentInfo {
 /// Reading fails; damage is no error, the report lists it.
 pub(crate) fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<BagInfo, BagError> {
     let mut problems = Problems { notes: bag.notes().to_vec(), ..Problems::default() };
-    let by_index = if depth == Depth::Index { by_index(bag)? } else { None };
+    let has_index = depth == Depth::Index && !bag.is_pictures();
+    let by_index = if has_index { by_index(bag)? } else { None };
     let read = if by_index.is_some() { Depth::Index } else { Depth::Messages };
     let statistics = match by_index {
         Some(statistics) => statistics,
@@ -157,6 +158,11 @@ struct Problems {
 
 impl Problems {
     fn add(&mut self, error: BagError) -> Result<(), BagError> {
+        if let BagError::Picture { path, why } = error {
+            let end = std::fs::metadata(&path).map_or(0, |file| file.len());
+            self.damaged.push(DamagedRange { file: path, offset: 0, end, what: why });
+            return Ok(());
+        }
         match DamagedRange::of(&error) {
             Some(range) => self.damaged.push(range),
             None if error.is_loss() => return Err(error),

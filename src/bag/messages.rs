@@ -14,6 +14,7 @@ use super::format::{ChunkHeader, RecordSpan, Source};
 use super::inflate::Inflater;
 use super::layout::{Layout, Part, PartKind};
 use super::open::Opener;
+use super::pictures::SeriesMessages;
 use super::plain::PlainReader;
 use super::take::{Filter, Taker};
 use super::waiting::{Turn, Waiting};
@@ -33,9 +34,15 @@ pub struct Messages {
     opener: Arc<Opener>,
     current: Option<FileMessages>,
     spare: Vec<Vec<u8>>,
+    series: Option<SeriesMessages>,
 }
 
 impl Messages {
+    /// Reads pictures or a video instead of files.
+    pub(super) fn with_series(self, series: SeriesMessages) -> Self {
+        Self { series: Some(series), ..self }
+    }
+
     pub(super) fn new(
         files: impl IntoIterator<Item = (std::path::PathBuf, Arc<Layout>)>,
         filter: Filter,
@@ -47,11 +54,15 @@ impl Messages {
             opener,
             current: None,
             spare: Vec::new(),
+            series: None,
         }
     }
 
     /// Takes back the buffer of a processed message, to reuse it for a later one.
     pub(crate) fn recycle(&mut self, buffer: Vec<u8>) {
+        if let Some(series) = &mut self.series {
+            return series.recycle(buffer);
+        }
         let spare = self.current.as_mut().map_or(&mut self.spare, |file| &mut file.spare);
         if spare.len() < SPARE_BUFFERS {
             spare.push(buffer);
@@ -63,6 +74,9 @@ impl Iterator for Messages {
     type Item = Result<RawMessage, BagError>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        if let Some(series) = &mut self.series {
+            return series.next();
+        }
         loop {
             if let Some(file) = &mut self.current {
                 if let Some(item) = file.next() {

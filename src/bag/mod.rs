@@ -1,4 +1,4 @@
-//! Recordings: rosbag2 directories and bare MCAP files, read and written. Edge: does I/O.
+//! Recordings: rosbag2 directories and bare MCAP files, read and written; pictures and videos, read as recordings. Edge: does I/O.
 //!
 //! Files are not trusted. Every length is checked against the file size and a limit before memory is allocated, and
 //! every chunk against its checksum before its messages are returned. Damage is reported and skipped.
@@ -30,11 +30,13 @@ mod scan;
 mod layout;
 mod waiting;
 pub(crate) mod messages;
+pub(crate) mod pictures;
 pub(crate) mod read;
 mod sink;
 pub(crate) mod record;
 pub(crate) mod split;
 pub(crate) mod recover;
+pub(crate) mod import;
 pub(crate) mod statistics;
 pub(crate) mod images;
 pub(crate) mod info;
@@ -49,6 +51,7 @@ use crate::msg::{
 
 pub(crate) use error::{BagError, RecordError};
 pub(crate) use messages::Messages;
+pub use pictures::{PictureError, PictureOptions};
 pub use read::{BagReader, ReadOptions};
 pub use record::{Compression, RecordOptions, RecordSummary, Recorder, Times, TopicId};
 pub(crate) use split::{SplitLimits, SplitRecorder};
@@ -121,6 +124,8 @@ pub struct RawMessage {
     pub sequence: u32,
     /// CDR bytes with their header.
     pub data: Vec<u8>,
+    /// Name of the picture file that the message was made of, if any.
+    pub file: Option<Arc<str>>,
 }
 
 /// A file inside the recording, for example `calibration.yaml`.

@@ -10,7 +10,8 @@ use super::find::{self, FoundFile, State};
 use super::format::{RecordSpan, Source};
 use super::layout::{Layout, PartKind};
 use super::open::Opener;
-use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content};
+use super::pictures::Series;
+use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, import};
 
 /// Options for reading a bag.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +34,12 @@ impl Default for ReadOptions {
 /// A file with a valid index is read through it; any other is scanned once when it is opened.
 #[derive(Debug)]
 pub struct BagReader {
+    /// The path by which it was opened.
+    path: PathBuf,
+    /// Its name for users.
+    name: String,
+    /// Pictures or a video instead of files.
+    series: Option<Series>,
     files: Vec<(PathBuf, Arc<Layout>)>,
     topics: Vec<Arc<Topic>>,
     notes: Vec<String>,
@@ -80,8 +87,68 @@ impl BagReader {
         }
         compare(path, &mut files, found.stated_messages, &mut notes);
         let files = files.into_iter().map(|(path, layout, _)| (path, Arc::new(layout))).collect();
-        let topics = topics.into_iter().collect();
-        Ok(Self { files, topics, notes, stated_messages: found.stated_messages, opener })
+        Ok(Self {
+            path: path.into(),
+            name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+            series: None,
+            files,
+            topics: topics.into_iter().collect(),
+            notes,
+            stated_messages: found.stated_messages,
+            opener,
+        })
+    }
+
+    /// A series of images, with its path and its name.
+    pub(super) fn of_series(
+        (path, name): (PathBuf, String),
+        series: Series,
+        notes: Vec<String>,
+        options: ReadOptions,
+    ) -> Self {
+        let topics = series.topics();
+        let opener = Arc::new(Opener::new(options.record_limit_bytes));
+        let (files, stated_messages) = (Vec::new(), None);
+        Self { path, name, series: Some(series), files, topics, notes, stated_messages, opener }
+    }
+
+    /// The path by which it was opened; of single pictures, that of the first.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its name for users: the last component of its path; of single pictures, the first and last name.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// True if it is a series of pictures or a video.
+    pub(crate) const fn is_pictures(&self) -> bool {
+        self.series.is_some()
+    }
+
+    /// True if the time between two images is unknown, because they are, or were, pictures without stamps and without a
+    /// frame rate.
+    pub(crate) fn has_assumed_stamps(&self) -> bool {
+        match &self.series {
+            Some(series) => series.has_assumed_stamps(),
+            None => import::has_assumed_stamps(self).unwrap_or(false),
+        }
+    }
+
+    /// True if the images are, or were, pictures.
+    pub(crate) fn is_of_pictures(&self) -> bool {
+        self.is_pictures() || import::has_assumed_stamps(self).is_some()
+    }
+
+    /// True for the topic of the images of a series of pictures.
+    pub(super) fn is_image(&self, topic: &Topic) -> bool {
+        self.series.as_ref().is_some_and(|series| series.is_image(topic))
+    }
+
+    /// Number of images of a series; `None` for a recording.
+    pub(crate) fn num_pictures(&self) -> Option<u64> {
+        self.series.as_ref().map(Series::num_images)
     }
 
     /// Topics of all files, sorted by name. Two entries of the same name differ in type or quality of service.
@@ -106,7 +173,7 @@ impl BagReader {
 
     /// Number of messages by topic name; `None` if a file states none.
     pub(crate) fn message_counts(&self) -> Option<BTreeMap<&str, u64>> {
-        let mut counts = BTreeMap::new();
+        let mut counts = self.series.as_ref().map_or_else(BTreeMap::new, |series| series.counts());
         for (_, layout) in &self.files {
             let by_channel = layout.counts.as_ref()?;
             for (channel, topic) in layout.channels.iter() {
@@ -120,6 +187,9 @@ impl BagReader {
 
     /// Times of the first and last message, nanoseconds since the epoch; `None` without messages. An index is trusted.
     pub(crate) fn time_range_ns(&self) -> Option<RangeInclusive<i64>> {
+        if let Some(series) = &self.series {
+            return series.time_range_ns();
+        }
         let parts = self.files.iter().flat_map(|(_, layout)| &layout.parts);
         let ends = parts
             // A chunk without messages states 0 for both times.
@@ -132,7 +202,12 @@ impl BagReader {
 
     /// Returns an iterator over the messages. It borrows nothing and may move to another thread.
     pub fn messages(&self, filter: &Filter) -> Messages {
-        Messages::new(self.files.iter().cloned(), filter.clone(), Arc::clone(&self.opener))
+        let opener = Arc::clone(&self.opener);
+        let messages = Messages::new(self.files.iter().cloned(), filter.clone(), opener);
+        match &self.series {
+            Some(series) => messages.with_series(series.messages(filter.clone())),
+            None => messages,
+        }
     }
 
     /// Returns an iterator over the attachments. Each may be damaged independently.

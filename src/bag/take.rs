@@ -88,6 +88,7 @@ impl Taker<'_> {
             publish_time_ns: time_ns(header.publish_time)?,
             sequence: header.sequence,
             data: self.spare.pop().unwrap_or_default(),
+            file: None,
         }))
     }
 }

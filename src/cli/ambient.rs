@@ -21,7 +21,7 @@ use crate::{
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub(crate) struct AmbientArgs {
-    /// A rosbag2 directory or an .mcap file with one image topic.
+    /// A rosbag2 directory or an .mcap file with one image topic; a folder of pictures, a picture or a video.
     pub(crate) bag: PathBuf,
     /// Ambient image, a PNG file.
     #[arg(short, long)]

@@ -8,7 +8,7 @@ use clap::Args;
 use super::{Outcome, output, units::bytes};
 use crate::bag::images::ImageInfo;
 use crate::bag::info::{BagInfo, Depth, TopicInfo, describe};
-use crate::bag::{BagReader, ReadOptions};
+use crate::bag::{ReadOptions, pictures};
 use crate::report::date::date;
 
 /// Lists the contents of a bag: topics, types, counts, rates, gaps, sizes, calibration, parameters.
@@ -18,7 +18,7 @@ use crate::report::date::date;
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub(crate) struct InfoArgs {
-    /// A rosbag2 directory, or an .mcap or .mcap.zstd file.
+    /// A rosbag2 directory, or an .mcap or .mcap.zstd file; a folder of pictures, a picture or a video, as `replay` reads them.
     pub(crate) bag: PathBuf,
     /// One JSON object on standard output (see below).
     #[arg(long)]
@@ -52,7 +52,7 @@ Examples:
 /// # Errors
 /// The bag cannot be opened. A closed pipe is not an error.
 pub(crate) fn run(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let bag = BagReader::open(&args.bag, &ReadOptions::default())?;
+    let bag = pictures::open(&args.bag, &ReadOptions::default())?;
     let depth = if args.verify { Depth::Messages } else { Depth::Index };
     let info = describe(&args.bag, &bag, depth)?;
     let printed = if args.json { print_json(&info, out) } else { print_text(&info, out) };

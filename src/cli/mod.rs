@@ -17,12 +17,14 @@ mod status_line;
 mod settings;
 mod recording;
 mod results_args;
+mod picture_args;
 mod view;
 pub(crate) mod run;
 pub(crate) mod replay;
 pub(crate) mod parameters;
 pub(crate) mod info;
 pub(crate) mod recover;
+pub(crate) mod import;
 pub(crate) mod simulate;
 pub(crate) mod evaluate;
 pub(crate) mod calibrate;
@@ -88,6 +90,7 @@ enum Verb {
     Replay(replay::ReplayArgs),
     Info(info::InfoArgs),
     Recover(recover::RecoverArgs),
+    Import(import::ImportArgs),
     Simulate(simulate::SimulateArgs),
     Evaluate(evaluate::EvaluateArgs),
     Calibrate(calibrate::CalibrateArgs),
@@ -119,6 +122,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Replay(args) => replay::run(args, ros, out),
         Verb::Info(args) => info::run(&args, out),
         Verb::Recover(args) => recover::run(&args, out),
+        Verb::Import(args) => import::run(args, out),
         Verb::Simulate(args) => simulate::run(&args, out),
         Verb::Evaluate(args) => evaluate::run(args, ros, out),
         Verb::Calibrate(args) => calibrate::run(args, ros, out),

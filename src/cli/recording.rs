@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow};
 
 use super::settings::{Settings, usage};
 use crate::{
-    bag::{BagReader, Filter, RawMessage, ReadOptions},
+    bag::{BagReader, Filter, RawMessage, ReadOptions, pictures},
     msg::{
         cdr,
         convert::{compressed, frame},
@@ -50,7 +50,7 @@ impl Recording {
             record_limit_bytes: largest.unwrap_or(0) as usize + RECORD_MARGIN_BYTES,
             ..ReadOptions::default()
         };
-        let bags = [BagReader::open(path, &options)?];
+        let bags = [pictures::open(path, &options)?];
         let camera = settings.camera(&bags)?;
         let [bag] = bags;
         bag.notes().iter().for_each(|note| tracing::warn!("{note}"));

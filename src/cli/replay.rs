@@ -6,6 +6,7 @@ use anyhow::Context;
 
 use super::{
     Outcome, interrupt, output,
+    picture_args::PictureArgs,
     replaying::replay,
     summary::{self, SummaryJson},
     view::{self, ReplayViewArgs},
@@ -26,6 +27,9 @@ Examples:
   laser_profiler replay both -o results --ros-args -p 'cameras:=[left, right]'
       every camera that was recorded, side by side, into results/left and results/right
   laser_profiler replay my_recording -o results --json | jq .frames
+  laser_profiler replay pictures -o results --frame-rate 50 --params-file rig.yaml
+  laser_profiler replay 'scan/*.png' -o results --positions positions.csv --params-file rig.yaml
+      pictures in natural order (img2 before img10); docs/pictures.md has the whole way from pictures to a height map
   laser_profiler replay my_recording --view --params-file rig.yaml
       writes nothing: play, seek and change parameters in Foxglove; the paused frame is measured again at once
 
@@ -42,9 +46,12 @@ The results are a rosbag2 directory with ~/centerline and ~/annotations for ever
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub(crate) struct ReplayArgs {
-    /// rosbag2 directories, or .mcap or .mcap.zstd files, replayed one after another.
-    #[arg(required = true, value_name = "BAG")]
+    /// rosbag2 directories, .mcap or .mcap.zstd files, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted
+    /// patterns or videos, replayed one after another. Single pictures are one series, in natural order.
+    #[arg(required = true, value_name = "BAG|PICTURES")]
     pub(crate) bags: Vec<PathBuf>,
+    #[command(flatten)]
+    pictures: PictureArgs,
     /// Directory of the results bag; with several cameras, the directory of their bags.
     #[arg(short, long, value_name = "OUT", required_unless_present = "view")]
     pub(crate) output: Option<PathBuf>,
@@ -124,6 +131,7 @@ fn request(args: ReplayArgs, mut ros: RosArguments) -> ReplayRequest {
     ros.parameter_files.splice(0..0, args.params_file);
     ReplayRequest {
         bags: args.bags,
+        pictures: args.pictures.options(),
         output: args.output.unwrap_or_default(),
         rate: args.rate,
         force: args.force,
@@ -140,6 +148,7 @@ mod tests {
     fn args(bag: &str, output: &str) -> ReplayArgs {
         ReplayArgs {
             bags: vec![bag.into()],
+            pictures: PictureArgs::default(),
             output: Some(output.into()),
             params_file: vec!["own.yaml".into()],
             camera: None,

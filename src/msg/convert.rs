@@ -3,6 +3,8 @@
 mod encoding;
 mod picture_file;
 mod jpeg;
+pub(crate) mod file_kind;
+pub(crate) mod picture_message;
 pub(crate) mod frame;
 pub mod compressed;
 pub(crate) mod results;

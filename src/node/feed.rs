@@ -97,14 +97,16 @@ impl Feed<'_> {
                     }
                     self.pass(message, writer)
                 }
-                Some(Input::NewRecording) => self.new_recording(),
+                Some(Input::NewRecording) => self.all_lanes(|| Input::NewRecording),
+                // Only one camera can have pictures: their series has one topic of images.
+                Some(Input::Fault(what)) => {
+                    num_messages += 1;
+                    on_message(num_messages);
+                    self.all_lanes(|| Input::Fault(what.clone()))
+                }
                 // Recordings produce no other input.
                 Some(
-                    Input::Ahead(_)
-                    | Input::Position(_)
-                    | Input::Positions
-                    | Input::Fault(_)
-                    | Input::Command(_),
+                    Input::Ahead(_) | Input::Position(_) | Input::Positions | Input::Command(_),
                 ) => Ok(()),
             };
             if passed.is_err() {
@@ -113,9 +115,9 @@ impl Feed<'_> {
         }
     }
 
-    fn new_recording(&self) -> Result<(), Closed<()>> {
+    fn all_lanes(&self, item: impl Fn() -> Input) -> Result<(), Closed<()>> {
         let mut inputs = self.lanes.iter().map(|lane| &lane.input);
-        inputs.try_for_each(|input| push(input, Input::NewRecording, 0))
+        inputs.try_for_each(|input| push(input, item(), 0))
     }
 
     fn pass(&self, message: RawMessage, writer: PublisherId) -> Result<(), Closed<()>> {

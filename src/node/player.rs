@@ -2,7 +2,7 @@
 
 use std::{collections::VecDeque, time::Instant};
 
-use crate::bag::{Messages, RawMessage, player::Pacer};
+use crate::bag::{BagError, Messages, RawMessage, player::Pacer};
 
 use super::{
     source::{Input, PublisherId, Source},
@@ -51,6 +51,11 @@ impl Source for BagPlayer {
                 Some(Ok(message)) => {
                     self.wait_for(&message);
                     return Some(Input::Message(message, PublisherId::default()));
+                }
+                Some(Err(BagError::Picture { path, why })) => {
+                    // The path depends on the machine, and reasons are part of the results.
+                    let name = path.file_name().unwrap_or(path.as_os_str()).display();
+                    return Some(Input::Fault(format!("{name}: {why}")));
                 }
                 Some(Err(error)) if error.is_loss() => {
                     return Some(Input::Damage(error.to_string()));

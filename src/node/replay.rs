@@ -2,6 +2,7 @@
 
 mod camera_replay;
 mod stages;
+mod stated_positions;
 
 use std::{io, path::PathBuf};
 
@@ -9,7 +10,8 @@ use thiserror::Error;
 
 use crate::{
     bag::{
-        self, BagError, BagReader, Filter, ReadOptions, RecordError, RecordOptions,
+        self, BagError, BagReader, Filter, PictureOptions, ReadOptions, RecordError, RecordOptions,
+        pictures,
         player::{Pacer, RateError},
     },
     ros::{
@@ -44,8 +46,10 @@ const RECORD_MARGIN_BYTES: usize = 16 << 20;
 /// The request for a replay.
 #[derive(Clone, Debug, Default)]
 pub struct ReplayRequest {
-    /// Recordings, played one after another.
+    /// Recordings, folders of pictures, pictures and patterns, played one after another.
     pub bags: Vec<PathBuf>,
+    /// Stamps and positions of pictures.
+    pub pictures: PictureOptions,
     /// Results bag; with several cameras, the directory of their bags, each named after its camera.
     pub output: PathBuf,
     /// Rate relative to the recorded speed; `None` for as fast as possible.
@@ -105,6 +109,13 @@ pub(crate) enum ReplayError {
         /// The image topic of both.
         topic: String,
     },
+    /// A velocity needs times that nothing states.
+    #[error(
+        "{}: motion.velocity multiplies the time between pictures, which is unknown: give --frame-rate HZ or a file of \
+         stamps with --positions FILE.csv, or set motion.step for triggered pictures",
+        .0.display()
+    )]
+    NoStamps(PathBuf),
     /// The results would replace their own input.
     #[error("{0}; choose another output")]
     OutputIsInput(io::Error),
@@ -141,6 +152,7 @@ impl ReplayError {
     pub(crate) const fn is_usage(&self) -> bool {
         match self {
             Self::Input { source, .. } => source.is_usage(),
+            Self::Bag(BagError::Pictures(error)) => error.is_usage(),
             Self::Bag(_)
             | Self::Run(_)
             | Self::Record(_)
@@ -178,7 +190,7 @@ impl Replay {
     pub(crate) fn open(request: ReplayRequest) -> Result<(Self, Parameters), ReplayError> {
         request.rate.map(Pacer::new).transpose()?;
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
-        let values = Parameters::load(&names, &request.ros)?;
+        let mut values = Parameters::load(&names, &request.ros)?;
         let NodeParams { cameras, recording, .. } = NodeParams::new(&values)?;
         let options = RecordOptions {
             compression: match recording.compression {
@@ -189,6 +201,7 @@ impl Replay {
             force: request.force,
         };
         let bags = open(&request, &cameras)?;
+        stated_positions::apply(&bags, &cameras, &mut values)?;
         Ok((Self { request, names, options, bags, cameras: Vec::new() }, values))
     }
 
@@ -265,12 +278,11 @@ fn open(request: &ReplayRequest, cameras: &[CameraParams]) -> Result<Vec<BagRead
         record_limit_bytes: max_frame_bytes.unwrap_or(0) as usize + RECORD_MARGIN_BYTES,
         ..ReadOptions::default()
     };
-    let open = |path: &PathBuf| {
-        let bag = BagReader::open(path, &options)?;
-        bag.notes().iter().for_each(|note| tracing::warn!("{note}"));
-        Ok(bag)
-    };
-    request.bags.iter().map(open).collect()
+    let bags = pictures::open_all(&request.bags, &options, &request.pictures)?;
+    for note in bags.iter().flat_map(BagReader::notes) {
+        tracing::warn!("{note}");
+    }
+    Ok(bags)
 }
 
 #[cfg(test)]

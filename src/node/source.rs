@@ -19,7 +19,7 @@ pub(crate) enum Input {
     Position(RawMessage),
     /// Messages about the axis have arrived: see [`Inbox`](super::positions::inbox::Inbox).
     Positions,
-    /// A message that the middleware could not deliver; it counts as a malformed frame.
+    /// A message that the middleware could not deliver, or a picture that cannot be read; it counts as a malformed frame.
     Fault(String),
     /// Another recording begins: stamps and counters may start again.
     NewRecording,

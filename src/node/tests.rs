@@ -91,6 +91,7 @@ fn message(sequence: u32, log_ms: i64, data: Vec<u8>) -> Input {
         publish_time_ns: log_time_ns,
         sequence,
         data,
+        file: None,
     };
     Input::Message(message, PublisherId::default())
 }

@@ -14,12 +14,13 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 14] = [
+const VERBS: [&str; 15] = [
     "run",
     "replay",
     "parameters",
     "info",
     "recover",
+    "import",
     "simulate",
     "evaluate",
     "calibrate",

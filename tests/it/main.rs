@@ -39,6 +39,7 @@ mod cli;
 mod coverage;
 mod determinism;
 mod memory;
+mod pictures;
 mod bad_bags;
 mod containers;
 mod bad_images;

@@ -18,7 +18,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = CAMERA_HELP)]
 pub(super) struct CameraArgs {
-    /// Recordings, PNG or JPEG files, or directories of these.
+    /// Recordings, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted patterns, or videos.
     #[arg(value_name = "BAG|PICTURE", required = true)]
     pub(super) inputs: Vec<PathBuf>,
     /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres. checkerboard:8x6:0.040 has 9 x 7 squares.
@@ -50,7 +50,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = PLANE_HELP)]
 pub(super) struct PlaneArgs {
-    /// Recordings, PNG or JPEG files, or directories of these.
+    /// Recordings, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted patterns, or videos.
     #[arg(value_name = "BAG|PICTURE", required = true)]
     pub(super) inputs: Vec<PathBuf>,
     /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres. checkerboard:8x6:0.040 has 9 x 7 squares.
@@ -90,7 +90,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = AXIS_HELP)]
 pub(super) struct AxisArgs {
-    /// Recordings, PNG or JPEG files, or directories of these.
+    /// Recordings, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted patterns, or videos.
     #[arg(value_name = "BAG|PICTURE", required = true)]
     pub(super) inputs: Vec<PathBuf>,
     /// Camera and laser plane: a file of `calibrate plane`.

@@ -5,27 +5,29 @@ use std::{fs, path::Path};
 use anyhow::{Context, ensure};
 
 use crate::{
+    bag::pictures,
     calibrate::{GaugeStripe, MedianStripe},
     cli::{
         recording::{Message, Recording, Wanted},
         settings::Settings,
     },
-    msg::{convert::compressed, sensor_msgs::CompressedImage},
+    msg::convert::picture_message,
     scanner::image::Frame,
 };
 
 /// Frames of a recording that are averaged; more do not change the result.
 const MAX_FRAMES: u64 = 200;
 
-/// Finds the stripe of a PNG or JPEG file, or the median stripe over the frames of a recording.
+/// Finds the stripe of a picture file, or the median stripe over the frames of a recording, a folder of pictures or a video.
 ///
 /// # Errors
 /// A file of another kind, no stripe, or frames of different sizes.
 pub(super) fn find(path: &Path, settings: &Settings) -> anyhow::Result<GaugeStripe> {
-    let is_picture = path.extension().is_some_and(|extension| {
-        ["png", "jpg", "jpeg"].iter().any(|known| extension.eq_ignore_ascii_case(known))
-    });
-    let line = if is_picture { of_picture(path, settings) } else { of_recording(path, settings) };
+    let line = if pictures::is_picture(path) {
+        of_picture(path, settings)
+    } else {
+        of_recording(path, settings)
+    };
     let line = line.with_context(|| path.display().to_string())?;
     ensure!(
         !line.points.is_empty(),
@@ -38,11 +40,8 @@ pub(super) fn find(path: &Path, settings: &Settings) -> anyhow::Result<GaugeStri
 fn of_picture(path: &Path, settings: &Settings) -> anyhow::Result<GaugeStripe> {
     let camera = settings.camera(&[])?;
     let bytes = fs::read(path)?;
-    let format = if bytes.starts_with(b"\x89PNG") { "png" } else { "jpeg" };
-    let message =
-        CompressedImage { format: format.into(), data: &bytes, ..CompressedImage::default() };
     let mut pixels = Vec::new();
-    let image = compressed::image(&message, camera.max_frame_bytes, &mut pixels)?;
+    let image = picture_message::decode(&bytes, camera.max_frame_bytes, &mut pixels)?;
     let mut collector = MedianStripe::new(&camera.scanner);
     collector.push(&Frame { stamp_ns: 0, image })?;
     Ok(collector.finish())

@@ -7,7 +7,12 @@ use image::{
     codecs::{jpeg::JpegDecoder, png::PngDecoder},
 };
 
-use super::{encoding::Encoding, frame::FrameRejected, jpeg, picture_file};
+use super::{
+    encoding::Encoding,
+    file_kind::{self, Decoded},
+    frame::FrameRejected,
+    jpeg, picture_file,
+};
 use crate::{
     msg::sensor_msgs::CompressedImage,
     scanner::image::{ByteOrder, Image, PixelFormat},
@@ -47,6 +52,16 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
+    /// Columns and rows.
+    pub(crate) const fn size_px(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// Memory layout of a pixel.
+    pub(crate) const fn format(&self) -> PixelFormat {
+        self.format
+    }
+
     /// Views `pixels` as an image of this shape.
     ///
     /// # Errors
@@ -71,7 +86,7 @@ pub fn image<'a>(
 }
 
 /// Decodes a compressed image into `pixels`: grey as 8- or 16-bit grey (or the Bayer pattern named in the format),
-/// colour as `rgb8` or `rgba8`, or with 16 bits.
+/// colour as `rgb8` or `rgba8`, or with 16 bits. Reads TIFF, BMP and PGM files too.
 ///
 /// The data decide between JPEG and PNG, whatever the format states. Allocates no pixels before the size in the file's
 /// header is checked against `max_frame_bytes`; the decoders use a small multiple of that.
@@ -83,6 +98,10 @@ pub(crate) fn unpack(
     max_frame_bytes: u64,
     pixels: &mut Vec<u8>,
 ) -> Result<Shape, FrameRejected> {
+    if let Some(decoded) = file_kind::decode(message.data, max_frame_bytes, pixels) {
+        let Decoded { width, height, format } = decoded?;
+        return Ok(Shape { width, height, format });
+    }
     let codec =
         picture_file::codec(&message.format, message.data).map_err(FrameRejected::Format)?;
     let source = message.format.split(';').next().unwrap_or_default().trim();

@@ -5,6 +5,7 @@ use thiserror::Error;
 use super::{
     compressed::Codec,
     encoding::{Chroma, Encoding, UnknownEncoding, excerpt},
+    file_kind::FileKind,
     picture_file::UnknownPicture,
 };
 use crate::{
@@ -64,6 +65,24 @@ pub enum FrameRejected {
         codec: Codec,
         /// Pixels according to the file's header.
         color: image::ColorType,
+    },
+    /// Unsupported pixels in a picture file.
+    #[error("{kind} image has {color:?} pixels, but must have 8-bit or 16-bit grey or colour")]
+    FileColor {
+        /// Kind of the file.
+        kind: FileKind,
+        /// Pixels according to the file's header.
+        color: image::ColorType,
+    },
+    /// A picture file that cannot be decoded.
+    #[error("cannot decode {kind} image of {length} bytes: {reason}")]
+    File {
+        /// Kind of the file.
+        kind: FileKind,
+        /// Number of bytes.
+        length: usize,
+        /// Error of the decoder.
+        reason: image::ImageError,
     },
     /// Truncated compressed image.
     #[error("JPEG image of {length} bytes is cut off: it has no end-of-image marker")]

@@ -50,6 +50,7 @@ fn message(arrival: Arrival, topic: &Arc<Topic>) -> RawMessage {
         // Recordings store the low half of the counter, which is enough to detect gaps.
         sequence: sequence.map_or(0, |sequence| sequence as u32),
         data,
+        file: None,
     }
 }
 

@@ -79,6 +79,7 @@ mod tests {
             publish_time_ns: 0,
             sequence,
             data: vec![0; 10],
+            file: None,
         };
         let input = Queue::new(Bound { items: 1, bytes: 100 }, WhenFull::DropOldest);
         input.push(Input::Fault("an image".into()), 100).unwrap();

@@ -26,7 +26,7 @@ fn raw<M: Message>(topic: &str, at_ms: i64, message: &M) -> RawMessage {
     cdr::encode(message, &mut data).unwrap();
     let topic = Arc::new(Topic::new(topic, M::TYPE, QosProfile::best_effort(5)));
     let log_time_ns = START_NS + at_ms * MS;
-    RawMessage { topic, log_time_ns, publish_time_ns: log_time_ns, sequence: 0, data }
+    RawMessage { topic, log_time_ns, publish_time_ns: log_time_ns, sequence: 0, data, file: None }
 }
 
 fn header(at_ms: i64, frame_id: &str) -> Header<'_> {

@@ -25,7 +25,7 @@ use crate::{
     scanner::{calibration::Calibration, image::OwnedImage, pipeline::Pipeline},
 };
 
-use super::{Replay, ReplayError};
+use super::{Replay, ReplayError, stated_positions};
 
 /// A camera that is replayed.
 pub(super) struct CameraReplay {
@@ -59,12 +59,16 @@ impl CameraReplay {
         positions::of_camera(&camera, axis)?;
         let mut image_topic: Option<ImageTopic> = None;
         let mut position_topics = Vec::new();
-        for (path, bag) in replay.request.bags.iter().zip(&replay.bags) {
+        for bag in &replay.bags {
+            let path = bag.path();
+            if bag.has_assumed_stamps() && stated_positions::needs_stamps(&camera) {
+                return Err(ReplayError::NoStamps(path.into()));
+            }
             let found = choose(path, bag, &replay.names, &camera)?;
             let expected = image_topic.get_or_insert_with(|| found.clone());
             if *expected != found {
                 let (expected, found) = (expected.name.clone(), found.name);
-                return Err(ReplayError::Mixed { bag: path.clone(), found, expected });
+                return Err(ReplayError::Mixed { bag: path.into(), found, expected });
             }
             for topic in choose_positions(path, bag, &replay.names, &camera)? {
                 if !position_topics.contains(&topic) {
@@ -196,13 +200,10 @@ impl CameraReplay {
     }
 
     pub(super) fn description(&self, replay: &Replay) -> Description {
-        let name = |path: &PathBuf| {
-            path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-        };
         Description {
             parameters: self.values.to_yaml(),
             parameters_sha256: self.values.camera_sha256(&self.camera.name),
-            inputs: replay.request.bags.iter().map(name).collect(),
+            inputs: replay.bags.iter().map(|bag| bag.name().to_owned()).collect(),
             input_topic: self.image_topic.name.clone(),
             calibration: self.calibration.as_ref().map(|(_, text)| text.clone()),
         }

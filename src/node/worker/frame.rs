@@ -73,7 +73,9 @@ impl Worker {
                     online.note_latency(outcome.stamp_ns);
                 }
             }
-            Err(NotMeasured::Rejected(reason)) => self.ledger.reject(&reason, message.log_time_ns),
+            Err(NotMeasured::Rejected(reason)) => {
+                self.ledger.reject(&reason, message.log_time_ns, message.file.as_deref());
+            }
             Err(NotMeasured::Unpublished(error)) => return Err(error),
         }
         self.ledger.set_unpublished(out.num_dropped(Purpose::Publish));

@@ -1,5 +1,7 @@
 //! The counters of a stream: every frame ends in exactly one bin, and the next good frame states the gap before it.
 
+use std::cmp::Ordering;
+
 use thiserror::Error;
 
 use super::measurer::Outcome;
@@ -21,6 +23,9 @@ use crate::{
         motion::{Position, doubt},
     },
 };
+
+/// Maximum number of rejected pictures of a kind that are named in the log.
+const MAX_NAMED: u64 = 10;
 
 /// The reason to reject a frame.
 #[derive(Debug, Error)]
@@ -89,7 +94,7 @@ impl Ledger {
         self.counts.received += 1;
         // The message has a sequence number, but it is unknown.
         self.sequence.skip(1);
-        self.reject(&Rejection::Transport(what.to_owned()), time_ns);
+        self.reject(&Rejection::Transport(what.to_owned()), time_ns, None);
     }
 
     /// Notes the publisher of the next frame: each numbers its own messages.
@@ -164,24 +169,33 @@ impl Ledger {
         self.counts.slices += num_slices as u64;
     }
 
-    /// Counts a rejected frame in the bin of its reason. Warns about the first of each bin.
-    pub(super) fn reject(&mut self, rejection: &Rejection, time_ns: i64) {
+    /// Counts a rejected frame in the bin of its reason. Warns about the first of each bin, and about the first ones that
+    /// can be named: pictures, by their file.
+    pub(super) fn reject(&mut self, rejection: &Rejection, time_ns: i64, file: Option<&str>) {
         let count = match rejection {
             Rejection::Duplicate => &mut self.counts.duplicate,
             Rejection::OutOfOrder => &mut self.counts.out_of_order,
             _ => &mut self.counts.malformed,
         };
         *count += 1;
-        self.pending.rejected = self.pending.rejected.saturating_add(1);
-        self.last_rejection = Some(rejection.to_string());
-        // Only the first of each kind is logged as a warning; the summary counts the rest.
-        if *count == 1 {
-            tracing::warn!(
-                "frame rejected (log time {time_ns} ns): {rejection}; further ones of this kind are only counted"
-            );
-        } else {
-            tracing::debug!("frame rejected (log time {time_ns} ns): {rejection}");
+        let has_name = file.is_some() || matches!(rejection, Rejection::Transport(_));
+        let max_logged = if has_name { MAX_NAMED } else { 1 };
+        let text = match file {
+            Some(file) => format!("{file}: {rejection}"),
+            None => rejection.to_string(),
+        };
+        // The summary counts the rest.
+        match (*count).cmp(&max_logged) {
+            Ordering::Less => tracing::warn!("frame rejected (log time {time_ns} ns): {text}"),
+            Ordering::Equal => tracing::warn!(
+                "frame rejected (log time {time_ns} ns): {text}; further ones of this kind are only counted"
+            ),
+            Ordering::Greater => {
+                tracing::debug!("frame rejected (log time {time_ns} ns): {text}");
+            }
         }
+        self.pending.rejected = self.pending.rejected.saturating_add(1);
+        self.last_rejection = Some(text);
     }
 
     /// Sets the number of messages about positions that could not be used.

@@ -133,8 +133,8 @@ fn a_luma_plane_is_not_copied() {
 
 #[test]
 fn deep_colours_have_the_channels_of_shallow_ones() {
-    let (red, green, blue, alpha) = (1000_u16, 2000, 3000, 65_535);
     type Deep = fn(ByteOrder) -> PixelFormat;
+    let (red, green, blue, alpha) = (1000_u16, 2000, 3000, 65_535);
     let cases: [(Deep, &[u16]); 4] = [
         (PixelFormat::Rgb16, &[red, green, blue]),
         (PixelFormat::Bgr16, &[blue, green, red]),

@@ -10,14 +10,17 @@ use std::{
 use anyhow::{Context, bail};
 
 use crate::{
-    bag::{BagReader, RawMessage},
+    bag::{
+        BagReader, RawMessage,
+        pictures::{self, PictureInput},
+    },
     calibrate::GrayPicture,
     cli::{
         progress::progress_bar,
         recording::{Message, Recording, Wanted},
         settings::Settings,
     },
-    msg::{convert::compressed, sensor_msgs::CompressedImage},
+    msg::convert::picture_message,
     ros::camera_params::CameraParams,
     scanner::{
         image::{Image, OwnedImage},
@@ -59,26 +62,24 @@ struct Task {
 }
 
 impl Pictures {
-    /// Opens recordings, pictures and directories of pictures.
+    /// Opens recordings, videos, pictures, patterns and folders of pictures. Pictures are in natural order.
     ///
     /// # Errors
     /// An input that cannot be opened or contains no pictures; [`Usage`](crate::cli::Usage) if a topic must be chosen.
     pub(super) fn open(inputs: &[PathBuf], settings: &Settings) -> anyhow::Result<Self> {
         let mut sources = Vec::new();
         let mut params = None;
-        for path in inputs {
-            if is_picture(path) {
-                sources.push(Source::Picture(path.clone()));
-            } else if path.is_dir() && !path.join("metadata.yaml").exists() && !holds_bag(path)? {
-                let pictures = pictures_in(path)?;
-                if pictures.is_empty() {
-                    bail!("{}: neither a recording nor PNG or JPEG files in it", path.display());
+        for input in pictures::sort(inputs)? {
+            match input {
+                PictureInput::Pictures(files, notes) => {
+                    notes.iter().for_each(|note| tracing::warn!("{note}"));
+                    sources.extend(files.into_iter().map(Source::Picture));
                 }
-                sources.extend(pictures.into_iter().map(Source::Picture));
-            } else {
-                let recording = Recording::open(path, settings)?;
-                params.get_or_insert_with(|| recording.camera.clone());
-                sources.push(Source::Bag(stem(path), Box::new(recording)));
+                PictureInput::Recording(path) => {
+                    let recording = Recording::open(&path, settings)?;
+                    params.get_or_insert_with(|| recording.camera.clone());
+                    sources.push(Source::Bag(stem(&path), Box::new(recording)));
+                }
             }
         }
         let params = match params {
@@ -215,11 +216,8 @@ impl Pictures {
             bail!("{length} bytes, more than max_frame_bytes, {limit}");
         }
         let data = fs::read(path).context("cannot be read")?;
-        let format = if has_ending(path, &["png"]) { "png" } else { "jpeg" };
-        let message =
-            CompressedImage { format: format.into(), data: &data, ..CompressedImage::default() };
         let mut pixels = Vec::new();
-        Ok(OwnedImage::from(&compressed::image(&message, limit, &mut pixels)?))
+        Ok(OwnedImage::from(&picture_message::decode(&data, limit, &mut pixels)?))
     }
 }
 
@@ -231,30 +229,4 @@ pub(super) fn gray(image: &Image<'_>, params: &Params) -> GrayPicture {
 
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-}
-
-fn has_ending(path: &Path, endings: &[&str]) -> bool {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-    ending.is_some_and(|ending| endings.contains(&ending.as_str()))
-}
-
-fn is_picture(path: &Path) -> bool {
-    path.is_file() && has_ending(path, &["png", "jpg", "jpeg"])
-}
-
-fn entries(directory: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let context = || format!("cannot read the directory {}", directory.display());
-    let entries = fs::read_dir(directory).with_context(context)?;
-    let paths: Result<Vec<_>, _> = entries.map(|entry| Ok(entry?.path())).collect();
-    let mut paths = paths.map_err(|error: std::io::Error| error).with_context(context)?;
-    paths.sort();
-    Ok(paths)
-}
-
-fn pictures_in(directory: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    Ok(entries(directory)?.into_iter().filter(|path| is_picture(path)).collect())
-}
-
-fn holds_bag(directory: &Path) -> anyhow::Result<bool> {
-    Ok(entries(directory)?.iter().any(|path| has_ending(path, &["mcap"])))
 }

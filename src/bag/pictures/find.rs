@@ -1,0 +1,303 @@
+//! Finds pictures: in folders, among files, by pattern.
+
+use std::fs::{self, DirEntry, FileType};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::error::PictureError;
+use super::{natural, video};
+use crate::msg::convert::file_kind::FileKind;
+
+/// Endings of the names of pictures, lower case.
+const PICTURES: [&str; 9] = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "pgm", "ppm", "pnm"];
+/// Endings of the files of recordings: a folder that has one is a recording.
+const RECORDINGS: [&str; 4] = ["mcap", "db3", "bag", "zstd"];
+/// Names listed in a note.
+const MAX_LISTED: usize = 3;
+/// Bytes that tell what kind of picture a file is.
+const HEAD_BYTES: u64 = 16;
+
+/// Pictures of one series, in natural order.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct Found {
+    /// Path of the folder, or of the first picture.
+    pub(super) path: PathBuf,
+    /// Their names for users.
+    pub(super) name: String,
+    /// The pictures.
+    pub(super) pictures: Vec<PathBuf>,
+    /// Notes for the user about what else there is.
+    pub(super) notes: Vec<String>,
+}
+
+/// An input of the user.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Input {
+    /// Pictures.
+    Pictures(Found),
+    /// A video.
+    Video(PathBuf),
+    /// Anything else: a recording, or a path that does not exist.
+    Recording(PathBuf),
+}
+
+/// Sorts inputs into recordings, videos and series of pictures: each folder is a series, all single files together are one, in
+/// the place of the first. Expands patterns.
+///
+/// # Errors
+/// A folder that cannot be read or has neither; a pattern without a match.
+pub(super) fn sort(paths: &[PathBuf]) -> Result<Vec<Input>, PictureError> {
+    let mut inputs = Vec::new();
+    let mut single = Vec::new();
+    let mut place = None;
+    for path in &expanded(paths)? {
+        if path.is_dir() {
+            inputs.push(match in_folder(path)? {
+                Some(found) => Input::Pictures(found),
+                None => Input::Recording(path.clone()),
+            });
+        } else if is_picture(path) {
+            place.get_or_insert(inputs.len());
+            single.push(path.clone());
+        } else if has_ending(path, &video::ENDINGS) {
+            inputs.push(Input::Video(path.clone()));
+        } else {
+            inputs.push(Input::Recording(path.clone()));
+        }
+    }
+    if let Some(place) = place {
+        inputs.insert(place, Input::Pictures(of_files(single)));
+    }
+    Ok(inputs)
+}
+
+fn of_files(mut pictures: Vec<PathBuf>) -> Found {
+    sort_naturally(&mut pictures);
+    let num_before = pictures.len();
+    pictures.dedup();
+    let mut notes = Vec::new();
+    if pictures.len() < num_before {
+        notes.push(format!(
+            "{} pictures are named twice; each is read once",
+            num_before - pictures.len()
+        ));
+    }
+    let name = |path: Option<&PathBuf>| {
+        let path = path.map(|path| path.file_name().unwrap_or(path.as_os_str()));
+        path.unwrap_or_default().to_string_lossy().into_owned()
+    };
+    let (first, last) = (name(pictures.first()), name(pictures.last()));
+    let name = if pictures.len() == 1 { first } else { format!("{first} to {last}") };
+    Found { path: pictures.first().cloned().unwrap_or_default(), name, pictures, notes }
+}
+
+/// Expands patterns: paths with `*`, `?` or `[` that no file has.
+fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, PictureError> {
+    let mut all = Vec::new();
+    for path in paths {
+        let text = path.to_string_lossy();
+        if !text.contains(['*', '?', '[']) || fs::symlink_metadata(path).is_ok() {
+            all.push(path.clone());
+            continue;
+        }
+        let matches = glob::glob(&text).map_err(|error| PictureError::Pattern {
+            pattern: text.clone().into_owned(),
+            why: error.to_string(),
+        })?;
+        let mut found: Vec<_> = matches.filter_map(Result::ok).collect();
+        if found.is_empty() {
+            return Err(PictureError::NoMatch(text.into_owned()));
+        }
+        sort_naturally(&mut found);
+        all.extend(found);
+    }
+    Ok(all)
+}
+
+fn sort_naturally(paths: &mut [PathBuf]) {
+    let bytes = |path: &'_ PathBuf| path.as_os_str().as_encoded_bytes().to_vec();
+    paths.sort_by(|first, second| natural::compare(&bytes(first), &bytes(second)));
+}
+
+/// Finds the pictures in a folder; `None` if it is a recording.
+fn in_folder(folder: &Path) -> Result<Option<Found>, PictureError> {
+    let io_error = |source| PictureError::Io { path: folder.into(), source };
+    let (mut pictures, mut folders, mut others) = (Vec::new(), Vec::new(), Vec::new());
+    for entry in fs::read_dir(folder).map_err(io_error)? {
+        let entry = entry.map_err(io_error)?;
+        let path = entry.path();
+        if has_ending(&path, &RECORDINGS) || entry.file_name() == "metadata.yaml" {
+            return Ok(None);
+        }
+        let name = entry.file_name().to_string_lossy().into_owned();
+        match kind(&entry) {
+            Some(kind) if kind.is_dir() => folders.push(name),
+            // A link that leads nowhere is a picture that cannot be read.
+            None => pictures.push(path),
+            Some(kind)
+                if kind.is_file() && has_ending(&path, &PICTURES) && !name.starts_with('.') =>
+            {
+                pictures.push(path);
+            }
+            Some(_) => others.push(name),
+        }
+    }
+    let notes: Vec<_> = [
+        listed(others, "files that are not read as pictures"),
+        listed(folders, "folders whose content is not read"),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    if pictures.is_empty() {
+        let others =
+            if notes.is_empty() { String::new() } else { format!("; it has {}", notes.join("; ")) };
+        return Err(PictureError::NoPictures { folder: folder.into(), others });
+    }
+    sort_naturally(&mut pictures);
+    let name = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
+    let notes =
+        notes.iter().map(|note| format!("{}: beside the pictures are {note}", folder.display()));
+    Ok(Some(Found { path: folder.into(), name, pictures, notes: notes.collect() }))
+}
+
+/// Kind of an entry, behind links; `None` for a link to a picture that cannot be followed.
+fn kind(entry: &DirEntry) -> Option<FileType> {
+    let path = entry.path();
+    match entry.file_type() {
+        Ok(kind) if !kind.is_symlink() => Some(kind),
+        own => match fs::metadata(&path) {
+            Ok(behind) => Some(behind.file_type()),
+            Err(_) if has_ending(&path, &PICTURES) => None,
+            Err(_) => own.ok(),
+        },
+    }
+}
+
+fn listed(mut names: Vec<String>, what: &str) -> Option<String> {
+    names.sort_by(|first, second| natural::compare(first.as_bytes(), second.as_bytes()));
+    let num = names.len();
+    let more = if num > MAX_LISTED { ", ..." } else { "" };
+    names.truncate(MAX_LISTED);
+    (num > 0).then(|| format!("{num} {what}: {}{more}", names.join(", ")))
+}
+
+fn has_ending(path: &Path, endings: &[&str]) -> bool {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    ending.is_some_and(|ending| endings.contains(&ending.as_str()))
+}
+
+/// True for the name of a picture and for a file that begins as one.
+pub(crate) fn is_picture(path: &Path) -> bool {
+    let begins_as_picture = || {
+        let mut head = Vec::new();
+        let is_file = fs::metadata(path).is_ok_and(|behind| behind.is_file());
+        is_file
+            && fs::File::open(path)
+                .is_ok_and(|file| file.take(HEAD_BYTES).read_to_end(&mut head).is_ok())
+            && FileKind::of(&head).is_some()
+    };
+    has_ending(path, &PICTURES) || begins_as_picture()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    fn folder(names: &[&str]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for name in names {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        folder
+    }
+
+    fn names(found: &Found) -> Vec<String> {
+        let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+        found.pictures.iter().map(name).collect()
+    }
+
+    fn only(inputs: &[Input]) -> &Found {
+        match inputs {
+            [Input::Pictures(found)] => found,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn pictures_of_a_folder_are_in_natural_order_and_the_rest_is_named() {
+        let folder =
+            folder(&["b10.PNG", "b9.png", "a.jpeg", "c.pgm", "notes.txt", "t.csv", "._b9.png"]);
+        fs::create_dir(folder.path().join("deeper.png")).unwrap();
+        symlink("/nowhere/at/all", folder.path().join("d.tiff")).unwrap();
+        symlink("/nowhere/at/all", folder.path().join("d.txt")).unwrap();
+        let inputs = sort(&[folder.path().into()]).unwrap();
+        let found = only(&inputs);
+        assert_eq!(names(found), ["a.jpeg", "b9.png", "b10.PNG", "c.pgm", "d.tiff"]);
+        let notes = found.notes.join("\n");
+        assert!(
+            notes
+                .contains("4 files that are not read as pictures: ._b9.png, d.txt, notes.txt, ..."),
+            "{notes}"
+        );
+        assert!(notes.contains("1 folders whose content is not read: deeper.png"), "{notes}");
+    }
+
+    #[test]
+    fn a_folder_with_a_recording_is_a_recording() {
+        for name in ["metadata.yaml", "x_0.mcap", "x.db3", "x.bag", "x.mcap.zstd"] {
+            let folder = folder(&["a.png", name]);
+            let inputs = sort(&[folder.path().into()]).unwrap();
+            assert_eq!(inputs, [Input::Recording(folder.path().into())], "{name}");
+        }
+    }
+
+    #[test]
+    fn a_folder_without_pictures_names_what_it_has() {
+        let empty = folder(&[]);
+        let error = sort(&[empty.path().into()]).unwrap_err().to_string();
+        assert!(error.ends_with("nor pictures (PNG, JPEG, TIFF, BMP or PGM)"), "{error}");
+        let other = folder(&["a.txt", ".hidden.png"]);
+        fs::create_dir(other.path().join("left")).unwrap();
+        let error = sort(&[other.path().into()]).unwrap_err().to_string();
+        assert!(
+            error.contains("2 files") && error.contains("a.txt") && error.contains("left"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn single_files_are_one_series_in_natural_order() {
+        let folder = folder(&["img10.png", "img2.png", "x_0.mcap"]);
+        let path = |name: &str| folder.path().join(name);
+        fs::write(path("raw"), b"P5 1 1 255\n0").unwrap();
+        let given = ["x_0.mcap", "img10.png", "raw", "img2.png", "img2.png"].map(path);
+        let inputs = sort(&given).unwrap();
+        let [Input::Recording(bag), Input::Pictures(found)] = &inputs[..] else {
+            panic!("{inputs:?}")
+        };
+        assert_eq!(*bag, path("x_0.mcap"));
+        assert_eq!(names(found), ["img2.png", "img10.png", "raw"]);
+        assert_eq!(found.name, "img2.png to raw");
+        assert!(found.notes[0].contains("named twice"));
+    }
+
+    #[test]
+    fn patterns_are_expanded_unless_a_file_has_that_name() {
+        let folder = folder(&["img10.png", "img2.png", "[a]*.png", "other.txt"]);
+        let inputs = sort(&[folder.path().join("img*.png")]).unwrap();
+        assert_eq!(names(only(&inputs)), ["img2.png", "img10.png"]);
+        let inputs = sort(&[folder.path().join("[a]*.png")]).unwrap();
+        assert_eq!(names(only(&inputs)), ["[a]*.png"]);
+        let error = sort(&[folder.path().join("x*.png")]).unwrap_err().to_string();
+        assert!(error.ends_with("x*.png: no file has such a name"), "{error}");
+        assert!(sort(&[folder.path().join("x***.png")]).is_err());
+    }
+
+    #[test]
+    fn a_missing_path_is_left_to_the_reader() {
+        assert_eq!(sort(&["/missing".into()]).unwrap(), [Input::Recording("/missing".into())]);
+    }
+}

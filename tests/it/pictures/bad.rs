@@ -1,0 +1,165 @@
+//! Bad pictures among good ones: counted and named, and the rest is measured.
+
+use std::{fs, os::unix::fs::symlink, path::Path};
+
+use crate::program::{end, laser_profiler, replay};
+
+use super::render::{Kind, NUM, Scene, lines, write};
+
+/// Writes a good series.
+fn series(folder: &Path, kind: Kind) {
+    fs::create_dir(folder).unwrap();
+    for number in 0..NUM {
+        write(&folder.join(kind.name(number)), kind, &Scene::Grey.picture(number));
+    }
+}
+
+/// Replays a series in which picture 5 is bad: it is rejected, named with the reason, and the others are measured.
+fn rejected(kind: Kind, case: &str, spoil: impl Fn(&Path), reason: &str) {
+    let place = tempfile::tempdir().unwrap();
+    let (folder, results) = (place.path().join("scan"), place.path().join("results"));
+    series(&folder, kind);
+    spoil(&folder.join(kind.name(5)));
+    let (summary, stderr) = replay(&folder, &results, 3, &["--frame-rate", "50"]);
+    assert_eq!(summary["frames"]["rejected"], 1, "{case}: {summary}");
+    assert_eq!(summary["frames"]["lost"], 0, "{case}: {summary}");
+    assert!(stderr.contains(reason), "{case}, expected {reason:?}: {stderr}");
+    let name = kind.name(5);
+    assert!(stderr.contains(&name), "{case}: {name} is named: {stderr}");
+    let lines = lines(&results);
+    assert_eq!(lines.len(), NUM - 1, "{case}");
+    let good = (0..NUM).filter(|number| *number != 5);
+    for (number, line) in good.zip(&lines) {
+        assert!(line.error_px(&Scene::Grey, number) < 0.1, "{case} {number}");
+        assert_eq!(line.stamp_ns, super::render::stamp_ns(number), "{case}: places are kept");
+    }
+}
+
+#[test]
+fn files_that_are_no_pictures_are_named() {
+    for kind in [Kind::Png, Kind::Tiff, Kind::Pgm] {
+        rejected(kind, "text", |path| fs::write(path, "not a picture").unwrap(), "is no picture");
+        rejected(kind, "empty", |path| fs::write(path, "").unwrap(), "is empty");
+        rejected(
+            kind,
+            "a dangling link",
+            |path| {
+                fs::remove_file(path).unwrap();
+                symlink("/nowhere/at/all", path).unwrap();
+            },
+            "No such file",
+        );
+    }
+}
+
+#[test]
+fn pictures_of_another_size_are_named() {
+    for (kind, width, height) in [(Kind::Png, 160, 47), (Kind::Jpeg, 320, 96), (Kind::Bmp, 48, 160)]
+    {
+        let other = image::DynamicImage::new_luma8(width, height);
+        let reason = format!(
+            "has {width} x {height} pixels, but the first picture of the series has 160 x 48"
+        );
+        rejected(kind, "size", |path| write(path, kind, &other), &reason);
+    }
+}
+
+#[test]
+fn links_to_pictures_are_followed() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    series(&path("there"), Kind::Png);
+    fs::create_dir(path("here")).unwrap();
+    for number in 0..NUM {
+        let name = Kind::Png.name(number);
+        symlink(path("there").join(&name), path("here").join(&name)).unwrap();
+    }
+    let (summary, _) = replay(&path("here"), &path("results"), 0, &[]);
+    assert_eq!(summary["frames"]["processed"], NUM);
+}
+
+#[test]
+fn missing_numbers_count_as_lost_and_leave_their_places() {
+    for missing in [&[4][..], &[3, 4, 9], &[1, 6, 7, 8]] {
+        let place = tempfile::tempdir().unwrap();
+        let (folder, results) = (place.path().join("scan"), place.path().join("results"));
+        series(&folder, Kind::Png);
+        for number in missing {
+            fs::remove_file(folder.join(Kind::Png.name(*number))).unwrap();
+        }
+        let (summary, stderr) = replay(&folder, &results, 3, &["--frame-rate", "50"]);
+        assert_eq!(summary["frames"]["lost"], missing.len(), "{summary}");
+        assert_eq!(summary["frames"]["processed"], NUM - missing.len(), "{summary}");
+        let told = format!("{} pictures are missing by their numbers", missing.len());
+        assert!(stderr.contains(&told), "{stderr}");
+        let present = (0..NUM).filter(|number| !missing.contains(number));
+        let stamps: Vec<_> = present.map(super::render::stamp_ns).collect();
+        let found: Vec<_> = lines(&results).iter().map(|line| line.stamp_ns).collect();
+        assert_eq!(found, stamps);
+    }
+}
+
+#[test]
+fn inputs_without_pictures_are_refused_by_name() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    fs::create_dir(path("empty")).unwrap();
+    fs::create_dir_all(path("deeper/left")).unwrap();
+    fs::create_dir(path("texts")).unwrap();
+    fs::write(path("texts/a.png"), "text").unwrap();
+    fs::write(path("texts/b.png"), "text").unwrap();
+    for (name, reason) in [
+        ("empty", "nor pictures"),
+        ("deeper", "folders whose content is not read: left"),
+        ("texts", "none of 2 pictures can be read"),
+        ("none*.png", "no file has such a name"),
+        ("gone.png", "none of 1 pictures can be read"),
+    ] {
+        let mut command = laser_profiler(&["replay", "-o"]);
+        let ended = end(command.arg(path("out")).arg(path(name)));
+        assert_eq!(ended.code, Some(1), "{name}: {ended:?}");
+        assert!(ended.stderr.contains(reason) && ended.stderr.contains(name), "{ended:?}");
+        assert!(!path("out").exists(), "{name}");
+    }
+}
+
+#[test]
+fn a_table_that_does_not_fit_is_told() {
+    let place = tempfile::tempdir().unwrap();
+    let (folder, table) = (place.path().join("scan"), place.path().join("t.csv"));
+    series(&folder, Kind::Png);
+    let rows = |numbers: &[usize]| {
+        let row = |number: &usize| {
+            format!("{},{}\n", Kind::Png.name(*number), 0.02 * (number + 1) as f64)
+        };
+        format!("file,stamp_s\n{}", numbers.iter().map(row).collect::<String>())
+    };
+    let all: Vec<_> = (0..NUM).collect();
+    let stated = table.display().to_string();
+    for (case, text, num_rejected, reason) in [
+        ("a picture without a row", rows(&all[1..]), 1, "frame_0.png: is not named"),
+        (
+            "a row without a picture",
+            rows(&[&all[..], &[77]].concat()),
+            1,
+            "frame_77.png: No such file",
+        ),
+        ("both", rows(&[&all[2..], &[77]].concat()), 3, "frame_77.png"),
+    ] {
+        fs::write(&table, text).unwrap();
+        let results = place.path().join(case.replace(' ', "_"));
+        let (summary, stderr) = replay(
+            &folder,
+            &results,
+            3,
+            &["--positions", &stated, "--ros-args", "--log-level", "debug"],
+        );
+        assert_eq!(summary["frames"]["rejected"], num_rejected, "{case}: {summary}");
+        assert!(stderr.contains(reason), "{case}: {stderr}");
+    }
+    fs::write(&table, "file,stamp_s\nframe_0.png,soon\n").unwrap();
+    let mut command = laser_profiler(&["replay", "--positions", &stated, "-o"]);
+    let ended = end(command.arg(place.path().join("out")).arg(&folder));
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert!(ended.stderr.contains("line 2: stamp_s is \"soon\""), "{ended:?}");
+}
