@@ -14,7 +14,7 @@ use crate::{
     recordings::{bundled, centerline_stamps, good_images, record_images, stamp_ns},
 };
 
-const VERBS: [&str; 15] = [
+const VERBS: [&str; 16] = [
     "run",
     "replay",
     "parameters",
