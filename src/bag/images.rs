@@ -1,6 +1,5 @@
 //! Describes the images of a topic by its first message, and their rate by the stamps.
 
-use std::sync::Arc;
 
 use serde::Serialize;
 

@@ -25,7 +25,7 @@ use crate::{
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub(crate) struct SuggestArgs {
-    /// A rosbag2 directory or an .mcap file with one image topic.
+    /// A recording with one image topic, a folder of pictures, a quoted pattern or a video.
     pub(crate) bag: PathBuf,
     /// Parameter file, YAML; the picture gets the same name with .png. Default: the file is printed.
     #[arg(short, long, value_name = "FILE")]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{ambient::AmbientCaptureError, input};
 use crate::{
-    bag::{BagReader, Filter, ReadOptions},
+    bag::{Filter, ReadOptions, pictures},
     msg::{
         cdr,
         convert::{compressed, frame},
@@ -35,7 +35,7 @@ pub(crate) fn frames(
     count: usize,
     max_frame_bytes: u64,
 ) -> Result<Sampled, AmbientCaptureError> {
-    let reader = BagReader::open(bag, &ReadOptions::default())?;
+    let reader = pictures::open(bag, &ReadOptions::default())?;
     let topics: Vec<_> =
         reader.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
     let names = NodeNames::new("laser_profiler", &[])?;
