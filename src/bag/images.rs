@@ -1,6 +1,5 @@
 //! Describes the images of a topic by its first message, and their rate by the stamps.
 
-
 use serde::Serialize;
 
 use crate::msg::{
