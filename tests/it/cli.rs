@@ -116,9 +116,12 @@ fn the_summary_has_the_published_keys() {
         "output",
         "outside_calibrated_volume",
         "points",
+        "points_saturated",
         "seconds",
+        "sigma_px",
         "slices",
         "stages_ms",
+        "without_stripe",
     ];
     assert_eq!(keys(&summary), expected);
     assert_eq!(

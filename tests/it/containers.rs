@@ -86,7 +86,10 @@ fn measured(bag: &Path, code: i32, named: &str) -> Vec<i64> {
     let (summary, stderr) = replay(bag, &place.join("results"), code, &["--force"]);
     assert!(stderr.contains(named), "{named}: {summary} {stderr}");
     let found = centerline_stamps(&place.join("results"));
-    replay(&whole, &place.join("results"), 0, &["--force"]);
+    // Where frames are missing between others, their sequence numbers still tell.
+    let step_ns = stamp_ns(1) - stamp_ns(0);
+    let has_gap = found.windows(2).any(|pair| pair[1] - pair[0] != step_ns);
+    replay(&whole, &place.join("results"), if has_gap { 3 } else { 0 }, &["--force"]);
     assert_eq!(centerline_stamps(&place.join("results")), found, "the recovered bag has the same");
     found
 }
@@ -229,18 +232,23 @@ fn bags_that_other_software_compressed_give_the_same_centrelines() {
     let arguments = ["--force", "--params-file", "bags/film_defects.params.yaml"];
     let centrelines = |bag: &Path| {
         let output = place.path().join("results");
-        replay(bag, &output, 3, &arguments);
+        replay(bag, &output, 0, &arguments);
         let reader = BagReader::open(&output, &ReadOptions::default()).unwrap();
         let messages = reader.messages(&Filter::topics(["/laser_profiler/centerline"]));
         messages.map(|message| message.unwrap().data).collect::<Vec<_>>()
     };
-    let expected = centrelines(&bag);
-    for mode in ["file", "message", "storage"] {
-        let path = place.path().join(mode);
+    let convert = |name: &str, how: &[&str]| {
+        let path = place.path().join(name);
         let (source, packed) = (bag.to_str().unwrap(), path.to_str().unwrap());
         let to = ["--src", source, "--dst", packed, "--dst-storage", "mcap"];
-        let how = ["--compress", "zstd", "--compress-mode", mode];
-        tool(python, "rosbags-convert", &[&to[..], &how].concat());
+        tool(python, "rosbags-convert", &[&to[..], how].concat());
+        path
+    };
+    // The converter keeps no sequence numbers, so its plain copy is what the compressed ones must equal.
+    let expected = centrelines(&convert("plain", &[]));
+    assert_eq!(expected.len(), 147);
+    for mode in ["file", "message", "storage"] {
+        let path = convert(mode, &["--compress", "zstd", "--compress-mode", mode]);
         assert!(centrelines(&path) == expected, "{mode}");
         let whole = place.path().join("whole");
         let options = ["--force", "-o", whole.to_str().unwrap()];

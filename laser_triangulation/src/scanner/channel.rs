@@ -20,38 +20,27 @@ pub struct RoiError {
     pub height: u32,
 }
 
-/// The image does not have the channel that the parameters name.
+/// The channel that the parameters name cannot be read from YUV images.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("channel is {}, but {}: set channel to auto or gray", .channel.name(), .format.without_colors())]
+#[error(
+    "channel is {}, but of YUV images only the luma is read, not the colours: set channel to auto or gray, or let the driver \
+     publish rgb8", .channel.name()
+)]
 pub struct ChannelError {
     /// Value of the parameter.
     pub channel: Channel,
-    /// Format of the image.
-    pub format: PixelFormat,
 }
 
-impl PixelFormat {
-    /// Says in a clause for messages why there is no red, green and blue.
-    const fn without_colors(self) -> &'static str {
-        match self {
-            Self::Yuyv | Self::Uyvy | Self::Luma8 => {
-                "of YUV images only the luma is read, not the colours (the driver can convert them to rgb8)"
-            }
-            _ => "grey images have no colours",
-        }
-    }
-}
-
-/// Tests that images of that format have the channel. Grey and YUV images have one level a pixel, which is that of
-/// [`Channel::Auto`], [`Channel::Gray`] and [`Channel::Max`].
+/// Tests that the channel can be read from images of that format. Grey images have one channel, whichever is asked for.
+/// Of YUV images only the luma is read: that is [`Channel::Auto`], [`Channel::Gray`] and [`Channel::Max`].
 ///
 /// # Errors
-/// The channel is a colour, and the format has none.
+/// The channel is a colour, and the images are YUV.
 pub const fn check_channel(channel: Channel, format: PixelFormat) -> Result<(), ChannelError> {
     match channel {
         Channel::Auto | Channel::Gray | Channel::Max => Ok(()),
-        _ if format.has_colors() => Ok(()),
-        _ => Err(ChannelError { channel, format }),
+        _ if format.is_yuv() => Err(ChannelError { channel }),
+        _ => Ok(()),
     }
 }
 

@@ -96,15 +96,17 @@ impl PixelFormat {
     /// Level from which a sample counts as saturated unless the parameter `full_scale` states another: 235 for YUV, whose
     /// samples do not tell whether white is 235 or 255, otherwise the largest level.
     pub const fn white_level(self) -> u32 {
-        match self {
-            Self::Yuyv | Self::Uyvy | Self::Luma8 => WHITE_LUMA,
-            _ => self.max_level(),
-        }
+        if self.is_yuv() { WHITE_LUMA } else { self.max_level() }
+    }
+
+    /// True if a pixel is luma and chroma.
+    pub(crate) const fn is_yuv(self) -> bool {
+        matches!(self, Self::Yuyv | Self::Uyvy | Self::Luma8)
     }
 
     /// True if a pixel has a red, a green and a blue level. Grey images have none; of YUV images the luma alone is read.
     pub const fn has_colors(self) -> bool {
-        !matches!(self, Self::Mono8 | Self::Mono16(_) | Self::Yuyv | Self::Uyvy | Self::Luma8)
+        !(self.is_yuv() || matches!(self, Self::Mono8 | Self::Mono16(_)))
     }
 }
 

@@ -239,8 +239,8 @@ parameter_group! {
     /// All parameters of the measurement.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Params {
-        /// Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing; grey images and the luma of YUV
-        /// images are used unchanged, and have no single colours. auto: of red, green, blue and gray the one that clips
+        /// Grey level of a colour or Bayer pixel, the latter after bilinear demosaicing; grey images are used
+        /// unchanged; of YUV images only the luma is read. auto: of red, green, blue and gray the one that clips
         /// the line least, chosen in the first frame that shows it and held for the scan; max: the largest of the three
         /// colours; gray: luma of BT.601; red, green, blue: best contrast if it is the laser's colour and not saturated;
         /// red_excess, green_excess, blue_excess: that colour minus the larger of the other two, which removes white

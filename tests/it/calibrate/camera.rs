@@ -173,7 +173,7 @@ fn a_board_other_than_the_target_is_refused() {
 #[test]
 fn a_directory_without_pictures_is_refused() {
     let empty = tempfile::tempdir().unwrap();
-    refused(&CAMERA, empty.path(), &empty.path().join("camera.yaml"), &["neither a recording"]);
+    refused(&CAMERA, empty.path(), &empty.path().join("camera.yaml"), &["nor pictures"]);
     let nowhere = Path::new("/nowhere/pictures");
     refused(&CAMERA, nowhere, &empty.path().join("camera.yaml"), &["/nowhere/pictures"]);
 }

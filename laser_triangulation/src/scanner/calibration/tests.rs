@@ -325,7 +325,7 @@ proptest! {
             if let (Some(near), Some(exact)) = (near, exact) {
                 // An angle looks larger on the plane the farther it lies off the axis.
                 let stretch = if lens == 0 { 1.0 } else { 1.0 + ray.unwrap().xy().norm_squared() };
-                let error_px = (near.x_m - exact.x).hypot(near.z_m - exact.z) * 625.0 / stretch;
+                let error_px = (near.x_m - exact.x).hypot(near.z_m - exact.z) * fx_px / stretch;
                 prop_assert!(error_px < 1e-6, "{error_px}");
             }
         }

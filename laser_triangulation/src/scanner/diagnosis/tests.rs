@@ -86,7 +86,9 @@ fn extraction(change: impl Fn(&mut ExtractionParams)) -> Params {
 
 #[test]
 fn fewer_bits_than_the_encoding_holds() {
-    for (scene, bits) in seeds().zip([10, 12, 14]) {
+    // A brighter line of 14 bits exceeds the threshold at the wrong full scale, too.
+    for (scene, (bits, line)) in seeds().zip([(10, 0.7), (12, 0.7), (14, 0.4)]) {
+        let scene = Scene { line, ..scene };
         let full_scale = (1 << bits) - 1;
         let found = scene.explain_deep(full_scale, &Params::default());
         let Reason::FullScale { stated, full_scale: proposed, .. } = found.reason else {
