@@ -25,7 +25,7 @@ pub fn replay(request: ReplayRequest, stop: &Stop) -> anyhow::Result<Summary> {
         let lossy = match topic.transport {
             ImageTransport::Raw => "",
             ImageTransport::Compressed => {
-                " (compressed; JPEG shifts centrelines by some hundredths of a pixel)"
+                " (compressed: JPEG shifts centrelines by some hundredths of a pixel, PNG does not)"
             }
         };
         tracing::info!("taking images from {}{lossy}", topic.name);
