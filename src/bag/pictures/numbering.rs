@@ -91,7 +91,10 @@ fn numbers(names: &[&[u8]]) -> Option<Vec<u64>> {
 mod tests {
     use super::*;
 
-    fn of(names: &[&str]) -> Option<(Vec<u32>, Vec<(u64, u64)>)> {
+    /// Places, and first and last number of each gap.
+    type Found = (Vec<u32>, Vec<(u64, u64)>);
+
+    fn of(names: &[&str]) -> Option<Found> {
         let names: Vec<_> = names.iter().map(|name| name.as_bytes()).collect();
         let numbering = Numbering::of(&names)?;
         let gaps = numbering.gaps.iter().map(|gap| (gap.first, gap.last)).collect();

@@ -319,7 +319,7 @@ mod tests {
             ("nv24", [3, 3, 5], 45),
         ] {
             let data: Vec<u8> = (0..length).collect();
-            let message = sensor_msgs::Image { width, height, ..message(encoding, step, &data) };
+            let message = sensor_msgs::Image { height, width, ..message(encoding, step, &data) };
             let image = image(&message, LIMIT).unwrap();
             assert_eq!(image.format(), PixelFormat::Luma8);
             assert_eq!(

@@ -72,7 +72,9 @@ impl Pictures {
         for input in pictures::sort(inputs)? {
             match input {
                 PictureInput::Pictures(files, notes) => {
-                    notes.iter().for_each(|note| tracing::warn!("{note}"));
+                    for note in notes {
+                        tracing::warn!("{note}");
+                    }
                     sources.extend(files.into_iter().map(Source::Picture));
                 }
                 PictureInput::Recording(path) => {

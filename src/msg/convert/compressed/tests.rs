@@ -136,7 +136,7 @@ fn damaged_and_unknown_files_are_rejected() {
     assert!(matches!(rejected("16UC1; compressedDepth png", &depth), FrameRejected::Format(_)));
 }
 
-/// Labels of image_transport, Lichtblick, usb_cam and hand-written publishers, some of them wrong.
+/// Labels of `image_transport`, Lichtblick, `usb_cam` and hand-written publishers, some of them wrong.
 #[test]
 fn the_data_decide_not_the_label() {
     let grey: Vec<u8> = (0..128).collect();
