@@ -44,7 +44,7 @@ fn every_kind_of_file_gives_the_lines_of_the_same_frames_in_a_bag() {
             for (number, (expected, found)) in expected.iter().zip(&found).enumerate() {
                 assert_eq!(expected.points, found.points, "{kind:?} {scene:?} {number}");
                 assert_eq!(found.stamp_ns, stamp_ns(number), "n / 50 s, counted from 1");
-                let error_px = found.error_px(&scene, number);
+                let error_px = found.error_px(scene, number);
                 let limit_px = if kind == Kind::Jpeg { 0.4 } else { 0.1 };
                 assert!(error_px < limit_px, "{kind:?} {scene:?} {number}: {error_px} px");
             }
@@ -77,7 +77,7 @@ fn files_folders_and_patterns_are_read_in_natural_order() {
         let lines = lines(&results);
         assert_eq!(lines.len(), NUM, "{case}");
         for (number, line) in lines.iter().enumerate() {
-            assert!(line.error_px(&Scene::Grey, number) < 0.1, "{case} {number}");
+            assert!(line.error_px(Scene::Grey, number) < 0.1, "{case} {number}");
             assert_eq!(line.stamp_ns, stamp_ns(number), "{case}");
         }
     }

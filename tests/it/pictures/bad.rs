@@ -30,7 +30,7 @@ fn rejected(kind: Kind, case: &str, spoil: impl Fn(&Path), reason: &str) {
     assert_eq!(lines.len(), NUM - 1, "{case}");
     let good = (0..NUM).filter(|number| *number != 5);
     for (number, line) in good.zip(&lines) {
-        assert!(line.error_px(&Scene::Grey, number) < 0.1, "{case} {number}");
+        assert!(line.error_px(Scene::Grey, number) < 0.1, "{case} {number}");
         assert_eq!(line.stamp_ns, super::render::stamp_ns(number), "{case}: places are kept");
     }
 }

@@ -1,6 +1,6 @@
 //! A recording made of pictures gives the results of the pictures; videos give those of their frames.
 
-use std::{fs, path::Path, process::Command};
+use std::{fmt::Write as _, fs, path::Path, process::Command};
 
 use laser_profiler::bag::{BagReader, Filter, RawMessage, ReadOptions};
 
@@ -28,7 +28,8 @@ fn a_replay_of_the_recording_gives_the_bytes_of_a_replay_of_the_pictures() {
             for number in 0..NUM {
                 write(&path("scan").join(kind.name(number)), kind, &Scene::Grey.picture(number));
                 let seconds = 0.02 * (number + 1) as f64;
-                table += &format!("{},{seconds},{}\n", kind.name(number), 0.0005 * number as f64);
+                let position_m = 0.0005 * number as f64;
+                writeln!(table, "{},{seconds},{position_m}", kind.name(number)).unwrap();
             }
             fs::write(path("t.csv"), table).unwrap();
             let stated = path("t.csv").display().to_string();
@@ -149,7 +150,8 @@ fn cut_off(video: &Path, results: &Path, name: &str) {
     let mut command = laser_profiler(&["replay", "-o"]);
     let ended = end(command.arg(results).arg(video));
     // Without its index at the end, a .mov file has no frames.
-    let codes = if name.ends_with(".mov") { [1, 1] } else { [0, 3] };
+    let is_mov = video.extension().is_some_and(|extension| extension == "mov");
+    let codes = if is_mov { [1, 1] } else { [0, 3] };
     assert!(codes.contains(&ended.code.unwrap()), "{name}: {ended:?}");
     if ended.code != Some(1) {
         let num = lines(results).len();

@@ -171,7 +171,7 @@ pub(super) struct Line {
 
 impl Line {
     /// Largest distance from the true line, pixels; infinite unless nearly every column has a point.
-    pub(super) fn error_px(&self, scene: &Scene, number: usize) -> f32 {
+    pub(super) fn error_px(&self, scene: Scene, number: usize) -> f32 {
         if self.points.len() + 8 < WIDTH as usize {
             return f32::INFINITY;
         }
