@@ -7,7 +7,7 @@ use super::{
     lanes::{LANES, append},
     measure::Points,
     section::{Candidate, Levels, LineCandidate},
-    shape::Shapes,
+    misfit::Shapes,
 };
 use crate::scanner::{channel::Offset, params::StripeDirection};
 

@@ -16,7 +16,7 @@ use super::{
     section::{Candidate, Levels, LineCandidate},
     segment::Regions,
     select::Selector,
-    shape::Shapes,
+    misfit::Shapes,
     steger::Ridge,
     texture::TextureEstimator,
     threshold::NoiseThreshold,

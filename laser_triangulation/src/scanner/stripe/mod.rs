@@ -45,6 +45,7 @@ mod continuity;
 mod tracking;
 mod select;
 mod shape;
+mod misfit;
 mod texture;
 mod measure;
 mod assemble;

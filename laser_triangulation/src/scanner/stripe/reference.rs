@@ -11,7 +11,7 @@ use super::{
     picture::Picture,
     section::{Candidate, Levels, LineCandidate, grey},
     select::Selector,
-    shape::Shapes,
+    misfit::Shapes,
     steger::Ridge,
     texture::TextureEstimator,
     threshold::NoiseThreshold,

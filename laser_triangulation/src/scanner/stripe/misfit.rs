@@ -1,0 +1,228 @@
+//! Compares the shapes of a frame's cross-sections with that of one stripe: points on others are flagged, and their sigma
+//! is widened.
+//!
+//! A bend or a broad top counts if it exceeds its scatter along the stripe, which noise and speckle cause. What is
+//! constant along the stripe, such as a second line beside it, shows below the scatter of one point in the mean of many.
+
+use super::{
+    Centerline,
+    elementary::in_quadrature,
+    flag,
+    lanes::{append, each},
+    shape::Shape,
+};
+use crate::statistics::{MAD_TO_SIGMA, median};
+
+/// Width of a Gaussian near its top divided by that at half its peak: √(ln(1/0.7) / ln 2).
+const GAUSSIAN_TOP: f32 = 0.717_34;
+/// Tops broader than a Gaussian's by more than this are no single stripe. Two equal lines 1.7 standard deviations apart
+/// exceed it.
+const BROADEST: f32 = 0.018;
+/// A bisector that bends by less than this share of the width is straight enough.
+const STRAIGHT: f32 = 0.015;
+/// The same limits for the means of [`POOL`] points.
+const POOL_BROADEST: f32 = 0.012;
+const POOL_STRAIGHT: f32 = 0.01;
+/// Points whose mean shape is tested.
+const POOL: usize = 64;
+/// A bend, or a broad top, beyond this many standard deviations of its scatter along the stripe is significant.
+const SIGNIFICANT: f32 = 3.0;
+/// Error of the centre in multiples of the bend. In rendered scenes with halos, reflections and second lines, the error
+/// is one to six times the bend.
+const ERROR_PER_BEND: f32 = 3.0;
+/// Error of the centre of a top that is too broad, as a share of the width at half maximum.
+const ERROR_PER_WIDTH: f32 = 0.17;
+/// The same where a neighbour hides the foot of the stripe.
+const ERROR_BESIDE_NEIGHBOUR: f32 = 0.05;
+/// A clipped top wider than this holds no position, pixels.
+const WIDEST_CLIPPED_PX: f32 = 32.0;
+/// Approximate number of second differences evaluated per frame.
+const DIFFERENCES: usize = 256;
+
+/// Shapes of all points of a frame.
+#[derive(Debug, Default)]
+pub(super) struct Shapes {
+    bend_px: Vec<f32>,
+    width_px: Vec<f32>,
+    /// Width near the top divided by that at half the peak.
+    top: Vec<f32>,
+    differences: Vec<f32>,
+}
+
+/// Shape of one point.
+#[derive(Clone, Copy)]
+struct PointShape {
+    bend_px: f32,
+    width_px: f32,
+    top: f32,
+}
+
+impl Shapes {
+    /// Removes all shapes, keeps the memory.
+    pub(super) fn clear(&mut self) {
+        self.bend_px.clear();
+        self.width_px.clear();
+        self.top.clear();
+    }
+
+    /// Adds the shapes of the first `count` lanes.
+    #[inline(always)]
+    pub(super) fn push(&mut self, shape: &Shape, count: usize) {
+        let top_width = shape.top_width_px();
+        let top = each(|lane| top_width[lane] / shape.width_px[lane]);
+        append(&mut self.bend_px, &shape.bend_px, count);
+        append(&mut self.width_px, &shape.width_px, count);
+        append(&mut self.top, &top, count);
+    }
+
+    /// Adds a cross-section that is too long to have a shape.
+    pub(super) fn push_broad(&mut self) {
+        self.bend_px.push(0.0);
+        self.width_px.push(f32::NAN);
+        self.top.push(f32::NAN);
+    }
+
+    /// Widens sigma and sets [`flag::MISFIT`] where the cross-section does not fit its model. Points closer than
+    /// `distance` share pixels.
+    pub(super) fn judge(&mut self, centerline: &mut Centerline, distance: usize) {
+        let limits = Limits::of(self, distance);
+        let Centerline { flags, sigma_px, .. } = centerline;
+        for from in (0..flags.len()).step_by(POOL) {
+            let pool = from..flags.len().min(from + POOL);
+            let mean = limits.mean(pool.clone().map(|at| (self.at(at), flags[at])));
+            for at in pool {
+                limits.judge(&self.at(at), &mean, &mut flags[at], &mut sigma_px[at]);
+            }
+        }
+    }
+
+    fn at(&self, at: usize) -> PointShape {
+        PointShape { bend_px: self.bend_px[at], width_px: self.width_px[at], top: self.top[at] }
+    }
+}
+
+/// What the mean shape of consecutive points shows beyond the limits, else 0.
+#[derive(Clone, Copy, Debug, Default)]
+struct PoolShape {
+    /// Bend of the bisector, pixels.
+    bend_px: f32,
+    is_broad: bool,
+}
+
+/// Limits of a frame.
+#[derive(Clone, Copy)]
+struct Limits {
+    /// Bends below this are noise, pixels.
+    bend_noise_px: f32,
+    /// Tops broader than a Gaussian's by less than this are noise.
+    top_noise: f32,
+    /// Points at this distance share no pixels.
+    distance: f32,
+}
+
+impl Limits {
+    fn of(shapes: &mut Shapes, distance: usize) -> Self {
+        let Shapes { bend_px, top, differences, .. } = shapes;
+        Self {
+            bend_noise_px: SIGNIFICANT * scatter(bend_px, distance, differences),
+            top_noise: SIGNIFICANT * scatter(top, distance, differences),
+            distance: distance as f32,
+        }
+    }
+
+    /// The largest bend of one point that fits, pixels.
+    fn most_bend_px(&self, width_px: f32) -> f32 {
+        self.bend_noise_px.max(STRAIGHT * width_px)
+    }
+
+    /// The broadest top of one point that fits.
+    fn broadest(&self) -> f32 {
+        GAUSSIAN_TOP + BROADEST.max(self.top_noise)
+    }
+
+    /// Returns what the mean shape of points with these flags shows. Each point's share of it is limited.
+    fn mean(&self, points: impl Iterator<Item = (PointShape, u8)>) -> PoolShape {
+        let (mut bend_px, mut width_px, mut num_bent) = (0.0, 0.0, 0.0_f32);
+        let (mut excess, mut num_tops) = (0.0, 0.0_f32);
+        let most_excess = self.broadest() - GAUSSIAN_TOP;
+        for (point, flags) in points {
+            if !point.bend_px.is_finite() || !point.width_px.is_finite() {
+                continue;
+            }
+            let most_px = self.most_bend_px(point.width_px);
+            bend_px += point.bend_px.clamp(-most_px, most_px);
+            width_px += point.width_px;
+            num_bent += 1.0;
+            if flags & flag::SATURATED == 0 {
+                excess += (point.top - GAUSSIAN_TOP).clamp(-most_excess, most_excess);
+                num_tops += 1.0;
+            }
+        }
+        // Independent points among n are n / distance.
+        let noise = |of_one: f32, num: f32| of_one * (self.distance / num).sqrt();
+        let least_px =
+            noise(self.bend_noise_px, num_bent).max(POOL_STRAIGHT * width_px / num_bent);
+        let bend_px = bend_px.abs() / num_bent;
+        let least_excess = noise(self.top_noise, num_tops).max(POOL_BROADEST);
+        PoolShape {
+            // False without points.
+            bend_px: if bend_px > least_px { bend_px } else { 0.0 },
+            is_broad: excess / num_tops > least_excess,
+        }
+    }
+
+    fn judge(&self, shape: &PointShape, pool: &PoolShape, flags: &mut u8, sigma_px: &mut f32) {
+        let &PointShape { bend_px, width_px, top } = shape;
+        let most_px = self.most_bend_px(width_px);
+        let broadest = self.broadest();
+        let is_fit = bend_px.abs() <= most_px && top <= broadest && pool.bend_px <= 0.0;
+        // False where an edge is hidden.
+        if is_fit && !pool.is_broad && top * width_px <= WIDEST_CLIPPED_PX {
+            return;
+        }
+        let has = |flag: u8, flags: u8| flags & flag != 0;
+        let mut widen = |error_px: f32| {
+            // An unknown width adds nothing.
+            if error_px.is_finite() {
+                *sigma_px = in_quadrature(*sigma_px, error_px);
+            }
+        };
+        let own_px = if bend_px.abs() > most_px { bend_px.abs() } else { 0.0 };
+        let bend = own_px.max(pool.bend_px);
+        if bend > 0.0 {
+            *flags |= flag::MISFIT;
+            // The centre lies in the top.
+            widen((ERROR_PER_BEND * bend).min(top * width_px));
+        }
+        if bend_px.is_nan() && has(flag::MULTIPLE_PEAKS, *flags) {
+            widen(ERROR_BESIDE_NEIGHBOUR * width_px);
+        }
+        let known = flag::CLIPPED | flag::MULTIPLE_PEAKS | flag::LOW_CONTRAST;
+        let is_hidden = bend_px.is_nan() && !has(known, *flags);
+        let is_broad = if has(flag::SATURATED, *flags) {
+            top * width_px > WIDEST_CLIPPED_PX
+        } else {
+            top > broadest || pool.is_broad
+        };
+        if is_hidden || is_broad {
+            *flags |= flag::MISFIT;
+            widen(ERROR_PER_WIDTH * width_px);
+        }
+    }
+}
+
+/// Returns the robust scatter of values along the stripe, from their second differences at a distance.
+fn scatter(values: &[f32], distance: usize, differences: &mut Vec<f32>) -> f32 {
+    let step = values.len() / DIFFERENCES + 1;
+    differences.clear();
+    for triple in values.windows(2 * distance + 1).step_by(step) {
+        let difference = triple[0] - 2.0 * triple[distance] + triple[2 * distance];
+        if difference.is_finite() {
+            differences.push(difference.abs());
+        }
+    }
+    MAD_TO_SIGMA as f32 * median(differences).unwrap_or(0.0) / 6.0_f32.sqrt()
+}
+
+#[cfg(test)]
+mod tests;
