@@ -24,7 +24,7 @@ const STRAIGHT: f32 = 0.015;
 const POOL_BROADEST: f32 = 0.012;
 const POOL_STRAIGHT: f32 = 0.01;
 /// Points whose mean shape is tested.
-const POOL: usize = 64;
+const POOL: usize = 128;
 /// A bend, or a broad top, beyond this many standard deviations of its scatter along the stripe is significant.
 const SIGNIFICANT: f32 = 3.0;
 /// Error of the centre in multiples of the bend. In rendered scenes with halos, reflections and second lines, the error

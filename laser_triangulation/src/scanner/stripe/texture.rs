@@ -20,6 +20,11 @@ const DIFFERENCES: usize = 512;
 const LARGEST_SPECKLE_PX: usize = 7;
 /// Fewer differences give no estimate.
 const LEAST: usize = 32;
+/// A point this many of its standard deviations from where its neighbours put it is an outlier.
+const OUTLIER_SIGMAS: f32 = 2.0;
+/// Share of outliers from which errors have long tails. Of normal errors 1 % are outliers, and a few narrow structures of
+/// the surface must keep their sigma.
+const LONG_TAILS: f64 = 0.05;
 /// Scatter above the stated one by up to this share plus this many standard errors is chance.
 const CHANCE: (f64, f64) = (0.05, 3.0);
 /// Standard error of the median magnitude of n normal numbers, times √n, as a share of it: 1 / (4 φ(0.6745) 0.6745).
@@ -55,6 +60,7 @@ impl TextureEstimator {
     /// stated noise explains the scatter, or if the stripe is too short.
     pub(super) fn add_to(&mut self, centerline: &mut Centerline) -> f32 {
         self.last_px = self.add(centerline);
+        self.widen_outliers(centerline);
         self.last_px
     }
 
@@ -79,6 +85,34 @@ impl TextureEstimator {
             *sigma_px = in_quadrature(*sigma_px, texture_px);
         }
         texture_px
+    }
+
+    /// Widens the sigma of points that lie far from where their neighbours put them, if so many do that the errors have
+    /// long tails.
+    fn widen_outliers(&mut self, centerline: &mut Centerline) {
+        let (along, across) = match self.direction {
+            StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
+            StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
+        };
+        let deviations = &mut self.quotients;
+        deviations.clear();
+        #[expect(clippy::float_cmp, reason = "numbers of lines are integers")]
+        for run in along.chunk_by(|here, next| next - here == 1.0) {
+            let from = deviations.len();
+            push_deviations(&across[from..from + run.len()], self.distance, deviations);
+        }
+        let sigmas = &mut centerline.sigma_px;
+        let is_outlier = |deviation: f32, sigma: f32| deviation > OUTLIER_SIGMAS * sigma;
+        let pairs = deviations.iter().zip(&*sigmas);
+        let num = pairs.filter(|(deviation, sigma)| is_outlier(**deviation, **sigma)).count();
+        if (num as f64) < LONG_TAILS * sigmas.len() as f64 {
+            return;
+        }
+        for (sigma, &deviation) in sigmas.iter_mut().zip(&*deviations) {
+            if is_outlier(deviation, *sigma) {
+                *sigma = in_quadrature(*sigma, deviation);
+            }
+        }
     }
 
     /// Returns the scatter of the differences with these weights, divided by the stated one; 1 if chance explains it or
@@ -121,6 +155,37 @@ impl TextureEstimator {
         let ratio = median.sqrt() / NORMAL_MEDIAN_MAGNITUDE;
         if ratio > 1.0 + chance { ratio } else { 1.0 }
     }
+}
+
+/// Adds the deviation of each centre of a run without gaps from where its neighbours at a distance put it: those before
+/// it, those behind it or those on both sides, whichever is closest. 0 without neighbours.
+fn push_deviations(across_px: &[f32], distance: usize, deviations: &mut Vec<f32>) {
+    let one_sided = |here: f32, near: f32, far: f32| (here - 2.0 * near + far).abs();
+    let two_sided = |here: f32, before: f32, behind: f32| (here - 0.5 * (before + behind)).abs();
+    // Near the ends of the run some neighbours are missing.
+    let at_end = |at: usize| {
+        let px = |at: Option<usize>| at.and_then(|at| across_px.get(at)).copied();
+        let (here, before, behind) = (across_px[at], px(at.checked_sub(distance)), px(Some(at + distance)));
+        let before_it = before.zip(px(at.checked_sub(2 * distance)));
+        let behind_it = behind.zip(px(Some(at + 2 * distance)));
+        let deviations = [
+            before_it.map(|(near, far)| one_sided(here, near, far)),
+            behind_it.map(|(near, far)| one_sided(here, near, far)),
+            before.zip(behind).map(|(before, behind)| two_sided(here, before, behind)),
+        ];
+        deviations.into_iter().flatten().reduce(f32::min).unwrap_or(0.0)
+    };
+    let num = across_px.len();
+    let num_inner = num.saturating_sub(4 * distance);
+    let first_inner = if num_inner > 0 { 2 * distance } else { num };
+    deviations.extend((0..first_inner).map(at_end));
+    let inner: [&[f32]; 5] = std::array::from_fn(|i| &across_px[(i * distance).min(num - num_inner)..][..num_inner]);
+    for i in 0..num_inner {
+        let [far_before, before, here, behind, far_behind] = inner.map(|px| px[i]);
+        let nearest = one_sided(here, before, far_before).min(one_sided(here, behind, far_behind));
+        deviations.push(nearest.min(two_sided(here, before, behind)));
+    }
+    deviations.extend((first_inner + num_inner..num).map(at_end));
 }
 
 #[cfg(test)]
