@@ -1,26 +1,34 @@
 //! Hard scenes, rendered: no point is wrong without showing it.
 
 use laser_profiler::{
-    evaluate::hard::{self, HardStudy},
+    evaluate::hard,
     scanner::params::{Method, Params},
 };
 
 /// Largest share of the points of a method that are wrong and show nothing of it, 0 to 1. Nearly all of them are lines
-/// that clip together; the second limit leaves points with the flag SATURATED out.
-const MAX_WRONG_SHARE: f64 = 0.055;
-const MAX_WRONG_UNSATURATED_SHARE: f64 = 0.012;
+/// that clip together.
+const MAX_WRONG_SHARE: f64 = 0.045;
+/// The same without points that carry the flag SATURATED: on the scenes of the documentation, and on others on which no
+/// limit of the extraction was chosen.
+const MAX_WRONG_UNSATURATED_SHARE: f64 = 0.001;
+const MAX_WRONG_UNSATURATED_SHARE_ELSEWHERE: f64 = 0.002;
 /// Least share of the columns with a point of use.
-const MIN_SOUND_SHARE: f64 = 0.25;
-
-fn study(methods: &[Method]) -> HardStudy {
-    hard::run(&Params::default(), methods, &hard::grid(), || ())
-}
+const MIN_SOUND_SHARE: f64 = 0.3;
 
 #[test]
 fn wrong_points_are_rare_with_every_method() {
+    check(0, MAX_WRONG_UNSATURATED_SHARE);
+}
+
+#[test]
+fn wrong_points_are_rare_on_other_scenes() {
+    check(1, MAX_WRONG_UNSATURATED_SHARE_ELSEWHERE);
+}
+
+fn check(seed: u32, max_wrong_unsaturated_share: f64) {
     let methods: Vec<_> =
         Method::NAMES.iter().map(|name| Method::from_name(name).unwrap()).collect();
-    let study = study(&methods);
+    let study = hard::run(&Params::default(), &methods, &hard::grid(seed), || ());
     assert!(study.scenes.len() >= 200, "{} scenes", study.scenes.len());
     for direction in ["horizontal", "vertical"] {
         let count = study.scenes.iter().filter(|scene| scene.direction == direction).count();
@@ -30,8 +38,9 @@ fn wrong_points_are_rare_with_every_method() {
     for method in &study.methods {
         let (name, all) = (method.method, &method.all);
         eprintln!(
-            "{name:16} wrong {:6.2} % of {:6} points, right {:5.1} %, in doubt {:5.1} %, sound {:5.1} % of the columns",
+            "{name:16} wrong {:6.2} %, not saturated {:6.3} % of {:6} points, right {:5.1} %, in doubt {:5.1} %, sound {:5.1} % of the columns",
             100.0 * all.wrong,
+            100.0 * all.wrong_unsaturated,
             all.points,
             100.0 * all.right,
             100.0 * all.doubted,
@@ -41,7 +50,7 @@ fn wrong_points_are_rare_with_every_method() {
         assert_eq!(all.points, points, "{name}");
         assert!(method.classes.iter().all(|class| class.figures.points > 0), "{name}: {method:?}");
         assert!(all.wrong <= MAX_WRONG_SHARE, "{name}: {all:?}");
-        assert!(all.wrong_unsaturated <= MAX_WRONG_UNSATURATED_SHARE, "{name}: {all:?}");
+        assert!(all.wrong_unsaturated <= max_wrong_unsaturated_share, "{name}: {all:?}");
         assert!(all.sound >= MIN_SOUND_SHARE, "{name}: {all:?}");
         // The measure distinguishes good from bad: alone, the line is right.
         let alone = &method.classes[0];

@@ -144,15 +144,18 @@ fn judged(
     ratios: &[ScatterRatio],
 ) -> Option<String> {
     let differences = summary(ratios, |ratio| ratio.second_differences);
+    let apart = summary(ratios, |ratio| ratio.apart);
     let parabola = summary(ratios, |ratio| ratio.from_parabola);
     let [sigma_px, _] = summary(ratios, |ratio| ratio.sigma_px);
     let row = format!(
-        "| {name} | {} | {} | {} | {sigma_px:.4} | {:.2} | {:.2} | {:.2} | {:.2} |",
+        "| {name} | {} | {} | {} | {sigma_px:.4} | {:.2} | {:.2} | {:.2} | {:.2} | {:.2} | {:.2} |",
         method.name(),
         noise.name(),
         ratios.len(),
         differences[0],
         differences[1],
+        apart[0],
+        apart[1],
         parabola[0],
         parabola[1]
     );
@@ -163,9 +166,9 @@ fn judged(
 
 fn head() {
     eprintln!(
-        "| scene | method | noise | frames | median sigma px | second differences: median | 95 % | from a parabola: median | 95 % |"
+        "| scene | method | noise | frames | median sigma px | second differences: median | 95 % | 7 px apart: median | 95 % | from a parabola: median | 95 % |"
     );
-    eprintln!("|---|---|---|---:|---:|---:|---:|---:|---:|");
+    eprintln!("|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|");
 }
 
 #[test]

@@ -22,6 +22,16 @@ use crate::{
 
 /// Second difference along the stripe.
 const SECOND_DIFFERENCE: [f64; 3] = [1.0, -2.0, 1.0];
+/// Distance at which centres share neither pixels nor grains of speckle.
+const APART: usize = 7;
+/// Second difference of points at the distance [`APART`].
+const DIFFERENCE_APART: [f64; 2 * APART + 1] = {
+    let mut weights = [0.0; 2 * APART + 1];
+    weights[0] = 1.0;
+    weights[APART] = -2.0;
+    weights[2 * APART] = 1.0;
+    weights
+};
 /// Distance of the middle one of nine points from the parabola through them (Savitzky and Golay 1964).
 const FROM_PARABOLA: [f64; 9] = {
     const S: f64 = 231.0;
@@ -52,6 +62,8 @@ const MIN_FLAT: usize = 40;
 pub struct ScatterRatio {
     /// Of the second differences: 1.4826 times the median of |difference| ÷ predicted standard deviation.
     pub second_differences: f64,
+    /// Of the second differences of points 7 px apart, which share neither pixels nor grains of speckle.
+    pub apart: f64,
     /// Of the distances from a parabola through nine points.
     pub from_parabola: f64,
     /// Median standard deviation stated at the flat places, pixels.
@@ -60,16 +72,18 @@ pub struct ScatterRatio {
     pub places: usize,
 }
 
-/// A point: position across the stripe and stated standard deviation, pixels.
+/// A point: position across the stripe and stated standard deviation, pixels; NaN if it is interpolated.
 #[derive(Clone, Copy)]
 struct Point {
     along_px: f64,
     across_px: f64,
     sigma_px: f64,
+    is_doubted: bool,
 }
 
 /// Returns the ratios of a centreline that was extracted with these parameters without smoothing; `None` if fewer than 40
-/// places are flat. Interpolated points do not count.
+/// places are flat. Interpolated points do not count, nor do differences of points with [`flag::MISFIT`]: a misfit
+/// moves neighbours alike, so that their scatter does not show it.
 #[must_use]
 pub fn scatter_ratio(
     line: &Centerline,
@@ -95,6 +109,7 @@ pub fn scatter_ratio(
     let mut sigmas: Vec<f64> = flat.iter().map(|window| window[REACH].sigma_px).collect();
     Some(ScatterRatio {
         second_differences: ratio(&flat, &SECOND_DIFFERENCE, &correlation)?,
+        apart: ratio(&flat, &DIFFERENCE_APART, &correlation)?,
         from_parabola: ratio(&flat, &FROM_PARABOLA, &correlation)?,
         sigma_px: statistics::median(&mut sigmas)?,
         places: flat.len(),
@@ -111,6 +126,7 @@ fn points(line: &Centerline, direction: StripeDirection) -> Vec<Point> {
         along_px: f64::from(along),
         across_px: f64::from(across),
         sigma_px: if measured(at) { f64::from(line.sigma_px[at]) } else { f64::NAN },
+        is_doubted: line.flags[at] & flag::MISFIT != 0,
     };
     along.iter().zip(across).enumerate().map(point).collect()
 }
@@ -161,15 +177,15 @@ fn bend_of_form(window: &[Point]) -> f64 {
 
 fn ratio(flat: &[&[Point]], weights: &[f64], correlation: &Correlation) -> Option<f64> {
     let normalised = |window: &&[Point]| {
-        let sigmas: Vec<f64> = middle(window, weights)
-            .iter()
-            .zip(weights)
-            .map(|(point, weight)| weight * point.sigma_px)
-            .collect();
-        combine(window, weights).abs() / correlation.variance(&sigmas).sqrt()
+        let weighed = || middle(window, weights).iter().zip(weights);
+        if weighed().any(|(point, weight)| point.is_doubted && weight.abs() > 0.0) {
+            return None;
+        }
+        let sigmas: Vec<f64> = weighed().map(|(point, weight)| weight * point.sigma_px).collect();
+        Some(combine(window, weights).abs() / correlation.variance(&sigmas).sqrt())
     };
-    let mut magnitudes: Vec<f64> = flat.iter().map(normalised).collect();
-    statistics::sigma_about_zero(&mut magnitudes)
+    let mut magnitudes: Vec<f64> = flat.iter().filter_map(normalised).collect();
+    (magnitudes.len() >= MIN_FLAT).then(|| statistics::sigma_about_zero(&mut magnitudes))?
 }
 
 #[cfg(test)]

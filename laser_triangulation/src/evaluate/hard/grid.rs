@@ -12,6 +12,7 @@ const BRIGHT: f64 = 0.7;
 
 /// A line without anything beside it.
 const PLAIN: HardScene = HardScene {
+    seed: 0,
     number: 0,
     class: Class::Line,
     direction: StripeDirection::Horizontal,
@@ -23,9 +24,10 @@ const PLAIN: HardScene = HardScene {
     texture: None,
 };
 
-/// Returns all scenes; the same in every call.
+/// Returns all scenes; the same in every call with the same seed. Another seed gives the lines other shapes and noise, and
+/// draws other mixtures.
 #[must_use]
-pub fn grid() -> Vec<HardScene> {
+pub fn grid(seed: u32) -> Vec<HardScene> {
     let mut scenes: Vec<HardScene> = Vec::new();
     scenes.extend(
         [0.3, BRIGHT, 1.0, 2.0, 5.0, 10.0].map(|saturation| HardScene { saturation, ..PLAIN }),
@@ -34,9 +36,10 @@ pub fn grid() -> Vec<HardScene> {
     scenes.extend(halos());
     scenes.extend(second_lines());
     scenes.extend(textures());
-    scenes.extend((0..NUM_MIXED).map(mixed));
+    scenes.extend((0..NUM_MIXED).map(|number| mixed(seed, number)));
     for (number, scene) in (0..).zip(&mut scenes) {
         scene.number = number;
+        scene.seed = 1000 * seed + number;
         if number % VERTICAL_EVERY == VERTICAL_EVERY - 1 {
             scene.direction = StripeDirection::Vertical;
         }
@@ -132,8 +135,8 @@ fn textures() -> Vec<HardScene> {
 }
 
 /// Everything at once, each value drawn for the scene.
-fn mixed(number: u32) -> HardScene {
-    let drawn = |quantity: u32| 0.5 + 0.5 * mottle(13, 1.0, [number, quantity]);
+fn mixed(seed: u32, number: u32) -> HardScene {
+    let drawn = |quantity: u32| 0.5 + 0.5 * mottle(13 + u64::from(seed), 1.0, [number, quantity]);
     let between = |quantity: u32, low: f64, high: f64| low + (high - low) * drawn(quantity);
     let geometric = |quantity: u32, low: f64, high: f64| low * (high / low).powf(drawn(quantity));
     let glow = Glow {
@@ -165,8 +168,9 @@ mod tests {
 
     #[test]
     fn the_grid_covers_its_ranges_in_both_directions() {
-        let scenes = grid();
-        assert_eq!(scenes, grid());
+        let scenes = grid(0);
+        assert_eq!(scenes, grid(0));
+        assert_ne!(scenes, grid(1));
         assert!(scenes.len() >= 200, "{}", scenes.len());
         for class in Class::NAMES.iter().filter_map(|name| Class::from_name(name)) {
             let of_class = scenes.iter().filter(|scene| scene.class == class);

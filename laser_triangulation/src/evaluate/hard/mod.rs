@@ -104,8 +104,10 @@ pub enum Texture {
 /// A curved line of [`LENGTH_PX`] by [`ACROSS_PX`] pixels and its surroundings. Grey levels are 8-bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HardScene {
-    /// Its place in the grid, which is the seed of its noise and shape, too.
+    /// Its place in the grid.
     pub(crate) number: u32,
+    /// Seed of its noise and of the line's shape.
+    pub(crate) seed: u32,
     /// Kind.
     pub(crate) class: Class,
     /// Direction of the line in the picture.
@@ -127,7 +129,7 @@ pub struct HardScene {
 impl HardScene {
     /// Returns the true centre across the line, pixels, at a position along it.
     pub(crate) fn center_px(&self, along_px: u32) -> f64 {
-        let phase = f64::from(self.number);
+        let phase = f64::from(self.seed);
         let wave = libm::sin(5.0 * f64::from(along_px) / f64::from(LENGTH_PX) + phase);
         0.5 * f64::from(ACROSS_PX) + 24.0 * wave + 0.37 * libm::sin(0.7 * phase)
     }

@@ -55,8 +55,8 @@ impl Picture {
             StripeDirection::Horizontal => [LENGTH_PX, ACROSS_PX],
             StripeDirection::Vertical => [ACROSS_PX, LENGTH_PX],
         };
-        let mut rng = frame_rng(u64::from(scene.number), 0);
-        let unevenness = scene.texture.map(|texture| factors(texture, scene.number, &mut rng));
+        let mut rng = frame_rng(u64::from(scene.seed), 0);
+        let unevenness = scene.texture.map(|texture| factors(texture, scene.seed, &mut rng));
         for (exposure, crosstalk, halo_crosstalk) in
             [(&mut self.own, 1.0, 1.0), (&mut self.others, CROSSTALK, HALO_CROSSTALK)]
         {
@@ -129,7 +129,7 @@ fn add_halo(exposure: &mut Exposure, scene: &HardScene, crosstalk: f64) {
 }
 
 /// Returns the brightness of every pixel as a share of the even one, row by row.
-fn factors(texture: Texture, number: u32, rng: &mut ChaCha8Rng) -> Vec<f32> {
+fn factors(texture: Texture, seed: u32, rng: &mut ChaCha8Rng) -> Vec<f32> {
     match texture {
         Texture::Speckle { contrast, grain_px } => {
             Speckle { contrast, grain_px }.pattern(rng, (LENGTH_PX as usize, ACROSS_PX as usize))
@@ -137,7 +137,7 @@ fn factors(texture: Texture, number: u32, rng: &mut ChaCha8Rng) -> Vec<f32> {
         Texture::Patches { depth, size_px } => {
             let pixels =
                 (0..ACROSS_PX).flat_map(|row| (0..LENGTH_PX).map(move |column| [column, row]));
-            let share = |at| 1.0 - depth * (0.5 + 0.5 * mottle(number.into(), size_px, at));
+            let share = |at| 1.0 - depth * (0.5 + 0.5 * mottle(seed.into(), size_px, at));
             pixels.map(|at| share(at) as f32).collect()
         }
     }
@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn the_line_lies_at_its_true_centre_in_both_directions() {
         for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
-            let scene = HardScene { direction, saturation: 0.7, ..grid()[1] };
+            let scene = HardScene { direction, saturation: 0.7, ..grid(0)[1] };
             let mut picture = Picture::default();
             picture.render(&scene);
             assert!(picture.image().is_some());
@@ -190,7 +190,7 @@ mod tests {
                 direction: StripeDirection::Horizontal,
                 saturation: 3.5,
                 halo,
-                ..grid()[0]
+                ..grid(0)[0]
             };
             let mut picture = Picture::default();
             picture.render(&scene);

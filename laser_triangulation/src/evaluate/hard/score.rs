@@ -192,7 +192,7 @@ mod tests {
 
     fn scene(second: Option<Second>) -> HardScene {
         let direction = StripeDirection::Horizontal;
-        HardScene { direction, saturation: 2.0, second, ..grid()[0] }
+        HardScene { direction, saturation: 2.0, second, ..grid(0)[0] }
     }
 
     #[test]

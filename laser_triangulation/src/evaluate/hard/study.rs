@@ -140,8 +140,18 @@ fn figures(method: Method, classes: &[Tally]) -> MethodFigures {
 }
 
 fn described(scene: &HardScene, methods: Vec<MethodOnScene>) -> SceneFigures {
-    let HardScene { number, class, direction, saturation, sigma_px, glow, halo, second, texture } =
-        *scene;
+    let HardScene {
+        number,
+        class,
+        direction,
+        saturation,
+        sigma_px,
+        glow,
+        halo,
+        second,
+        texture,
+        ..
+    } = *scene;
     let (class, direction) = (class.name(), direction.name());
     SceneFigures {
         number,

@@ -6,8 +6,8 @@ use super::{
     flag,
     lanes::{LANES, append},
     measure::Points,
-    section::{Candidate, Levels, LineCandidate},
     misfit::Shapes,
+    section::{Candidate, Levels, LineCandidate},
 };
 use crate::scanner::{channel::Offset, params::StripeDirection};
 

@@ -20,11 +20,11 @@ const GAUSSIAN_TOP: f32 = 0.717_34;
 const BROADEST: f32 = 0.018;
 /// A bisector that bends by less than this share of the width is straight enough.
 const STRAIGHT: f32 = 0.015;
-/// The same limits for the means of [`POOL`] points.
-const POOL_BROADEST: f32 = 0.012;
-const POOL_STRAIGHT: f32 = 0.01;
-/// Points whose mean shape is tested.
+/// Least number of points whose mean shape is tested, if there are as many.
 const POOL: usize = 128;
+/// A mean bend below this share of the width, or below so many pixels, is straight enough.
+const POOL_STRAIGHT: f32 = 0.01;
+const POOL_STRAIGHT_PX: f32 = 0.08;
 /// A bend, or a broad top, beyond this many standard deviations of its scatter along the stripe is significant.
 const SIGNIFICANT: f32 = 3.0;
 /// Error of the centre in multiples of the bend. In rendered scenes with halos, reflections and second lines, the error
@@ -87,8 +87,10 @@ impl Shapes {
     pub(super) fn judge(&mut self, centerline: &mut Centerline, distance: usize) {
         let limits = Limits::of(self, distance);
         let Centerline { flags, sigma_px, .. } = centerline;
-        for from in (0..flags.len()).step_by(POOL) {
-            let pool = from..flags.len().min(from + POOL);
+        let num_pools = (flags.len() / POOL).max(1);
+        for at in 0..num_pools {
+            let [from, to] = [at, at + 1].map(|at| at * flags.len() / num_pools);
+            let pool = from..to;
             let mean = limits.mean(pool.clone().map(|at| (self.at(at), flags[at])));
             for at in pool {
                 limits.judge(&self.at(at), &mean, &mut flags[at], &mut sigma_px[at]);
@@ -160,10 +162,11 @@ impl Limits {
         }
         // Independent points among n are n / distance.
         let noise = |of_one: f32, num: f32| of_one * (self.distance / num).sqrt();
-        let least_px =
-            noise(self.bend_noise_px, num_bent).max(POOL_STRAIGHT * width_px / num_bent);
+        let least_px = noise(self.bend_noise_px, num_bent)
+            .max(POOL_STRAIGHT * width_px / num_bent)
+            .max(POOL_STRAIGHT_PX);
         let bend_px = bend_px.abs() / num_bent;
-        let least_excess = noise(self.top_noise, num_tops).max(POOL_BROADEST);
+        let least_excess = noise(self.top_noise, num_tops).max(BROADEST);
         PoolShape {
             // False without points.
             bend_px: if bend_px > least_px { bend_px } else { 0.0 },

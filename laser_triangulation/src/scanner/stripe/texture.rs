@@ -20,11 +20,12 @@ const DIFFERENCES: usize = 512;
 const LARGEST_SPECKLE_PX: usize = 7;
 /// Fewer differences give no estimate.
 const LEAST: usize = 32;
-/// A point this many of its standard deviations from where its neighbours put it is an outlier.
-const OUTLIER_SIGMAS: f32 = 2.0;
-/// Share of outliers from which errors have long tails. Of normal errors 1 % are outliers, and a few narrow structures of
-/// the surface must keep their sigma.
-const LONG_TAILS: f64 = 0.05;
+/// Errors have long tails if this share of the points lies farther than so many of their standard deviations from the
+/// curve through their neighbours. Of normal errors 2 % do, and a few narrow structures of the surface must not count.
+const FAR_SIGMAS: f32 = 3.0;
+const LONG_TAILS: f64 = 0.07;
+/// With long tails, points farther off than this many standard deviations are outliers.
+const OFF_SIGMAS: f32 = 2.0;
 /// Scatter above the stated one by up to this share plus this many standard errors is chance.
 const CHANCE: (f64, f64) = (0.05, 3.0);
 /// Standard error of the median magnitude of n normal numbers, times √n, as a share of it: 1 / (4 φ(0.6745) 0.6745).
@@ -87,7 +88,7 @@ impl TextureEstimator {
         texture_px
     }
 
-    /// Widens the sigma of points that lie far from where their neighbours put them, if so many do that the errors have
+    /// Widens the sigma of points that lie far from the curve through their neighbours, if so many do that the errors have
     /// long tails.
     fn widen_outliers(&mut self, centerline: &mut Centerline) {
         let (along, across) = match self.direction {
@@ -102,14 +103,13 @@ impl TextureEstimator {
             push_deviations(&across[from..from + run.len()], self.distance, deviations);
         }
         let sigmas = &mut centerline.sigma_px;
-        let is_outlier = |deviation: f32, sigma: f32| deviation > OUTLIER_SIGMAS * sigma;
         let pairs = deviations.iter().zip(&*sigmas);
-        let num = pairs.filter(|(deviation, sigma)| is_outlier(**deviation, **sigma)).count();
-        if (num as f64) < LONG_TAILS * sigmas.len() as f64 {
+        let num = pairs.filter(|(deviation, sigma)| **deviation > FAR_SIGMAS * **sigma).count();
+        if sigmas.len() < LEAST || (num as f64) < LONG_TAILS * sigmas.len() as f64 {
             return;
         }
         for (sigma, &deviation) in sigmas.iter_mut().zip(&*deviations) {
-            if is_outlier(deviation, *sigma) {
+            if deviation > OFF_SIGMAS * *sigma {
                 *sigma = in_quadrature(*sigma, deviation);
             }
         }
@@ -157,35 +157,43 @@ impl TextureEstimator {
     }
 }
 
-/// Adds the deviation of each centre of a run without gaps from where its neighbours at a distance put it: those before
-/// it, those behind it or those on both sides, whichever is closest. 0 without neighbours.
+/// Adds the deviation of each centre of a run without gaps from the curve through its neighbours at a distance: a parabola
+/// through three before it or three behind it, or a cubic through two on either side, whichever is closest. 0 without
+/// neighbours.
 fn push_deviations(across_px: &[f32], distance: usize, deviations: &mut Vec<f32>) {
-    let one_sided = |here: f32, near: f32, far: f32| (here - 2.0 * near + far).abs();
-    let two_sided = |here: f32, before: f32, behind: f32| (here - 0.5 * (before + behind)).abs();
-    // Near the ends of the run some neighbours are missing.
-    let at_end = |at: usize| {
-        let px = |at: Option<usize>| at.and_then(|at| across_px.get(at)).copied();
-        let (here, before, behind) = (across_px[at], px(at.checked_sub(distance)), px(Some(at + distance)));
-        let before_it = before.zip(px(at.checked_sub(2 * distance)));
-        let behind_it = behind.zip(px(Some(at + 2 * distance)));
-        let deviations = [
-            before_it.map(|(near, far)| one_sided(here, near, far)),
-            behind_it.map(|(near, far)| one_sided(here, near, far)),
-            before.zip(behind).map(|(before, behind)| two_sided(here, before, behind)),
-        ];
-        deviations.into_iter().flatten().reduce(f32::min).unwrap_or(0.0)
+    let one_sided =
+        |[here, near, middle, far]: [f32; 4]| (here - 3.0 * (near - middle) - far).abs();
+    let two_sided = |[far_before, before, here, behind, far_behind]: [f32; 5]| {
+        (here - (4.0 * (before + behind) - (far_before + far_behind)) / 6.0).abs()
     };
     let num = across_px.len();
-    let num_inner = num.saturating_sub(4 * distance);
-    let first_inner = if num_inner > 0 { 2 * distance } else { num };
+    let num_inner = num.saturating_sub(6 * distance);
+    let first_inner = if num_inner > 0 { 3 * distance } else { num };
+    // Near the ends of the run some neighbours are missing.
+    let at_end = |at: usize| {
+        let px = |steps: isize| {
+            let at = at.checked_add_signed(steps * distance as isize)?;
+            across_px.get(at).copied()
+        };
+        let before = all([px(0), px(-1), px(-2), px(-3)]).map(one_sided);
+        let behind = all([px(0), px(1), px(2), px(3)]).map(one_sided);
+        let between = all([px(-2), px(-1), px(0), px(1), px(2)]).map(two_sided);
+        [before, behind, between].into_iter().flatten().reduce(f32::min).unwrap_or(0.0)
+    };
     deviations.extend((0..first_inner).map(at_end));
-    let inner: [&[f32]; 5] = std::array::from_fn(|i| &across_px[(i * distance).min(num - num_inner)..][..num_inner]);
+    let inner: [&[f32]; 7] =
+        std::array::from_fn(|i| &across_px[(i * distance).min(num - num_inner)..][..num_inner]);
     for i in 0..num_inner {
-        let [far_before, before, here, behind, far_behind] = inner.map(|px| px[i]);
-        let nearest = one_sided(here, before, far_before).min(one_sided(here, behind, far_behind));
-        deviations.push(nearest.min(two_sided(here, before, behind)));
+        let [c, b, a, here, d, e, f] = inner.map(|px| px[i]);
+        let one_sided = one_sided([here, a, b, c]).min(one_sided([here, d, e, f]));
+        deviations.push(one_sided.min(two_sided([b, a, here, d, e])));
     }
     deviations.extend((first_inner + num_inner..num).map(at_end));
+}
+
+/// Returns the numbers if none is missing.
+fn all<const N: usize>(numbers: [Option<f32>; N]) -> Option<[f32; N]> {
+    numbers.iter().all(Option::is_some).then(|| numbers.map(Option::unwrap_or_default))
 }
 
 #[cfg(test)]
@@ -226,6 +234,50 @@ mod tests {
             assert!((texture - expected).abs() < tolerance, "{texture}, not {expected}");
             assert!((f64::from(line.sigma_px[7]) / scatter - 1.0).abs() < 0.1);
         }
+    }
+
+    #[test]
+    fn long_tails_widen_the_outliers_and_a_few_narrow_structures_stay() {
+        let deviation_px = 0.4;
+        for (every, least_wide, most_others) in [(16, 118, 200), (100, 0, 0)] {
+            let mut line = line(0.02, 0.02, 2000);
+            let structures: Vec<usize> = (40..1960).step_by(every).collect();
+            for &at in &structures {
+                line.v_px[at] += deviation_px;
+            }
+            let before = line.clone();
+            estimator().add_to(&mut line);
+            let wide: Vec<usize> =
+                (0..2000).filter(|&at| line.sigma_px[at] > 3.0 * before.sigma_px[at]).collect();
+            let right: Vec<_> = wide.iter().filter(|at| structures.contains(at)).collect();
+            assert!(right.len() >= least_wide, "{every}: {} of {}", right.len(), structures.len());
+            assert!(wide.len() - right.len() <= most_others, "{every}: {wide:?}");
+            for &&at in &right {
+                assert!(3.0 * line.sigma_px[at] > deviation_px, "{every}: {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_deviation_is_the_smallest_of_three() {
+        let mut deviations = Vec::new();
+        // A parabola, and a step: every place has a side that continues it.
+        let smooth = |at: usize| {
+            let along = at as f32;
+            0.25 * along + 0.125 * along * along + if at >= 13 { 5.0 } else { 0.0 }
+        };
+        let mut run: Vec<f32> = (0..27).map(smooth).collect();
+        push_deviations(&run, 2, &mut deviations);
+        assert_eq!(deviations, [0.0; 27]);
+        run[6] += 1.0;
+        run[26] -= 2.0;
+        deviations.clear();
+        push_deviations(&run, 2, &mut deviations);
+        assert_eq!((deviations.len(), deviations[6], deviations[26]), (27, 1.0, 2.0));
+        deviations.clear();
+        push_deviations(&[1.0, 9.0], 2, &mut deviations);
+        push_deviations(&[], 2, &mut deviations);
+        assert_eq!(deviations, [0.0; 2]);
     }
 
     #[test]

@@ -1,9 +1,12 @@
 //! Rendered scenes of one line and its company. Ground truth is the formula of the line.
 
 use super::super::{Centerline, Extractor, flag};
-use crate::scanner::{
-    image::{Image, PixelFormat},
-    params::{ExtractionParams, Method, StripeDirection},
+use crate::{
+    scanner::{
+        image::{Image, PixelFormat},
+        params::{ExtractionParams, Method, StripeDirection},
+    },
+    simulate::speckle::Speckle,
 };
 use rand::SeedableRng as _;
 use rand_distr::Distribution as _;
@@ -21,17 +24,27 @@ fn gaussian(distance_px: f64, sigma_px: f64) -> f64 {
     (-0.5 * (distance_px / sigma_px).powi(2)).exp()
 }
 
-/// Renders the light at each distance from the line, plus read noise of 2 grey levels, clipped to 8 bits.
-fn render(light: impl Fn(f64) -> f64) -> Vec<u8> {
+/// Renders the light at each distance from the line under speckle, plus read noise of 2 grey levels, clipped to 8 bits.
+fn render(light: impl Fn(f64) -> f64, contrast: f64) -> Vec<u8> {
     let mut rng = rand_chacha::ChaCha8Rng::from_seed([11; 32]);
+    let speckle = Speckle { contrast, grain_px: 1.0 }.pattern(&mut rng, (WIDTH, HEIGHT));
     let noise = rand_distr::Normal::new(2.0, 2.0).unwrap();
     let pixel = |i: usize| light((i / WIDTH) as f64 - truth_px((i % WIDTH) as f64));
-    let samples = (0..WIDTH * HEIGHT).map(|i| pixel(i) + noise.sample(&mut rng));
+    let samples =
+        (0..WIDTH * HEIGHT).map(|i| pixel(i) * f64::from(speckle[i]) + noise.sample(&mut rng));
     samples.map(|sample| sample.round().clamp(0.0, 255.0) as u8).collect()
 }
 
 fn extract(light: impl Fn(f64) -> f64, params: ExtractionParams) -> Centerline {
-    let picture = render(light);
+    extract_under_speckle(light, 0.0, params)
+}
+
+fn extract_under_speckle(
+    light: impl Fn(f64) -> f64,
+    contrast: f64,
+    params: ExtractionParams,
+) -> Centerline {
+    let picture = render(light, contrast);
     let image = Image::packed(WIDTH as u32, HEIGHT as u32, PixelFormat::Mono8, &picture).unwrap();
     Extractor::new(params, StripeDirection::Horizontal).extract(&image).clone()
 }
@@ -129,5 +142,21 @@ fn two_lines_without_a_valley_do_not_fit() {
             let doubt = share_flagged(&line, flag::MISFIT | flag::MULTIPLE_PEAKS);
             assert!(doubt > 0.95, "{method:?} {share} at {distance_px}: {doubt}");
         }
+    }
+}
+
+/// Speckle hides the shape of one cross-section, not the mean of many.
+#[test]
+fn two_lines_without_a_valley_do_not_fit_in_speckle_either() {
+    for method in METHODS {
+        for (share, distance_px) in [(1.0, 5.0), (0.8, -5.0), (0.6, 4.5)] {
+            let light = |d: f64| 80.0 * (gaussian(d, 2.2) + share * gaussian(d - distance_px, 2.2));
+            let line = extract_under_speckle(light, 0.2, with(method));
+            let doubt = share_flagged(&line, flag::MISFIT | flag::MULTIPLE_PEAKS);
+            assert!(doubt > 0.95, "{method:?} {share} at {distance_px}: {doubt}");
+        }
+        let line = extract_under_speckle(|d| 80.0 * gaussian(d, 2.2), 0.2, with(method));
+        let doubt = share_flagged(&line, flag::MISFIT);
+        assert!(doubt < 0.05, "{method:?} alone: {doubt}");
     }
 }
