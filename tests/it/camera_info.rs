@@ -84,7 +84,7 @@ impl Bags {
             format!("calibration_file:={}", self.path("whole").join("calibration.yaml").display());
         let area = "extraction.min_segment_area:=60";
         let arguments = ["--ros-args", "-p", &file, "-p", area];
-        let mut command = laser_profiler(&["replay", "--json", "-o"]);
+        let mut command = laser_profiler(&["replay", "--json", "--force", "-o"]);
         let ended = end(command.arg(&output).args(bags).args(arguments));
         let summary: serde_json::Value = serde_json::from_str(&ended.stdout).unwrap();
         let rejected = summary["frames"]["rejected"].as_u64().unwrap();

@@ -11,6 +11,7 @@ use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use laser_profiler::{
     bag::{BagReader, Filter, ReadOptions},
     msg::{cdr, laser_profiler_msgs::Centerline},
+    scanner::params::StripeDirection,
 };
 use serde_json::{Value as Json, json};
 use tempfile::TempDir;
@@ -49,9 +50,19 @@ fn noise(x: u32, y: u32) -> f64 {
 }
 
 impl Scene {
+    fn direction(self) -> StripeDirection {
+        match self {
+            Self::Vertical => StripeDirection::Vertical,
+            Self::Deep | Self::Saturated | Self::Dark => StripeDirection::Horizontal,
+        }
+    }
+
     /// Distance from the line, pixels.
     fn away(self, x: u32, y: u32, number: u32) -> f64 {
-        let (along, across) = if self == Self::Vertical { (y, x) } else { (x, y) };
+        let (along, across) = match self.direction() {
+            StripeDirection::Horizontal => (x, y),
+            StripeDirection::Vertical => (y, x),
+        };
         f64::from(across) - center_px(along.into(), number)
     }
 
@@ -126,9 +137,11 @@ struct Line {
 
 impl Line {
     /// Place along and across the line of each point.
-    fn points(&self, is_vertical: bool) -> impl Iterator<Item = (u32, f64)> {
-        let (along, across) =
-            if is_vertical { (&self.v_px, &self.u_px) } else { (&self.u_px, &self.v_px) };
+    fn points(&self, direction: StripeDirection) -> impl Iterator<Item = (u32, f64)> {
+        let (along, across) = match direction {
+            StripeDirection::Horizontal => (&self.u_px, &self.v_px),
+            StripeDirection::Vertical => (&self.v_px, &self.u_px),
+        };
         along.iter().zip(across).map(|(&along, &across)| (along as u32, across.into()))
     }
 }
@@ -180,7 +193,7 @@ fn the_suggested_file_finds_the_line_of_pictures() {
         let lines = found(&pictures.path("pictures"), &pictures.path("rig.yaml"), 0);
         assert_eq!(lines.len(), NUM as usize, "{scene:?}");
         for (number, line) in (0..).zip(&lines) {
-            let points: Vec<_> = line.points(scene == Scene::Vertical).collect();
+            let points: Vec<_> = line.points(scene.direction()).collect();
             assert!(points.len() > ALONG as usize * 95 / 100, "{scene:?}: {}", points.len());
             let error =
                 |&(along, across): &(u32, f64)| (across - center_px(along.into(), number)).abs();
@@ -193,13 +206,18 @@ fn the_suggested_file_finds_the_line_of_pictures() {
 /// Numbers are numbers in JSON, and the text of the file is what `--json` states.
 #[test]
 fn the_bundled_recordings_are_measured_as_their_truth_says() {
-    for name in ["film_defects", "saturated_vertical"] {
+    for (name, direction) in [
+        ("film_defects", StripeDirection::Horizontal),
+        ("saturated_vertical", StripeDirection::Vertical),
+    ] {
         let (bag, place) = (bundled(name), tempfile::tempdir().unwrap());
         let file = place.path().join("rig.yaml");
         let suggested = suggest(&bag, &file, &["--json"]);
         assert_eq!(suggested.code, Some(0), "{name}: {suggested:?}");
         let summary: Json = serde_json::from_str(&suggested.stdout).unwrap();
         eprintln!("{name}: {summary}");
+        let stated = summary["parameters"]["stripe_direction"].as_str();
+        assert_eq!(stated.unwrap_or("horizontal"), direction.name(), "{name}");
         let text = fs::read_to_string(&file).unwrap();
         for (name, value) in summary["parameters"].as_object().unwrap() {
             let key = name.rsplit('.').next().unwrap();
@@ -208,18 +226,16 @@ fn the_bundled_recordings_are_measured_as_their_truth_says() {
         }
         // Lost frames are in the recordings on purpose.
         let lines = found(&bag, &file, 3);
-        let is_vertical = summary["parameters"]["stripe_direction"] == "vertical";
-        assert_eq!(is_vertical, name == "saturated_vertical");
         let mut truth: HashMap<i64, HashMap<u32, f64>> = HashMap::new();
         for line in self::lines(&bag, "/truth/centerline") {
-            truth.insert(line.stamp_ns, line.points(is_vertical).collect());
+            truth.insert(line.stamp_ns, line.points(direction).collect());
         }
         let (mut errors, mut sections) = (Vec::new(), 0);
         for line in &lines {
             let truth = &truth[&line.stamp_ns];
             sections += truth.len();
             let error = |(at, across): (u32, f64)| Some((across - truth.get(&at)?).abs());
-            errors.extend(line.points(is_vertical).filter_map(error));
+            errors.extend(line.points(direction).filter_map(error));
         }
         assert!(errors.len() > sections * 8 / 10, "{name}: {} of {sections}", errors.len());
         let error_px = percentile_95(errors);

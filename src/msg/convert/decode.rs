@@ -1,7 +1,5 @@
 //! Decodes picture files of every kind into a buffer that is reused between frames.
 
-use std::io::Cursor;
-
 use image::{
     ColorType, ImageDecoder, ImageResult, Limits,
     codecs::{
@@ -9,7 +7,11 @@ use image::{
     },
 };
 
-use super::{file_kind::FileKind, frame::FrameRejected, jpeg};
+use super::{
+    file_kind::{FileKind, reader},
+    frame::FrameRejected,
+    jpeg,
+};
 use crate::scanner::image::{ByteOrder, Image, PixelFormat};
 
 /// Byte order of the 16-bit samples from a decoder.
@@ -64,24 +66,23 @@ pub(super) fn decode(
     pixels: &mut Vec<u8>,
 ) -> Result<Shape, FrameRejected> {
     let file = File { kind, length: data.len(), max_frame_bytes };
-    let reader = Cursor::new(data);
     match kind {
-        FileKind::Png => file.read(PngDecoder::with_limits(reader, file.limits()), pixels),
+        FileKind::Png => file.read(PngDecoder::with_limits(reader(data), file.limits()), pixels),
         FileKind::Jpeg => {
             let whole = jpeg::whole(data);
             let whole = whole.ok_or(FrameRejected::Truncated { length: data.len() })?;
-            file.read(JpegDecoder::new(Cursor::new(whole)), pixels)
+            file.read(JpegDecoder::new(reader(&whole)), pixels)
         }
-        FileKind::Tiff => file.read(TiffDecoder::new(reader), pixels),
+        FileKind::Tiff => file.read(TiffDecoder::new(reader(data)), pixels),
         FileKind::Bmp => {
-            let mut shape = file.read(BmpDecoder::new(reader), pixels)?;
+            let mut shape = file.read(BmpDecoder::new(reader(data)), pixels)?;
             if shape.format == PixelFormat::Rgb8 && has_grey_palette(data) {
                 keep_samples(pixels, 3, 1);
                 shape.format = PixelFormat::Mono8;
             }
             Ok(shape)
         }
-        FileKind::Pnm => file.read(PnmDecoder::new(reader), pixels),
+        FileKind::Pnm => file.read(PnmDecoder::new(reader(data)), pixels),
     }
 }
 
@@ -178,6 +179,8 @@ fn has_grey_palette(file: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
     use image::{
         DynamicImage, GrayImage, ImageBuffer, ImageFormat, Luma, LumaA, Rgb, RgbImage, Rgba,
         RgbaImage,

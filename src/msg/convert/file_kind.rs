@@ -108,10 +108,15 @@ impl FileKind {
             Self::Bmp => ImageFormat::Bmp,
             Self::Pnm => ImageFormat::Pnm,
         };
-        let decoder = ImageReader::with_format(Cursor::new(file), format).into_decoder()?;
+        let decoder = ImageReader::with_format(reader(file), format).into_decoder()?;
         let (width, height) = decoder.dimensions();
         Ok(([width, height], decoder.color_type()))
     }
+}
+
+/// Returns a reader of bytes in memory.
+pub(super) const fn reader(bytes: &[u8]) -> Cursor<&[u8]> {
+    Cursor::new(bytes)
 }
 
 fn is_depth(format: &str, data: &[u8]) -> bool {

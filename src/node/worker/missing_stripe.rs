@@ -89,7 +89,7 @@ mod tests {
 
     /// Shares of the frames, and whether each was examined; `None`: it counts as one with a stripe.
     fn examined(samples: &[u8], shares: &[f64]) -> Vec<Option<bool>> {
-        let image = Image::packed(64, 48, PixelFormat::Mono8, samples).unwrap();
+        let image = Image::packed(64, 96, PixelFormat::Mono8, samples).unwrap();
         let pipeline = Pipeline::new(Params::default(), None);
         let mut explainer = Explainer::default();
         let mut note = |share: &f64| explainer.note_frame(*share, &pipeline, &image);
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn short_lines_leave_the_examinations_to_empty_frames() {
-        let dark = [0; 64 * 48];
+        let dark = [0; 64 * 96];
         let found = examined(&dark, &[0.1, 0.1, 0.1, 0.1, 0.1, 0.0, 0.1, 0.0, 0.5, 0.0, 0.0]);
         let empty: Vec<_> = found.into_iter().flatten().collect();
         assert_eq!(empty, [true, true, false, true], "the first, second and fourth");
@@ -107,7 +107,7 @@ mod tests {
     #[test]
     fn short_lines_across_the_searched_direction_are_no_stripe() {
         let vertical: Vec<u8> =
-            (0..64 * 48).map(|at| if (30..36).contains(&(at % 64)) { 200 } else { 5 }).collect();
+            (0..64 * 96).map(|at| if (30..38).contains(&(at % 64)) { 200 } else { 5 }).collect();
         assert_eq!(
             examined(&vertical, &[0.1, 0.1, 0.1, 0.0]),
             [Some(true), Some(true), Some(false), Some(true)]
