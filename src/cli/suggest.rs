@@ -12,11 +12,16 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
-use super::{Outcome, output};
+use super::{Outcome, Usage, output};
 use crate::{
     node::sampled::{self, Sampled},
+    ros::value::Value,
     scanner::suggestion::{Suggestion, suggest},
 };
+
+/// Endings of pictures.
+const PICTURES: [&str; 10] =
+    ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "pgm", "ppm", "pbm", "pnm"];
 
 /// Looks at some frames of a recording and writes a parameter file for them, with comments.
 ///
@@ -54,13 +59,17 @@ found, the likely reason is printed, no file is written, and the exit code is 1.
 
 --json prints one object:
   topic, frames, examined, unusable, line_share (of the cross-sections with the line, 0 to 1), line_share_of_defaults,
-  width_px, parameters (name: value), output, picture";
+  width_px, parameters (name: value; numbers are numbers), output, picture";
 
 /// Suggests parameters, writes them, and prints them or a summary on `out`.
 ///
 /// # Errors
-/// The recording cannot be read, no line is found, or a file exists or cannot be written.
+/// [`Usage`] if the output is named like a picture; the recording cannot be read, no line is found, or a file exists or
+/// cannot be written.
 pub(crate) fn run(args: &SuggestArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    if let Some(path) = &args.output {
+        refuse_picture(path)?;
+    }
     let picture_path = args.output.as_ref().map(|path| path.with_extension("png"));
     if !args.force {
         for path in args.output.iter().chain(&picture_path) {
@@ -98,6 +107,20 @@ pub(crate) fn run(args: &SuggestArgs, out: &mut dyn Write) -> anyhow::Result<Out
     Ok(Outcome::Done)
 }
 
+/// The picture gets its name from the parameter file, which must have another.
+fn refuse_picture(path: &Path) -> Result<(), Usage> {
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    if PICTURES.iter().any(|picture| ending == *picture) {
+        let (path, yaml) = (path.display(), path.with_extension("yaml"));
+        let yaml = yaml.display();
+        return Err(Usage(format!(
+            "-o {path} is named like a picture, but the output is a parameter file in YAML: use -o {yaml}; the picture of \
+             the line is written beside it, with the ending .png"
+        )));
+    }
+    Ok(())
+}
+
 fn draw(suggestion: &Suggestion, sampled: &Sampled, path: &Path) -> anyhow::Result<()> {
     let middle = sampled.pictures.get(sampled.pictures.len() / 2);
     let view = middle.context("the recording holds no frames")?.view();
@@ -107,7 +130,7 @@ fn draw(suggestion: &Suggestion, sampled: &Sampled, path: &Path) -> anyhow::Resu
 fn summary(suggestion: &Suggestion, sampled: &Sampled, args: &SuggestArgs) -> serde_json::Value {
     let parameters: serde_json::Map<_, _> = file::changed(&suggestion.params)
         .into_iter()
-        .map(|changed| (changed.name.to_owned(), json!(changed.value)))
+        .map(|changed| (changed.name.to_owned(), in_json(changed.value)))
         .collect();
     json!({
         "topic": sampled.topic,
@@ -121,4 +144,14 @@ fn summary(suggestion: &Suggestion, sampled: &Sampled, args: &SuggestArgs) -> se
         "output": args.output,
         "picture": args.output.as_ref().map(|path| path.with_extension("png")),
     })
+}
+
+fn in_json(value: Value) -> serde_json::Value {
+    match value {
+        Value::Bool(value) => json!(value),
+        Value::Integer(value) => json!(value),
+        Value::Float(value) => json!(value),
+        Value::Text(value) => json!(value),
+        Value::TextList(values) => json!(values),
+    }
 }

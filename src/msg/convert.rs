@@ -1,8 +1,8 @@
 //! Conversions between messages and the scanner's types: images in, results out. Borrows wherever possible.
 
 mod encoding;
-mod picture_file;
 mod jpeg;
+pub(crate) mod decode;
 pub(crate) mod file_kind;
 pub(crate) mod picture_message;
 pub(crate) mod frame;

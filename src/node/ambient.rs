@@ -4,9 +4,9 @@ use std::path::Path;
 
 use thiserror::Error;
 
-use super::input::{self, InputError};
+use super::only_topic::{self, OnlyTopicError};
 use crate::{
-    bag::{BagError, Filter, ReadOptions, pictures},
+    bag::{BagError, Filter},
     msg::{
         cdr,
         convert::{
@@ -15,10 +15,7 @@ use crate::{
         },
         sensor_msgs::{CompressedImage, Image},
     },
-    ros::{
-        names::{NameError, NodeNames},
-        node_params::ImageTransport,
-    },
+    ros::node_params::ImageTransport,
     scanner::{
         channel::{AnyPlane, Decoder, SearchedRegion},
         image,
@@ -32,12 +29,9 @@ pub(crate) enum AmbientCaptureError {
     /// The recording cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
-    /// The recording has no image topic, or several.
+    /// The recording cannot be opened, or has no image topic, or several.
     #[error(transparent)]
-    Input(#[from] InputError),
-    /// The node's name is invalid.
-    #[error(transparent)]
-    Name(#[from] NameError),
+    Topic(#[from] OnlyTopicError),
     /// An image message cannot be decoded.
     #[error("message {number}: {source}")]
     Message {
@@ -136,11 +130,7 @@ pub(crate) fn mean(
     max_frame_bytes: u64,
     mut on_frame: impl FnMut(u64),
 ) -> Result<Mean, AmbientCaptureError> {
-    let reader = pictures::open(bag, &ReadOptions::default())?;
-    let topics: Vec<_> =
-        reader.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
-    let names = NodeNames::new("laser_profiler", &[])?;
-    let topic = input::choose(&topics, &names, "", None)?;
+    let (reader, topic) = only_topic::open(bag)?;
     let (mut mean, mut decoder, mut pixels) = (Mean::default(), Decoder::default(), Vec::new());
     for (number, message) in reader.messages(&Filter::topics([&topic.name[..]])).enumerate() {
         let data = message?.data;

@@ -16,6 +16,7 @@ pub mod sink;
 pub(crate) mod fan_out;
 pub(crate) mod topics;
 pub(crate) mod calibration_file;
+mod only_topic;
 pub(crate) mod ambient;
 pub(crate) mod sampled;
 pub(crate) mod ambient_file;

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use super::{ambient::AmbientCaptureError, input};
+use super::{ambient::AmbientCaptureError, only_topic};
 use crate::{
-    bag::{Filter, ReadOptions, pictures},
+    bag::Filter,
     msg::{
         cdr,
         convert::{compressed, frame},
         sensor_msgs::{CompressedImage, Image},
     },
-    ros::{names::NodeNames, node_params::ImageTransport},
+    ros::node_params::ImageTransport,
     scanner::image::{self, OwnedImage},
 };
 
@@ -22,24 +22,20 @@ pub(crate) struct Sampled {
     pub(crate) num_frames: usize,
     /// Some of them, in the order of the recording, all of the size and format of the first.
     pub(crate) pictures: Vec<OwnedImage>,
-    /// Frames of another size or format, or that cannot be decoded, among those looked at.
+    /// Frames of another size or format, or that cannot be read, among those looked at.
     pub(crate) num_unusable: usize,
 }
 
 /// Reads up to `count` frames of the recording's only image topic, spread over it.
 ///
 /// # Errors
-/// The recording cannot be read, does not have exactly one image topic, or has no usable frame.
+/// The recording cannot be opened, does not have exactly one image topic, or has no usable frame.
 pub(crate) fn frames(
     bag: &Path,
     count: usize,
     max_frame_bytes: u64,
 ) -> Result<Sampled, AmbientCaptureError> {
-    let reader = pictures::open(bag, &ReadOptions::default())?;
-    let topics: Vec<_> =
-        reader.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
-    let names = NodeNames::new("laser_profiler", &[])?;
-    let topic = input::choose(&topics, &names, "", None)?;
+    let (reader, topic) = only_topic::open(bag)?;
     let filter = || Filter::topics([&topic.name[..]]);
     let num_frames = reader.messages(&filter()).count();
     let mut sampled =
@@ -51,8 +47,10 @@ pub(crate) fn frames(
         if wanted.next_if_eq(&number).is_none() {
             continue;
         }
-        let data = message?.data;
-        match decode(&data, topic.transport, max_frame_bytes, &mut pixels) {
+        let decoded = message.ok().and_then(|message| {
+            decode(&message.data, topic.transport, max_frame_bytes, &mut pixels)
+        });
+        match decoded {
             Some(picture)
                 if sampled.pictures.first().is_none_or(|first| alike(first, &picture)) =>
             {

@@ -14,10 +14,7 @@ use crate::{
     bag::RawMessage,
     msg::{
         cdr,
-        convert::{
-            FrameRejected,
-            compressed::{self, Shape},
-        },
+        convert::{FrameRejected, compressed, decode::Shape},
         sensor_msgs::CompressedImage,
     },
     scanner::image::Image,

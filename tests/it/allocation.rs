@@ -13,8 +13,8 @@ use laser_profiler::{
             track::{Limits, Track},
         },
         params::{
-            Background, Exposure, ExtractionParams, Method, NoiseSource, Params, PeakSelection,
-            StripeDirection, Threshold,
+            Background, Channel, Exposure, ExtractionParams, Method, NoiseSource, Params,
+            PeakSelection, StripeDirection, Threshold,
         },
         pipeline::Pipeline,
     },
@@ -33,7 +33,16 @@ fn frames_slices_and_scans_allocate_nothing() {
         (StripeDirection::Vertical, Exposure::Single, plain),
         (StripeDirection::Horizontal, Exposure::Alternating, smoothed),
     ] {
-        allocates_nothing(direction, exposure, extraction);
+        allocates_nothing(direction, exposure, extraction, PixelFormat::Mono8);
+    }
+}
+
+/// Every scan chooses its channel anew.
+#[test]
+fn the_choice_of_a_channel_allocates_nothing() {
+    for direction in [StripeDirection::Horizontal, StripeDirection::Vertical] {
+        let plain = ExtractionParams::default();
+        allocates_nothing(direction, Exposure::Single, plain, PixelFormat::Rgb8);
     }
 }
 
@@ -51,7 +60,7 @@ fn no_method_allocates_in_a_real_scenes_configuration() {
                 noise: NoiseSource::Estimated,
                 ..ExtractionParams::default()
             };
-            allocates_nothing(direction, Exposure::Single, extraction);
+            allocates_nothing(direction, Exposure::Single, extraction, PixelFormat::Mono8);
         }
     }
 }
@@ -66,7 +75,8 @@ fn no_selection_allocates() {
             max_width_px: Some(60),
             ..ExtractionParams::default()
         };
-        allocates_nothing(StripeDirection::Horizontal, Exposure::Single, extraction);
+        let direction = StripeDirection::Horizontal;
+        allocates_nothing(direction, Exposure::Single, extraction, PixelFormat::Mono8);
     }
 }
 
@@ -110,12 +120,18 @@ fn positions_allocate_nothing() {
     assert_eq!(found, 5998);
 }
 
-fn allocates_nothing(direction: StripeDirection, exposure: Exposure, extraction: ExtractionParams) {
+fn allocates_nothing(
+    direction: StripeDirection,
+    exposure: Exposure,
+    extraction: ExtractionParams,
+    format: PixelFormat,
+) {
     let scanner = NodeParams::new(&Parameters::default()).unwrap().cameras[0].scanner;
     let params = Params {
         stripe_direction: direction,
         exposure,
         extraction,
+        channel: Channel::Auto,
         slice_profiles: 4,
         scan_max_profiles: 10,
         ..scanner
@@ -136,18 +152,28 @@ fn allocates_nothing(direction: StripeDirection, exposure: Exposure, extraction:
                 centre,
                 &mut samples,
             );
-            samples
+            // In colour, the stripe is red and clips there first.
+            match format {
+                PixelFormat::Rgb8 => {
+                    samples.into_iter().flat_map(|red| [red, red / 2, red / 4]).collect()
+                }
+                _ => samples,
+            }
         })
         .collect();
     let mut pipeline = Pipeline::new(params, Some(Calibration::from_yaml(RIG).unwrap()));
-    let mut points = 0;
+    let (mut points, mut choices) = (0, 0);
     let mut process = |number: usize| {
-        let image =
-            Image::new(width, height, width, PixelFormat::Mono8, &frames[number % 5]).unwrap();
+        let image = Image::packed(width, height, format, &frames[number % 5]).unwrap();
         let index = FrameIndex { frame_number: number as u64, ..FrameIndex::default() };
         let output =
             pipeline.process(&Frame { stamp_ns: number as i64, image }, index, |_| ()).unwrap();
         points += output.slice.map_or(0, |slice| slice.account.points);
+        choices += u32::from(output.channel_choice.is_some());
+        if number % 20 == 19 {
+            let last = pipeline.finish(0, 0).slice;
+            points += last.map_or(0, |slice| slice.account.points);
+        }
     };
     // Two whole scans: every buffer has been both of a pair that takes turns.
     (0..25).for_each(&mut process);
@@ -158,4 +184,5 @@ fn allocates_nothing(direction: StripeDirection, exposure: Exposure, extraction:
         "{direction:?} {extraction:?}: {counted:?}"
     );
     assert!(points > 100 * 600, "the frames were measured: {points} points");
+    assert_eq!(choices, if format == PixelFormat::Rgb8 { 125 } else { 0 });
 }

@@ -3,9 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use laser_profiler::{
-    bag::{
-        BagReader, Compression, Filter, RawMessage, ReadOptions, RecordOptions, Recorder, Times,
-    },
+    bag::{BagReader, Filter, ReadOptions},
     msg::{
         cdr,
         laser_profiler_msgs::Profile,
@@ -14,26 +12,15 @@ use laser_profiler::{
 };
 use tempfile::TempDir;
 
-use crate::program::{end, laser_profiler};
+use crate::{
+    program::{end, laser_profiler},
+    recordings::{
+        RENDERED_IMAGES as IMAGE_TOPIC, RENDERED_INFO as INFO_TOPIC, bytes, copy_edited,
+        render_flat,
+    },
+};
 
-const IMAGE_TOPIC: &str = "/camera/image_raw";
-const INFO_TOPIC: &str = "/camera/camera_info";
 const FRAMES: u64 = 4;
-
-const SCENARIO: &str = "
-frames: 4
-frame_rate_hz: 50.0
-start_time_ns: 1767225600000000000
-seed: 7
-laser: {amplitude: 180.0, sigma_px: 2.0}
-rig:
-  width_px: 320
-  height_px: 200
-  lens: {focal_px: [600.0, 602.0], center_px: [161.0, 98.0], distortion: [-0.2, 0.1, 0, 0, 0, 0, 0, 0]}
-  laser_normal: [0.05, -0.5, 0.85]
-  laser_distance_m: 0.25
-gauge: {reflectance: 0.9, slope: [0.05, 0.0], shape: {flat: {}}}
-";
 
 /// Part of the sensor: first column and row, columns and rows.
 const PART: RegionOfInterest =
@@ -47,11 +34,7 @@ struct Bags {
 impl Bags {
     fn new() -> Self {
         let directory = tempfile::tempdir().unwrap();
-        let scenario = directory.path().join("scenario.yaml");
-        std::fs::write(&scenario, SCENARIO).unwrap();
-        let bag = directory.path().join("whole");
-        let ended = end(laser_profiler(&["simulate", "-o"]).arg(&bag).arg(&scenario));
-        assert_eq!(ended.code, Some(0), "{ended:?}");
+        render_flat(FRAMES, &directory.path().join("whole"));
         Self { directory }
     }
 
@@ -77,42 +60,32 @@ impl Bags {
         image: impl Fn(usize, &Image<'_>) -> Vec<u8>,
         info: impl Fn(usize, CameraInfo<'_>) -> Option<Vec<u8>>,
     ) -> PathBuf {
-        let reader = BagReader::open(&self.path("whole"), &ReadOptions::default()).unwrap();
         let path = self.path(name);
-        let options = RecordOptions { compression: Compression::None, ..RecordOptions::default() };
-        let mut recorder = Recorder::create(&path, options).unwrap();
-        for topic_name in [INFO_TOPIC, IMAGE_TOPIC] {
-            let topic = reader.topics().iter().find(|topic| topic.name == topic_name).unwrap();
-            let id = recorder.add_topic(topic).unwrap();
-            let messages: Vec<RawMessage> =
-                reader.messages(&Filter::topics([topic_name])).map(Result::unwrap).collect();
-            for (number, message) in messages.iter().enumerate() {
-                let bytes = if topic_name == IMAGE_TOPIC {
-                    Some(image(number, &cdr::decode(&message.data).unwrap()))
-                } else {
-                    info(number, cdr::decode(&message.data).unwrap())
-                };
-                let delay_ns = if topic_name == INFO_TOPIC { delay_ns } else { 0 };
-                let log_ns = message.log_time_ns + delay_ns;
-                let times = Times { log_ns, publish_ns: log_ns, sequence: message.sequence };
-                if let Some(bytes) = bytes {
-                    recorder.write(id, times, &bytes).unwrap();
-                }
+        copy_edited(&self.path("whole"), &path, &[INFO_TOPIC, IMAGE_TOPIC], |number, message| {
+            if message.topic.name == IMAGE_TOPIC {
+                let image = image(number, &cdr::decode(&message.data).unwrap());
+                return Some((message.log_time_ns, image));
             }
-        }
-        recorder.finish().unwrap();
+            let info = info(number, cdr::decode(&message.data).unwrap())?;
+            Some((message.log_time_ns + delay_ns, info))
+        });
         path
     }
 
     /// Replays with the calibration of the full sensor; returns rejections, log lines and all profiles.
     fn measured(&self, bag: &Path) -> (u64, String, Vec<Vec<[f32; 2]>>) {
-        let output = bag.with_extension("results");
+        self.measured_in_turn(&[bag])
+    }
+
+    /// Replays recordings one after another.
+    fn measured_in_turn(&self, bags: &[&Path]) -> (u64, String, Vec<Vec<[f32; 2]>>) {
+        let output = bags[0].with_extension("results");
         let file =
             format!("calibration_file:={}", self.path("whole").join("calibration.yaml").display());
         let area = "extraction.min_segment_area:=60";
         let arguments = ["--ros-args", "-p", &file, "-p", area];
-        let mut command = laser_profiler(&["replay", "--json", "-o"]);
-        let ended = end(command.arg(&output).arg(bag).args(arguments));
+        let mut command = laser_profiler(&["replay", "--json", "--force", "-o"]);
+        let ended = end(command.arg(&output).args(bags).args(arguments));
         let summary: serde_json::Value = serde_json::from_str(&ended.stdout).unwrap();
         let rejected = summary["frames"]["rejected"].as_u64().unwrap();
         assert_eq!(ended.code, Some(if rejected == 0 { 0 } else { 3 }), "{ended:?}");
@@ -125,12 +98,6 @@ impl Bags {
             });
         (rejected, ended.stderr, profiles.collect())
     }
-}
-
-fn bytes<M: laser_profiler::msg::schema::Message>(message: &M) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    cdr::encode(message, &mut bytes).unwrap();
-    bytes
 }
 
 /// The part of an image.
@@ -296,4 +263,42 @@ fn a_description_of_zeros_means_that_nothing_is_known() {
         let (rejected, stderr, profiles) = bags.measured(&bag);
         assert_eq!((rejected, &profiles), (0, &whole), "{name}: {stderr}");
     }
+}
+
+/// What is known of the first recording's camera says nothing about the second one's.
+#[test]
+fn every_recording_waits_for_its_own_description() {
+    let bags = Bags::new();
+    let whole = bags.path("whole");
+    let (_, _, profiles) = bags.measured(&whole);
+    let other = |_, mut info: CameraInfo<'_>| {
+        info.k[0] *= 1.05;
+        Some(bytes(&info))
+    };
+    let same = |_, info: CameraInfo<'_>| Some(bytes(&info));
+    let part = |_, info: CameraInfo<'_>| Some(bytes(&CameraInfo { roi: PART, ..info }));
+    // After the third of four images, 20 ms apart.
+    let late_ns = 41_000_000;
+    let other = bags.edited_late("other", late_ns, |_, image| bytes(image), other);
+    let again = bags.edited_late("again", late_ns, |_, image| bytes(image), same);
+    let part = bags.edited_late("part", late_ns, |_, image| cropped(image), part);
+    let bare = bags.edited("bare", |_, image| bytes(image), |_, _| None);
+    let many = profiles.len() as u64;
+
+    let (rejected, stderr, found) = bags.measured_in_turn(&[&whole, &other]);
+    assert_eq!((rejected, found), (many, profiles.clone()), "{stderr}");
+    let (rejected, stderr, found) = bags.measured_in_turn(&[&other, &again]);
+    assert_eq!((rejected, found), (many, profiles.clone()), "{stderr}");
+    let (rejected, stderr, found) = bags.measured_in_turn(&[&again, &part]);
+    assert_eq!((rejected, found.len() as u64), (0, 2 * many), "{stderr}");
+    // Without a description of its own, a recording is of the whole sensor.
+    let (rejected, stderr, found) = bags.measured_in_turn(&[&part, &bare]);
+    // Both have the same times.
+    let (of_bare, of_part): (Vec<_>, Vec<_>) =
+        found.into_iter().partition(|profile| profile.len() == profiles[0].len());
+    assert_eq!(
+        (rejected, of_bare, of_part.len()),
+        (0, profiles.clone(), profiles.len()),
+        "{stderr}"
+    );
 }

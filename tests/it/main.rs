@@ -33,6 +33,7 @@ mod alternating_exposures;
 mod positions;
 mod standing;
 mod nothing_found;
+mod suggest;
 mod smoothing;
 mod allocation;
 mod camera_info;

@@ -1,9 +1,13 @@
-//! Recordings to replay: bundled ones, real ones, and small ones made here whose centrelines are known.
+//! Recordings to replay: bundled ones, real ones, small ones made here whose centrelines are known, rendered ones, and
+//! edited copies.
 
 use std::path::{Path, PathBuf};
 
 use laser_profiler::{
-    bag::{BagReader, Compression, Filter, ReadOptions, RecordOptions, Recorder, Times, Topic},
+    bag::{
+        BagReader, Compression, Filter, RawMessage, ReadOptions, RecordOptions, Recorder, Times,
+        Topic,
+    },
     msg::{
         builtin_interfaces::Time,
         cdr,
@@ -15,7 +19,7 @@ use laser_profiler::{
     },
 };
 
-use crate::program::skip;
+use crate::program::{end, laser_profiler, skip};
 
 pub(crate) const WIDTH: u32 = 160;
 pub(crate) const HEIGHT: u32 = 32;
@@ -40,6 +44,65 @@ pub(crate) fn real(name: &str) -> Option<PathBuf> {
     }
     skip(name, &format!("{} is missing", path.display()));
     None
+}
+
+/// Topics of a rendered recording.
+pub(crate) const RENDERED_IMAGES: &str = "/camera/image_raw";
+pub(crate) const RENDERED_INFO: &str = "/camera/camera_info";
+
+/// Renders a recording of a sloping flat, 320 x 200 pixels at 50 Hz, with its `calibration.yaml`.
+pub(crate) fn render_flat(frames: u64, bag: &Path) {
+    let scenario = format!(
+        "
+frames: {frames}
+frame_rate_hz: 50.0
+start_time_ns: {START_NS}
+seed: 7
+laser: {{amplitude: 180.0, sigma_px: 2.0}}
+rig:
+  width_px: 320
+  height_px: 200
+  lens: {{focal_px: [600.0, 602.0], center_px: [161.0, 98.0], distortion: [-0.2, 0.1, 0, 0, 0, 0, 0, 0]}}
+  laser_normal: [0.05, -0.5, 0.85]
+  laser_distance_m: 0.25
+gauge: {{reflectance: 0.9, slope: [0.05, 0.0], shape: {{flat: {{}}}}}}
+"
+    );
+    let file = bag.with_extension("scenario.yaml");
+    std::fs::write(&file, scenario).unwrap();
+    let ended = end(laser_profiler(&["simulate", "-o"]).arg(bag).arg(&file));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+}
+
+/// Copies topics of a recording with other log times and contents; `None` leaves a message out.
+pub(crate) fn copy_edited(
+    from: &Path,
+    to: &Path,
+    topics: &[&str],
+    edit: impl Fn(usize, &RawMessage) -> Option<(i64, Vec<u8>)>,
+) {
+    let reader = BagReader::open(from, &ReadOptions::default()).unwrap();
+    let options = RecordOptions { compression: Compression::None, force: false };
+    let mut recorder = Recorder::create(to, options).unwrap();
+    for &name in topics {
+        let topic = reader.topics().iter().find(|topic| topic.name == name).unwrap();
+        let id = recorder.add_topic(topic).unwrap();
+        for (number, message) in reader.messages(&Filter::topics([name])).enumerate() {
+            let message = message.unwrap();
+            if let Some((log_ns, bytes)) = edit(number, &message) {
+                let times = Times { log_ns, publish_ns: log_ns, sequence: message.sequence };
+                recorder.write(id, times, &bytes).unwrap();
+            }
+        }
+    }
+    recorder.finish().unwrap();
+}
+
+/// CDR bytes of a message.
+pub(crate) fn bytes<M: Message>(message: &M) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    cdr::encode(message, &mut bytes).unwrap();
+    bytes
 }
 
 /// A level stripe, `mono8`.
@@ -75,9 +138,7 @@ pub(crate) fn image_of(data: &[u8], number: usize, edit: impl FnOnce(&mut Image<
         data,
     };
     edit(&mut image);
-    let mut bytes = Vec::new();
-    cdr::encode(&image, &mut bytes).unwrap();
-    bytes
+    bytes(&image)
 }
 
 /// CDR bytes of a picture in colour as frame `number`.
@@ -127,7 +188,7 @@ pub(crate) fn record_images(directory: &Path, messages: &[Vec<u8>]) -> Vec<u64> 
 pub(crate) fn centerline_stamps(results: &Path) -> Vec<i64> {
     let reader = BagReader::open(results, &ReadOptions::default()).unwrap();
     let messages = reader.messages(&Filter::topics(["/laser_profiler/centerline"]));
-    let stamp = |message: laser_profiler::bag::RawMessage| {
+    let stamp = |message: RawMessage| {
         let centerline: Centerline<'_> = cdr::decode(&message.data).unwrap();
         assert_eq!(centerline.u.len(), WIDTH as usize, "a point in every column");
         let is_right = |v: &f32| (v - CENTER_ROW as f32).abs() < 1e-4;

@@ -136,7 +136,7 @@ fn summary(ratios: &[ScatterRatio], value: impl Fn(&ScatterRatio) -> f64) -> [f6
         .map(|share| laser_profiler::statistics::quantile(&values, share).unwrap_or(f64::NAN))
 }
 
-/// Prints a row and returns a complaint if it is beyond the limits.
+/// Prints a row and returns a complaint if it is beyond the limits, or if no frame gave a ratio.
 fn judged(
     name: &str,
     method: Method,
@@ -160,7 +160,7 @@ fn judged(
         parabola[1]
     );
     eprintln!("{row}");
-    let is_good = ratios.is_empty() || MEDIAN.contains(&differences[0]) && differences[1] <= P95;
+    let is_good = !ratios.is_empty() && MEDIAN.contains(&differences[0]) && differences[1] <= P95;
     (!is_good).then_some(row)
 }
 

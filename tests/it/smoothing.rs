@@ -4,7 +4,7 @@ use laser_profiler::{
     scanner::{
         image::{Image, PixelFormat},
         params::{ExtractionParams, Method, StripeDirection},
-        stripe::{Centerline, Extractor},
+        stripe::{Centerline, Extractor, SigmaParts},
     },
     simulate::stripe::{StripeScene, render_stripe},
 };
@@ -25,14 +25,21 @@ fn scene() -> StripeScene {
 }
 
 fn extract(truth_px: impl Fn(u32) -> f64, params: ExtractionParams) -> Centerline {
+    extract_with_parts(truth_px, params).0
+}
+
+fn extract_with_parts(
+    truth_px: impl Fn(u32) -> f64,
+    params: ExtractionParams,
+) -> (Centerline, SigmaParts) {
     let scene = scene();
     let mut samples = Vec::new();
     render_stripe(&scene, truth_px, &mut samples);
     let image = Image::packed(scene.width, scene.height, PixelFormat::Mono8, &samples).unwrap();
     let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
-    let centerline = extractor.extract(&image);
+    let centerline = extractor.extract(&image).clone();
     assert_eq!(centerline.len(), scene.width as usize, "columns are missing");
-    centerline.clone()
+    (centerline, extractor.sigma_parts().unwrap())
 }
 
 fn params(method: Method, blur_radius: u32, smoothing_columns: u32) -> ExtractionParams {
@@ -99,4 +106,44 @@ fn a_step_of_seven_pixels_moves_no_column() {
         eprintln!("{num} points: {num_off} columns more than 0.5 px off a step of 7 px");
         assert!(num_off <= 1, "{num} points: {num_off} columns");
     }
+}
+
+/// Twelve uniform numbers from a linear congruential generator (Knuth's) add up to a normal one of variance 1.
+fn normal(column: u32) -> f64 {
+    let mut state = u64::from(column) + 1;
+    let mut uniform = || {
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        f64::from((state >> 32) as u32) / f64::from(u32::MAX)
+    };
+    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+}
+
+/// Smoothing reduces sigma, but not its shares.
+#[test]
+fn the_shares_of_sigma_are_those_before_smoothing() {
+    const TEXTURE_PX: f32 = 0.2;
+    let rough = |column: u32| wave_px(column) + f64::from(TEXTURE_PX) * normal(column);
+    for truth_px in [&wave_px as &dyn Fn(u32) -> f64, &rough] {
+        let of = |columns| extract_with_parts(truth_px, params(Method::GaussianMl, 3, columns));
+        let ((plain, parts), (smooth, parts_of_smooth)) = (of(1), of(9));
+        assert_eq!(parts, parts_of_smooth);
+        let median = |line: &Centerline| {
+            let mut sigmas_px = line.sigma_px.clone();
+            sigmas_px.sort_by(f32::total_cmp);
+            sigmas_px[sigmas_px.len() / 2]
+        };
+        let whole_px = parts.noise_px.hypot(parts.texture_px);
+        assert!((whole_px / median(&plain) - 1.0).abs() < 1e-3, "{parts:?}");
+        assert!(median(&smooth) < 0.7 * whole_px, "{}", median(&smooth));
+    }
+    let parts = |truth_px| extract_with_parts(truth_px, params(Method::GaussianMl, 3, 1)).1;
+    let (smooth, rough) = (parts(&wave_px as &dyn Fn(u32) -> f64), parts(&rough));
+    assert!((rough.noise_px / smooth.noise_px - 1.0).abs() < 0.1, "{smooth:?} {rough:?}");
+    assert!((rough.texture_px / TEXTURE_PX - 1.0).abs() < 0.15, "{rough:?}");
+    assert!(smooth.texture_px < 0.3 * smooth.noise_px, "{smooth:?}");
+    let black = Image::packed(8, 8, PixelFormat::Mono8, &[0; 64]).unwrap();
+    let mut extractor = Extractor::default();
+    extractor.extract(&black);
+    assert_eq!(extractor.sigma_parts(), None);
 }

@@ -3,35 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use laser_profiler::{
-    bag::{BagReader, Filter, ReadOptions, RecordOptions, Recorder, Times},
+    bag::{BagReader, Filter, ReadOptions},
     msg::{builtin_interfaces::Time, cdr, laser_profiler_msgs::SliceInfo, sensor_msgs::Image},
 };
 use serde_json::Value as Json;
 use tempfile::TempDir;
 
-use crate::program::{Ended, end, laser_profiler, replay};
+use crate::{
+    program::{Ended, end, laser_profiler, replay},
+    recordings::{RENDERED_IMAGES, bytes, copy_edited, render_flat},
+};
 
-const IMAGE_TOPIC: &str = "/camera/image_raw";
 const FRAMES: u64 = 24;
-
-fn scenario(frames: u64) -> String {
-    format!(
-        "
-frames: {frames}
-frame_rate_hz: 50.0
-start_time_ns: 1767225600000000000
-seed: 7
-laser: {{amplitude: 180.0, sigma_px: 2.0}}
-rig:
-  width_px: 320
-  height_px: 200
-  lens: {{focal_px: [600.0, 602.0], center_px: [161.0, 98.0], distortion: [-0.2, 0.1, 0, 0, 0, 0, 0, 0]}}
-  laser_normal: [0.05, -0.5, 0.85]
-  laser_distance_m: 0.25
-gauge: {{reflectance: 0.9, slope: [0.05, 0.0], shape: {{flat: {{}}}}}}
-"
-    )
-}
 
 /// A rendered recording.
 struct Recording {
@@ -42,32 +25,19 @@ struct Recording {
 impl Recording {
     fn new(frames: u64) -> Self {
         let directory = tempfile::tempdir().unwrap();
-        let file = directory.path().join("scenario.yaml");
-        std::fs::write(&file, scenario(frames)).unwrap();
         let bag = directory.path().join("bag");
-        let ended = end(laser_profiler(&["simulate", "-o"]).arg(&bag).arg(&file));
-        assert_eq!(ended.code, Some(0), "{ended:?}");
+        render_flat(frames, &bag);
         Self { directory, bag }
     }
 
     /// A copy whose frames carry these stamps.
     fn stamped(&self, stamp_ns: impl Fn(i64) -> i64) -> PathBuf {
         let path = self.directory.path().join("stamped");
-        let reader = BagReader::open(&self.bag, &ReadOptions::default()).unwrap();
-        let topic = reader.topics().iter().find(|topic| topic.name == IMAGE_TOPIC).unwrap();
-        let mut recorder = Recorder::create(&path, RecordOptions::default()).unwrap();
-        let id = recorder.add_topic(topic).unwrap();
-        for (number, message) in (0..).zip(reader.messages(&Filter::topics([IMAGE_TOPIC]))) {
-            let message = message.unwrap();
+        copy_edited(&self.bag, &path, &[RENDERED_IMAGES], |number, message| {
             let mut image: Image<'_> = cdr::decode(&message.data).unwrap();
-            image.header.stamp = Time::from_ns(stamp_ns(number));
-            let mut bytes = Vec::new();
-            cdr::encode(&image, &mut bytes).unwrap();
-            let log_ns = message.log_time_ns;
-            let times = Times { log_ns, publish_ns: log_ns, sequence: message.sequence };
-            recorder.write(id, times, &bytes).unwrap();
-        }
-        recorder.finish().unwrap();
+            image.header.stamp = Time::from_ns(stamp_ns(number as i64));
+            Some((message.log_time_ns, bytes(&image)))
+        });
         path
     }
 

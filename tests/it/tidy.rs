@@ -28,7 +28,7 @@ const MAY_USE: [(&str, &[&str]); 15] = [
     ("ros", &["msg", "parameters", "scanner"]),
     ("bag", &["msg"]),
     ("foxglove", &["msg"]),
-    ("node", &["ros", "bag", "foxglove", "msg", "parameters", "scanner", "statistics"]),
+    ("node", &["ros", "bag", "foxglove", "msg", "parameters", "scanner"]),
     (
         "cli",
         &[

@@ -59,6 +59,11 @@ impl Ambient {
         self.prepared = None;
     }
 
+    /// The stored frame.
+    pub(super) fn view(&self) -> Option<Image<'_>> {
+        self.image.as_ref().map(OwnedImage::view)
+    }
+
     /// True if the stored frame is one channel of grey levels, which `laser_profiler ambient` makes of colour images, too.
     pub(super) fn is_gray(&self) -> bool {
         self.image.as_ref().is_some_and(|image| !image.view().format().has_colors())

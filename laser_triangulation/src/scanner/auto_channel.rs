@@ -118,37 +118,36 @@ impl AutoChannel {
         full_scale: u32,
     ) -> Option<ChannelChoice> {
         self.look(image, searched, params.stripe_direction, full_scale);
+        let Self { sections, order, .. } = self;
         let strongest = |sections: &[Section; 4]| {
             sections.iter().map(|section| section.contrast).fold(0.0, f64::max)
         };
-        self.order.clear();
-        self.order.extend(self.sections.iter().map(strongest));
-        self.order.sort_unstable_by(f64::total_cmp);
-        let typical = quantile(&self.order, 0.9)?;
+        let typical = quantile_of(sections.iter().map(strongest), 0.9, order)?;
         let unit = f64::from(full_scale) / 255.0;
         let least = LEAST_CONTRAST.0 * unit;
         if typical < least {
             return None;
         }
-        let is_lit = |sections: &&[Section; 4]| {
+        let is_lit = |sections: &[Section; 4]| {
             let is_line = |section: &Section| section.contrast >= LEAST_CONTRAST.1 * section.noise;
             sections.iter().any(is_line) && strongest(sections) >= (LIT_SHARE * typical).max(least)
         };
-        let lit: Vec<_> = self.sections.iter().filter(is_lit).collect();
+        let num_sections = sections.len();
+        sections.retain(is_lit);
         // A tenth of the cross-sections: less may be clutter.
-        if 10 * lit.len() < self.sections.len().max(10) {
+        if 10 * sections.len() < num_sections.max(10) {
             return None;
         }
+        let num_lit = sections.len() as f64;
         let figures = [0, 1, 2, 3].map(|at| {
-            self.order.clear();
-            self.order.extend(lit.iter().map(|sections| sections[at].contrast));
-            self.order.sort_unstable_by(f64::total_cmp);
-            let clipped = lit.iter().filter(|sections| sections[at].clipped > 0).count();
-            let samples: u32 = lit.iter().map(|sections| sections[at].clipped).sum();
+            let of_channel = || sections.iter().map(|sections| &sections[at]);
+            let clipped = of_channel().filter(|section| section.clipped > 0).count();
+            let samples: u32 = of_channel().map(|section| section.clipped).sum();
+            let contrasts = of_channel().map(|section| section.contrast);
             Figures {
-                contrast: quantile(&self.order, 0.25).unwrap_or_default(),
-                clipped: clipped as f64 / lit.len() as f64,
-                clipped_px: f64::from(samples) / lit.len() as f64,
+                contrast: quantile_of(contrasts, 0.25, order).unwrap_or_default(),
+                clipped: clipped as f64 / num_lit,
+                clipped_px: f64::from(samples) / num_lit,
             }
         });
         Some(best(&figures, least_of(params, unit)))
@@ -203,27 +202,59 @@ fn least_of(params: &Params, unit: f64) -> f64 {
 /// Returns the least clipped candidate with enough contrast; of equals, the one with the clearly highest contrast, and
 /// of these the first.
 fn best(figures: &[Figures; 4], least_contrast: f64) -> ChannelChoice {
-    let all = || 0..figures.len();
-    let highest = |at: &[usize]| at.iter().map(|&at| figures[at].contrast).fold(0.0, f64::max);
-    let top = highest(&[0, 1, 2, 3]);
-    let brightest = all().find(|&at| figures[at].contrast >= top).unwrap_or_default();
+    let mut left = figures.map(Some);
+    let top = highest(&left);
+    let brightest = first(&left, top).unwrap_or_default();
     let least = (LEAST_SHARE * top).max(least_contrast).min(top);
-    let mut left: Vec<usize> = all().filter(|&at| figures[at].contrast >= least).collect();
+    keep(&mut left, |figures| figures.contrast >= least);
     // Specks and highlights are no reason to prefer a darker channel.
-    let clipped = left.iter().map(|&at| figures[at].clipped).fold(1.0, f64::min);
-    left.retain(|&at| figures[at].clipped <= clipped + FEW_CLIPPED);
+    let clipped = smallest(&left, |figures| figures.clipped);
+    keep(&mut left, |figures| figures.clipped <= clipped + FEW_CLIPPED);
     if clipped > FEW_CLIPPED {
-        let fewest = left.iter().map(|&at| figures[at].clipped_px).fold(f64::MAX, f64::min);
-        left.retain(|&at| figures[at].clipped_px <= SAME_WIDTH * fewest);
+        let fewest = smallest(&left, |figures| figures.clipped_px);
+        keep(&mut left, |figures| figures.clipped_px <= SAME_WIDTH * fewest);
     }
-    let high = (1.0 - SAME_CONTRAST) * highest(&left);
-    let chosen = left.into_iter().find(|&at| figures[at].contrast >= high).unwrap_or(brightest);
+    let chosen = first(&left, (1.0 - SAME_CONTRAST) * highest(&left)).unwrap_or(brightest);
     ChannelChoice {
         channel: CANDIDATES[chosen],
         clipped: figures[chosen].clipped,
         brightest: CANDIDATES[brightest],
         brightest_clipped: figures[brightest].clipped,
     }
+}
+
+/// The candidates that are left.
+type Left = [Option<Figures>; 4];
+
+fn keep(left: &mut Left, is_kept: impl Fn(&Figures) -> bool) {
+    for figures in left {
+        *figures = figures.filter(&is_kept);
+    }
+}
+
+fn smallest(left: &Left, figure: impl Fn(&Figures) -> f64) -> f64 {
+    left.iter().flatten().map(figure).fold(f64::INFINITY, f64::min)
+}
+
+fn highest(left: &Left) -> f64 {
+    left.iter().flatten().map(|figures| figures.contrast).fold(0.0, f64::max)
+}
+
+/// Place of the first candidate with at least this contrast.
+fn first(left: &Left, contrast: f64) -> Option<usize> {
+    left.iter().position(|figures| figures.is_some_and(|figures| figures.contrast >= contrast))
+}
+
+/// Returns the quantile of numbers, which replace the content of `order`.
+fn quantile_of(
+    numbers: impl Iterator<Item = f64>,
+    share: f64,
+    order: &mut Vec<f64>,
+) -> Option<f64> {
+    order.clear();
+    order.extend(numbers);
+    order.sort_unstable_by(f64::total_cmp);
+    quantile(order, share)
 }
 
 /// Replaces `samples` by those of a plane one sample wide or high.

@@ -17,7 +17,7 @@ use super::{
     params::{Background, Channel, Exposure, MotionSource, Params},
     profile::Profile,
     scan::{Completed, Scan, ScanEntry, Slice},
-    stripe::{Centerline, Extractor},
+    stripe::{Centerline, Extractor, SigmaParts},
 };
 
 /// Measures frame after frame. Owns all buffers: after the first frame of a size and the first two scans it does not
@@ -185,7 +185,7 @@ impl Pipeline {
             centerline: &self.centerline,
             channel,
             stripe_share: diagnosis::stripe_share(&self.centerline, &self.params, &searched),
-            texture_px: self.extractor.texture_px(),
+            sigma_parts: self.extractor.sigma_parts(),
             channel_choice: (self.params.channel == Channel::Auto)
                 .then(|| self.auto_channel.choice())
                 .flatten(),
@@ -223,7 +223,8 @@ impl Pipeline {
             Channel::Auto => choice.unwrap_or(Channel::Max),
             named => named,
         };
-        diagnosis::diagnose(image, &Params { channel, ..self.params })
+        let reference = self.ambient.view();
+        diagnosis::diagnose(image, &Params { channel, ..self.params }, reference.as_ref())
     }
 
     /// A calibration holds for one image size: another one would be measured at the wrong place.
@@ -358,8 +359,8 @@ pub struct Output<'a> {
     /// Share of the cross-sections with a point of an unbroken line, 0 to 1. 0: no stripe was found, or stray points
     /// only; see [`Pipeline::explain`].
     pub stripe_share: f64,
-    /// Standard deviation of the centres from speckle and texture, pixels: see [`Extractor::texture_px`].
-    pub texture_px: f32,
+    /// Shares of noise and texture in the uncertainty of the centres; `None` without points.
+    pub sigma_parts: Option<SigmaParts>,
     /// The channel that was measured. For `channel: auto` it is the choice of this scan, the largest colour until a frame
     /// shows the line, and `auto` for grey images.
     pub channel: Channel,

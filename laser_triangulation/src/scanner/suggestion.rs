@@ -64,7 +64,7 @@ pub fn suggest(pictures: &[OwnedImage]) -> Option<Suggestion> {
             share_of_defaults,
             width_px: f64::NAN,
             range_px: None,
-            diagnosis: Some(diagnose(first, &default_of(&views))),
+            diagnosis: Some(diagnose(first, &default_of(&views), None)),
         });
     }
     // The sets of both directions have the same order: the simplest of either comes first.

@@ -4,121 +4,99 @@ use std::fmt::Write as _;
 
 use crate::{
     node::sampled::Sampled,
-    scanner::{
-        params::{Background, ExtractionParams, Params},
-        suggestion::Suggestion,
-    },
+    ros::value::Value,
+    scanner::{params::Params, suggestion::Suggestion},
 };
+
+const REGION: &str =
+    "The line stays in this part of the picture. Widen it if parts move the line further.";
+
+/// A parameter of the file: name, value, and the reason as a comment.
+type Row = (&'static str, fn(&Params) -> Value, &'static str);
+
+/// Every parameter that may be suggested, groups together.
+const ROWS: [Row; 15] = [
+    (
+        "stripe_direction",
+        |params| word(params.stripe_direction.name()),
+        "The line runs from top to bottom: one point per row.",
+    ),
+    (
+        "channel",
+        |params| word(params.channel.name()),
+        "Of the channels that show the line, the one that clips it least.",
+    ),
+    ("full_scale", |params| number(params.full_scale), "No sample needs more bits."),
+    ("roi.x_offset", |params| number(params.roi.x_offset), REGION),
+    ("roi.y_offset", |params| number(params.roi.y_offset), REGION),
+    ("roi.width", |params| number(params.roi.width), REGION),
+    ("roi.height", |params| number(params.roi.height), REGION),
+    (
+        "extraction.blur_radius",
+        |params| number(params.extraction.blur_radius),
+        "More blur would merge a narrow line with its surroundings.",
+    ),
+    (
+        "extraction.background",
+        |params| word(params.extraction.background.name()),
+        "The surroundings are bright: what is wider than the window is background.",
+    ),
+    (
+        "extraction.background_window",
+        |params| number(params.extraction.background_window_px),
+        "Several times the width of the line, pixels.",
+    ),
+    (
+        "extraction.threshold",
+        |params| word(params.extraction.threshold.name()),
+        "Follows the noise of each frame.",
+    ),
+    (
+        "extraction.threshold_sigmas",
+        |params| Value::Float(params.extraction.threshold_sigmas),
+        "Lower for fainter parts of the line, higher against clutter.",
+    ),
+    (
+        "extraction.min_segment_area",
+        |params| number(params.extraction.min_segment_area),
+        "Pixels: keeps short pieces of the line.",
+    ),
+    (
+        "extraction.peak_selection",
+        |params| word(params.extraction.peak_selection.name()),
+        "Clutter may be brighter than the line, but it forms no line.",
+    ),
+    (
+        "extraction.max_step",
+        |params| Value::Float(params.extraction.max_step_px),
+        "Pixels from one point to the next; more is a break.",
+    ),
+];
+
+fn word(name: &str) -> Value {
+    Value::Text(name.to_owned())
+}
+
+/// A whole number; 0 for none.
+fn number(value: impl Into<Option<u32>>) -> Value {
+    Value::Integer(value.into().unwrap_or(0).into())
+}
 
 /// A parameter that differs from its default.
 pub(super) struct Changed {
     /// Its name, with dots.
     pub(super) name: &'static str,
-    /// Its value as in a parameter file.
-    pub(super) value: String,
+    /// Its value.
+    pub(super) value: Value,
     /// The reason.
     why: &'static str,
 }
 
 /// Returns the suggested parameters that differ from their defaults, groups together.
 pub(super) fn changed(params: &Params) -> Vec<Changed> {
-    let mut list = of_picture(params);
-    list.extend(of_extraction(&params.extraction));
-    list
-}
-
-fn of_picture(params: &Params) -> Vec<Changed> {
     let defaults = Params::default();
-    let mut list = Vec::new();
-    let mut add = |name, is_changed: bool, value: String, why| {
-        if is_changed {
-            list.push(Changed { name, value, why });
-        }
-    };
-    let word = |text: &str| text.to_owned();
-    add(
-        "stripe_direction",
-        params.stripe_direction != defaults.stripe_direction,
-        word(params.stripe_direction.name()),
-        "The line runs from top to bottom: one point per row.",
-    );
-    add(
-        "channel",
-        params.channel != defaults.channel,
-        word(params.channel.name()),
-        "Of the channels that show the line, the one that clips it least.",
-    );
-    let full_scale = params.full_scale.unwrap_or(0);
-    add("full_scale", full_scale != 0, full_scale.to_string(), "No sample needs more bits.");
-    let roi = params.roi;
-    let why =
-        "The line stays in this part of the picture. Widen it if parts move the line further.";
-    add("roi.x_offset", roi.x_offset != 0, roi.x_offset.to_string(), why);
-    add("roi.y_offset", roi.y_offset != 0, roi.y_offset.to_string(), why);
-    add("roi.width", roi.width.is_some(), roi.width.unwrap_or(0).to_string(), why);
-    add("roi.height", roi.height.is_some(), roi.height.unwrap_or(0).to_string(), why);
-    list
-}
-
-fn of_extraction(found: &ExtractionParams) -> Vec<Changed> {
-    let plain = ExtractionParams::default();
-    let mut list = Vec::new();
-    let mut add = |name, is_changed: bool, value: String, why| {
-        if is_changed {
-            list.push(Changed { name, value, why });
-        }
-    };
-    let word = |text: &str| text.to_owned();
-    add(
-        "extraction.blur_radius",
-        found.blur_radius != plain.blur_radius,
-        found.blur_radius.to_string(),
-        "More blur would merge a narrow line with its surroundings.",
-    );
-    let is_local = found.background == Background::Local;
-    add(
-        "extraction.background",
-        is_local,
-        word(found.background.name()),
-        "The surroundings are bright: what is wider than the window is background.",
-    );
-    add(
-        "extraction.background_window",
-        is_local && found.background_window_px != plain.background_window_px,
-        found.background_window_px.to_string(),
-        "Several times the width of the line, pixels.",
-    );
-    add(
-        "extraction.threshold",
-        found.threshold != plain.threshold,
-        word(found.threshold.name()),
-        "Follows the noise of each frame.",
-    );
-    add(
-        "extraction.threshold_sigmas",
-        (found.threshold_sigmas - plain.threshold_sigmas).abs() > 1e-9,
-        format!("{:.1}", found.threshold_sigmas),
-        "Lower for fainter parts of the line, higher against clutter.",
-    );
-    add(
-        "extraction.min_segment_area",
-        found.min_segment_area != plain.min_segment_area,
-        found.min_segment_area.to_string(),
-        "Pixels: keeps short pieces of the line.",
-    );
-    add(
-        "extraction.peak_selection",
-        found.peak_selection != plain.peak_selection,
-        word(found.peak_selection.name()),
-        "Clutter may be brighter than the line, but it forms no line.",
-    );
-    add(
-        "extraction.max_step",
-        (found.max_step_px - plain.max_step_px).abs() > 1e-9,
-        format!("{:.1}", found.max_step_px),
-        "Pixels from one point to the next; more is a break.",
-    );
-    list
+    let rows = ROWS.iter().filter(|(_, value, _)| value(params) != value(&defaults));
+    rows.map(|&(name, value, why)| Changed { name, value: value(params), why }).collect()
 }
 
 /// Returns the parameter file.

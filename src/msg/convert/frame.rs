@@ -3,10 +3,8 @@
 use thiserror::Error;
 
 use super::{
-    compressed::Codec,
     encoding::{Chroma, Encoding, UnknownEncoding, excerpt},
-    file_kind::FileKind,
-    picture_file::UnknownPicture,
+    file_kind::{FileKind, UnknownPicture},
 };
 use crate::{
     msg::sensor_msgs,
@@ -41,7 +39,7 @@ pub enum FrameRejected {
         /// Bytes expected.
         needed: u64,
     },
-    /// Data that are neither JPEG nor PNG.
+    /// Data that are no picture file.
     #[error("{0}")]
     Format(UnknownPicture),
     /// The frame exceeds the memory limit.
@@ -58,17 +56,9 @@ pub enum FrameRejected {
         /// Limit, bytes.
         max_frame_bytes: u64,
     },
-    /// Unsupported pixels in a compressed image.
-    #[error("{codec} image has {color:?} pixels, but must have 8-bit or 16-bit grey or colour")]
-    Color {
-        /// Stated format.
-        codec: Codec,
-        /// Pixels according to the file's header.
-        color: image::ColorType,
-    },
     /// Unsupported pixels in a picture file.
     #[error("{kind} image has {color:?} pixels, but must have 8-bit or 16-bit grey or colour")]
-    FileColor {
+    Color {
         /// Kind of the file.
         kind: FileKind,
         /// Pixels according to the file's header.
@@ -84,21 +74,11 @@ pub enum FrameRejected {
         /// Error of the decoder.
         reason: image::ImageError,
     },
-    /// Truncated compressed image.
+    /// Truncated JPEG file.
     #[error("JPEG image of {length} bytes is cut off: it has no end-of-image marker")]
     Truncated {
         /// Number of bytes.
         length: usize,
-    },
-    /// A compressed image that cannot be decoded.
-    #[error("cannot decode {codec} image of {length} bytes: {reason}")]
-    Codec {
-        /// Stated format.
-        codec: Codec,
-        /// Number of bytes.
-        length: usize,
-        /// Error of the decoder.
-        reason: image::ImageError,
     },
 }
 

@@ -33,6 +33,13 @@ impl Framing {
         Self { calibration, infos, topic, current: None }
     }
 
+    /// Forgets the descriptions of the last recording. Returns the calibration of the whole sensor if a description has
+    /// changed it.
+    pub(super) fn restart(&mut self) -> Option<Calibration> {
+        self.infos = CameraInfos::of(self.calibration.clone());
+        self.current.take().and_then(|_| self.calibration.clone())
+    }
+
     /// Keeps a recorded description for its image.
     pub(super) fn take(&mut self, message: &RawMessage) {
         match cdr::decode::<CameraInfo<'_>>(&message.data) {

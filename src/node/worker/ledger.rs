@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use thiserror::Error;
 
-use super::{measurer::Outcome, missing_stripe::NoStripe};
+use super::{chosen_channel::ChosenChannel, measurer::Outcome, missing_stripe::NoStripe};
 use crate::{
     msg::{cdr::CdrError, convert::FrameRejected},
     node::{
@@ -14,7 +14,6 @@ use crate::{
         statistics::Counts,
     },
     scanner::{
-        auto_channel::ChannelChoice,
         axis::RawPosition,
         coverage::LARGEST_SHARE,
         exposure_pair::ExposurePairing,
@@ -66,8 +65,7 @@ pub(super) struct Ledger {
     stamps: StampOrder,
     last_publisher: PublisherId,
     last_rejection: Option<String>,
-    /// The last choice of `channel: auto`.
-    channel_choice: Option<ChannelChoice>,
+    channel: ChosenChannel,
 }
 
 impl Ledger {
@@ -157,10 +155,10 @@ impl Ledger {
             self.counts.unlocated += u64::from(outcome.position.is_none());
         }
         self.counts.saturated += outcome.num_saturated;
-        self.count_channel(outcome.channel_choice);
+        self.channel.note_frame(outcome.channel_choice, &mut self.counts.chosen);
         self.count_no_stripe(outcome.no_stripe);
-        self.counts.texture_px.extend(outcome.texture_px);
-        self.counts.noise_px.extend(outcome.noise_px);
+        self.counts.texture_px.extend(outcome.sigma_parts.map(|parts| parts.texture_px));
+        self.counts.noise_px.extend(outcome.sigma_parts.map(|parts| parts.noise_px));
         self.count_flooded(outcome);
         self.count_outside(outcome.num_outside_calibration);
         self.count_doubtful(outcome.stamp_ns, outcome.position);
@@ -222,30 +220,21 @@ impl Ledger {
         self.last_rejection.take()
     }
 
-    /// The name of the channel that `channel: auto` stands for in the last frame with a choice.
+    /// The name of the channel that `channel: auto` stands for in the last frame; `None` if it stands for none.
     pub(super) fn channel(&self) -> Option<&'static str> {
-        self.channel_choice.map(|choice| choice.channel.name())
+        self.channel.name()
     }
 
     /// Prepares for stamps and sequence numbers that do not continue the earlier ones. Counters continue.
     pub(super) fn restart(&mut self) {
         self.stamps = StampOrder::default();
         self.sequence.restart();
+        self.channel = ChosenChannel::default();
     }
 
     fn count_missing(&mut self, missing: u32) {
         self.counts.lost_transport += u64::from(missing);
         self.pending.missing = self.pending.missing.saturating_add(missing);
-    }
-
-    /// Counts a frame by the channel that `channel: auto` stands for. Logs every new choice.
-    fn count_channel(&mut self, choice: Option<ChannelChoice>) {
-        let Some(choice) = choice else { return };
-        self.counts.chosen.count(choice.channel);
-        let before = self.channel_choice.replace(choice);
-        if before.map(|choice| choice.channel) != Some(choice.channel) {
-            tracing::info!("{}", in_a_sentence(&choice));
-        }
     }
 
     /// Counts a frame without a stripe. Warns about the first of each reason.
@@ -317,25 +306,6 @@ fn is_unpaired(pairing: Option<ExposurePairing>) -> bool {
         tracing::debug!("exposures alternate, but this frame is as bright as the previous one");
     }
     matches!(pairing, Some(ExposurePairing::Alone | ExposurePairing::Alike))
-}
-
-/// States a choice of the channel and its reason.
-fn in_a_sentence(choice: &ChannelChoice) -> String {
-    let &ChannelChoice { channel, clipped, brightest, brightest_clipped } = choice;
-    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
-    let name = channel.name();
-    if channel == brightest {
-        return format!(
-            "channel auto: measuring {name}, in which the line has the most contrast ({} of the cross-sections clipped)",
-            percent(clipped)
-        );
-    }
-    format!(
-        "channel auto: measuring {name}: it clips the line in {} of the cross-sections, {} in {}",
-        percent(clipped),
-        brightest.name(),
-        percent(brightest_clipped)
-    )
 }
 
 fn in_words(doubts: u8) -> String {

@@ -26,9 +26,8 @@ use crate::{
         params::MotionParams,
         pipeline::{Pipeline, Stage},
         profile::Profile,
-        stripe::flag,
+        stripe::{SigmaParts, flag},
     },
-    statistics::median,
 };
 
 /// A decoded frame with its place in the stream.
@@ -53,10 +52,8 @@ pub(super) struct Outcome {
     pub(super) channel_choice: Option<ChannelChoice>,
     /// `Some` if the frame has no stripe.
     pub(super) no_stripe: Option<NoStripe>,
-    /// Share of speckle and texture in the uncertainty, pixels; `None` without points.
-    pub(super) texture_px: Option<f32>,
-    /// Median of the uncertainty from noise alone, pixels; `None` without points.
-    pub(super) noise_px: Option<f32>,
+    /// Shares of noise and texture in the uncertainty; `None` without points.
+    pub(super) sigma_parts: Option<SigmaParts>,
     pub(super) has_slice: bool,
     pub(super) pairing: Option<ExposurePairing>,
     pub(super) share_above_threshold: Option<f64>,
@@ -80,7 +77,6 @@ pub(super) struct Measurer {
     /// Distance of the last measured frame from the first of its scan.
     pub(super) travelled: Option<AxisTravel>,
     pub(super) explainer: Explainer,
-    sigmas_px: Vec<f32>,
     stages: StageTimes,
 }
 
@@ -93,7 +89,6 @@ impl Measurer {
             pixels: Vec::new(),
             travelled: None,
             explainer: Explainer::default(),
-            sigmas_px: Vec::new(),
             stages: StageTimes::default(),
         }
     }
@@ -125,18 +120,14 @@ impl Measurer {
             .process_at(&frame, index, position, |stage| clock.tick(stage))
             .map_err(Rejection::from)?;
         self.travelled = output.travelled;
-        let (texture_px, stripe_share) = (output.texture_px, output.stripe_share);
-        self.sigmas_px.clear();
-        self.sigmas_px.extend_from_slice(&output.centerline.sigma_px);
-        let sigma_px = median(&mut self.sigmas_px);
+        let stripe_share = output.stripe_share;
         let mut outcome = Outcome {
             stamp_ns,
             num_points: output.centerline.len() as u64,
             num_saturated: output.centerline.num_flagged(flag::SATURATED) as u64,
             channel_choice: output.channel_choice,
             no_stripe: None,
-            texture_px: sigma_px.map(|_| texture_px),
-            noise_px: sigma_px.map(|sigma| (sigma.powi(2) - texture_px.powi(2)).max(0.0).sqrt()),
+            sigma_parts: output.sigma_parts,
             has_slice: output.slice.is_some(),
             pairing: output.pairing,
             share_above_threshold: output.share_above_threshold,

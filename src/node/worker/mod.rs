@@ -3,6 +3,7 @@
 //! The ledger counts and orders frames, the measurer measures and publishes them; the worker joins the two.
 
 mod axis;
+mod chosen_channel;
 mod frame;
 mod framing;
 mod ledger;
@@ -42,6 +43,7 @@ use super::{
 use framing::Framing;
 use ledger::Ledger;
 use measurer::Measurer;
+use missing_stripe::Explainer;
 use online::Online;
 use opening::Opening;
 use standing::Standing;
@@ -270,7 +272,9 @@ impl Worker {
             Input::Positions => self.drain_inbox(spare, out),
             Input::NewRecording => {
                 self.release(Now::End, spare, out)?;
-                self.restart_stream(out)
+                self.restart_stream(out)?;
+                self.reopen();
+                Ok(())
             }
             // The reader counts and reports damage; frames never get here.
             Input::Damage(_) | Input::Message(..) | Input::Ahead(_) | Input::Fault(_) => Ok(()),
@@ -307,6 +311,7 @@ impl Worker {
     fn restart_stream(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
         self.end_scan(out)?;
         self.measurer.positions.iter_mut().for_each(Positions::restart);
+        self.measurer.explainer = Explainer::default();
         self.ledger.restart();
         self.schedule.restart();
         Ok(())

@@ -32,8 +32,8 @@ impl Opening {
 
     /// True if the first frame must not wait any longer.
     fn is_given_up(&self, now: Now) -> bool {
-        let Some(first) = self.held.front() else { return matches!(now, Now::End) };
-        first.waited(now).is_none_or(|waited| waited > TIMEOUT)
+        let waited = self.held.front().map(|first| first.waited(now));
+        waited.is_some_and(|waited| waited.is_none_or(|waited| waited > TIMEOUT))
     }
 }
 
@@ -42,6 +42,15 @@ impl Worker {
     pub(super) fn is_opening(&self) -> bool {
         let describes = self.online.is_some() || self.framing.topic.is_some();
         !self.opening.is_over && describes && self.framing.is_calibrated()
+    }
+
+    /// Forgets the descriptions of the last recording: the first frames of the next one wait for their own. Call it after
+    /// the waiting frames are released and the scan has ended.
+    pub(super) fn reopen(&mut self) {
+        self.opening = Opening::default();
+        if let Some(calibration) = self.framing.restart() {
+            self.measurer.pipeline.recalibrate(calibration);
+        }
     }
 
     /// Queues one of the first frames.
@@ -76,5 +85,16 @@ impl Worker {
             self.take_in_order(held.arrival, held.num_dropped, spare, out)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A command or new parameters may come before the first frame.
+    #[test]
+    fn an_end_without_waiting_frames_gives_nothing_up() {
+        assert!(!Opening::default().is_given_up(Now::End));
     }
 }

@@ -33,10 +33,11 @@ const AREAS_PX: [u32; 3] = [200, 50, 20];
 const SIGMAS: f64 = 6.0;
 
 /// Returns the likely reason why these parameters find no stripe, or hardly any, in a picture. Their channel must not be
-/// `auto` for a colour image. A reference without laser is replaced by a local background.
+/// `auto` for a colour image. `reference` is the picture without laser that `background: reference` subtracts; without
+/// one of the same size and depth, a local background takes its place.
 #[must_use]
-pub fn diagnose(image: &Image<'_>, params: &Params) -> Diagnosis {
-    Search::new(image, params).reason()
+pub fn diagnose(image: &Image<'_>, params: &Params, reference: Option<&Image<'_>>) -> Diagnosis {
+    Search::new(image, params, reference).reason()
 }
 
 /// The search for a change that makes a line appear.
@@ -57,12 +58,18 @@ const fn turned(direction: StripeDirection) -> StripeDirection {
 }
 
 impl<'a> Search<'a> {
-    fn new(image: &'a Image<'a>, params: &Params) -> Self {
+    fn new(image: &'a Image<'a>, params: &Params, reference: Option<&'a Image<'a>>) -> Self {
+        let fits = |reference: &&Image<'_>| {
+            let kind =
+                |image: &Image<'_>| (image.width(), image.height(), image.format().max_level());
+            kind(reference) == kind(image)
+        };
+        let reference = reference.filter(fits);
         let mut params = *params;
-        if params.extraction.background == Background::Reference {
+        if params.extraction.background == Background::Reference && reference.is_none() {
             params.extraction.background = Background::Local;
         }
-        let mut trials = Trials::new(image);
+        let mut trials = Trials::new(image).with_reference(reference);
         let now = trials.find(&params);
         Self { trials, image, params, now }
     }
@@ -79,7 +86,8 @@ impl<'a> Search<'a> {
         if let Some((turned, _)) = self.with(|params| params) {
             return Diagnosis { reason: Reason::Direction, turned };
         }
-        let changed = self.limits().or_else(|| self.threshold(&levels));
+        let changed =
+            self.reference().or_else(|| self.limits()).or_else(|| self.threshold(&levels));
         changed.or_else(|| self.elsewhere()).unwrap_or_else(|| {
             none(if is_dark(&levels) {
                 Reason::Dark { brightest: levels.brightest, full_scale: levels.full_scale }
@@ -129,6 +137,16 @@ impl<'a> Search<'a> {
         }
         let (turned, _) = self.with(|params| Params { full_scale: Some(full_scale), ..params })?;
         Some(Diagnosis { reason: Reason::FullScale { brightest, stated, full_scale }, turned })
+    }
+
+    /// A reference without laser that contains the line, or light that is no longer there.
+    fn reference(&mut self) -> Option<Diagnosis> {
+        if self.params.extraction.background != Background::Reference {
+            return None;
+        }
+        let local = |params| ExtractionParams { background: Background::Local, ..params };
+        let (turned, _) = self.with_extraction(local)?;
+        Some(Diagnosis { reason: Reason::Reference, turned })
     }
 
     /// Limits that reject a line above the threshold.
@@ -186,12 +204,24 @@ impl<'a> Search<'a> {
         if !self.image.format().has_colors() {
             return None;
         }
-        for channel in [Channel::Green, Channel::Red, Channel::Blue] {
-            if let Some((turned, _)) = self.with(|params| Params { channel, ..params }) {
-                return Some(Diagnosis { reason: Reason::Channel(channel), turned });
-            }
+        let others = [Channel::Green, Channel::Red, Channel::Blue];
+        others.into_iter().find_map(|channel| self.in_channel(channel))
+    }
+
+    /// A line in another channel, above the background of the parameters or a local one.
+    fn in_channel(&mut self, channel: Channel) -> Option<Diagnosis> {
+        if channel == self.params.channel {
+            return None;
         }
-        None
+        let mut tried = |background: Option<Background>| {
+            let (turned, _) = self.with(|params| {
+                let own = params.extraction;
+                let background = background.unwrap_or(own.background);
+                Params { channel, extraction: ExtractionParams { background, ..own }, ..params }
+            })?;
+            Some(Diagnosis { reason: Reason::Channel { channel, background }, turned })
+        };
+        tried(None).or_else(|| tried(Some(Background::Local)))
     }
 }
 

@@ -2,7 +2,10 @@
 
 use std::fmt;
 
-use super::super::params::{Channel, StripeDirection};
+use super::{
+    super::params::{Background, Channel, StripeDirection},
+    SIGMAS,
+};
 
 /// The likely reason for a picture without a stripe. Levels are those of the image, in whole grey levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +48,8 @@ pub enum Reason {
     },
     /// The line is found above a local background only.
     Background,
+    /// The reference without laser contains the line, or is brighter than the picture.
+    Reference,
     /// The line is smaller than `extraction.min_segment_area`.
     Area {
         /// The parameter, pixels.
@@ -57,7 +62,12 @@ pub enum Reason {
     /// The line lies outside the region of interest.
     Region,
     /// Another channel shows the line.
-    Channel(Channel),
+    Channel {
+        /// The channel.
+        channel: Channel,
+        /// The background above which it shows the line, if that is not the one of the parameters.
+        background: Option<Background>,
+    },
     /// No line was found with any parameter.
     NoLine,
 }
@@ -71,16 +81,8 @@ pub struct Diagnosis {
     pub turned: Option<StripeDirection>,
 }
 
-impl Diagnosis {
-    /// True if a change of the parameters makes a line appear.
-    #[must_use]
-    pub const fn is_mended(&self) -> bool {
-        !matches!(self.reason, Reason::Saturated { .. } | Reason::Dark { .. } | Reason::NoLine)
-    }
-}
-
 /// Number of the kinds of [`Reason`].
-pub const REASONS: usize = 12;
+pub const REASONS: usize = 13;
 
 impl Reason {
     /// Returns the place of its kind in a list of [`REASONS`] kinds.
@@ -94,11 +96,12 @@ impl Reason {
             Self::ThresholdTooHigh { .. } => 4,
             Self::ThresholdTooLow { .. } => 5,
             Self::Background => 6,
-            Self::Area { .. } => 7,
-            Self::Limits => 8,
-            Self::Region => 9,
-            Self::Channel(_) => 10,
-            Self::NoLine => 11,
+            Self::Reference => 7,
+            Self::Area { .. } => 8,
+            Self::Limits => 9,
+            Self::Region => 10,
+            Self::Channel { .. } => 11,
+            Self::NoLine => 12,
         }
     }
 
@@ -113,10 +116,11 @@ impl Reason {
             Self::ThresholdTooHigh { .. } => "threshold_too_high",
             Self::ThresholdTooLow { .. } => "threshold_too_low",
             Self::Background => "background",
+            Self::Reference => "reference",
             Self::Area { .. } => "min_segment_area",
             Self::Limits => "limits",
             Self::Region => "roi",
-            Self::Channel(_) => "channel",
+            Self::Channel { .. } => "channel",
             Self::NoLine => "no_line",
         }
     }
@@ -143,16 +147,21 @@ impl fmt::Display for Diagnosis {
             Reason::ThresholdTooHigh { line, full_scale } => write!(
                 f,
                 "the line is only about {line} of {full_scale} grey levels bright, too dark for the threshold: expose longer, \
-                 or set extraction.threshold: adaptive"
+                 or set extraction.threshold: adaptive and extraction.threshold_sigmas: {SIGMAS:.1}"
             )?,
             Reason::ThresholdTooLow { percent } => write!(
                 f,
-                "{percent} % of the picture is above extraction.segment_threshold: set extraction.background: local and \
-                 extraction.threshold: adaptive"
+                "{percent} % of the picture is above extraction.segment_threshold: set extraction.background: local, \
+                 extraction.threshold: adaptive and extraction.threshold_sigmas: {SIGMAS:.1}"
             )?,
             Reason::Background => write!(
                 f,
-                "the surroundings are as bright as the line: set extraction.background: local and extraction.threshold: adaptive"
+                "the surroundings are as bright as the line: set extraction.background: local, extraction.threshold: adaptive and \
+                 extraction.threshold_sigmas: {SIGMAS:.1}"
+            )?,
+            Reason::Reference => write!(
+                f,
+                "the reference picture (extraction.background_file) hides the line: take it again without laser"
             )?,
             Reason::Area { limit_px, area_px } => write!(
                 f,
@@ -165,8 +174,11 @@ impl fmt::Display for Diagnosis {
             Reason::Region => {
                 write!(f, "the line lies outside the region of interest: correct roi.*")?;
             }
-            Reason::Channel(channel) => {
+            Reason::Channel { channel, background } => {
                 write!(f, "another channel shows the line: set channel: {}", channel.name())?;
+                if let Some(background) = background {
+                    write!(f, " and extraction.background: {}", background.name())?;
+                }
             }
             Reason::NoLine => {
                 return write!(

@@ -4,7 +4,9 @@ use rand_distr::{Distribution as _, Normal};
 
 use crate::scanner::{
     image::{ByteOrder, Image, PixelFormat},
-    params::{Channel, ExtractionParams, Params, RegionOfInterest, StripeDirection, Threshold},
+    params::{
+        Background, Channel, ExtractionParams, Params, RegionOfInterest, StripeDirection, Threshold,
+    },
 };
 
 use super::{Diagnosis, Reason, diagnose};
@@ -60,9 +62,7 @@ impl Scene {
 
     fn explain(&self, params: &Params) -> Diagnosis {
         let samples: Vec<u8> = self.samples(255).into_iter().map(|level| level as u8).collect();
-        let image =
-            Image::packed(WIDTH as u32, HEIGHT as u32, PixelFormat::Mono8, &samples).unwrap();
-        diagnose(&image, params)
+        diagnose(&grey(&samples), params, None)
     }
 
     fn explain_deep(&self, full_scale: u32, params: &Params) -> Diagnosis {
@@ -70,8 +70,12 @@ impl Scene {
             self.samples(full_scale).into_iter().flat_map(u16::to_le_bytes).collect();
         let format = PixelFormat::Mono16(ByteOrder::Little);
         let image = Image::packed(WIDTH as u32, HEIGHT as u32, format, &samples).unwrap();
-        diagnose(&image, params)
+        diagnose(&image, params, None)
     }
+}
+
+fn grey(samples: &[u8]) -> Image<'_> {
+    Image::packed(WIDTH as u32, HEIGHT as u32, PixelFormat::Mono8, samples).unwrap()
 }
 
 fn seeds() -> impl Iterator<Item = Scene> {
@@ -162,12 +166,14 @@ fn a_line_below_the_threshold() {
         let expected = 255.0 * (line + scene.background);
         assert!((f64::from(level) - expected).abs() < 6.0, "{found}, not {expected}");
         // The remedy works.
-        let adaptive = extraction(|params| params.threshold = Threshold::Adaptive);
+        let remedy = "set extraction.threshold: adaptive and extraction.threshold_sigmas: 6.0";
+        assert!(found.to_string().ends_with(remedy), "{found}");
+        let adaptive = extraction(|params| {
+            (params.threshold, params.threshold_sigmas) = (Threshold::Adaptive, 6.0);
+        });
         let samples = Scene { line, ..scene }.samples(255);
         let samples: Vec<u8> = samples.into_iter().map(|level| level as u8).collect();
-        let image =
-            Image::packed(WIDTH as u32, HEIGHT as u32, PixelFormat::Mono8, &samples).unwrap();
-        assert!(super::Trials::new(&image).find(&adaptive).share > 0.9);
+        assert!(super::Trials::new(&grey(&samples)).find(&adaptive).share > 0.9);
     }
 }
 
@@ -177,6 +183,8 @@ fn surroundings_above_the_threshold() {
         let found = Scene { background, line: 0.4, ..scene }.explain(&Params::default());
         let Reason::ThresholdTooLow { percent } = found.reason else { panic!("{found:?}") };
         assert!(percent > 90, "{found}");
+        let remedy = "set extraction.background: local, extraction.threshold: adaptive and extraction.threshold_sigmas: 6.0";
+        assert!(found.to_string().ends_with(remedy), "{found}");
     }
 }
 
@@ -222,7 +230,50 @@ fn a_line_in_another_channel() {
         let image = Image::packed(WIDTH as u32, HEIGHT as u32, PixelFormat::Rgb8, &pixels).unwrap();
         let laser = [Channel::Red, Channel::Green, Channel::Blue];
         let params = Params { channel: laser[(at + 1) % 3], ..Params::default() };
-        assert_eq!(diagnose(&image, &params).reason, Reason::Channel(laser[at]));
+        let reason = Reason::Channel { channel: laser[at], background: None };
+        assert_eq!(diagnose(&image, &params, None).reason, reason);
+    }
+}
+
+#[test]
+fn a_line_above_a_bright_background_in_another_channel() {
+    for (scene, background) in seeds().zip([0.3, 0.35, 0.4]) {
+        let samples = Scene { line: 0.5, background, ..scene }.samples(255);
+        let pixels: Vec<u8> = samples.into_iter().flat_map(|level| [level as u8, 2, 3]).collect();
+        let image = Image::packed(WIDTH as u32, HEIGHT as u32, PixelFormat::Rgb8, &pixels).unwrap();
+        let params = Params { channel: Channel::Blue, ..Params::default() };
+        let found = diagnose(&image, &params, None);
+        let expected =
+            "another channel shows the line: set channel: red and extraction.background: local";
+        assert_eq!(found.to_string(), expected);
+    }
+}
+
+/// The line is in the reference, too; the reference is of a brighter room; the reference is right.
+#[test]
+fn a_reference_that_hides_the_line() {
+    for scene in seeds() {
+        let picture = |scene: Scene| -> Vec<u8> {
+            scene.samples(255).into_iter().map(|level| level as u8).collect()
+        };
+        let lit = picture(Scene { background: 0.2, ..scene });
+        let found = |reference: Scene, change: fn(&mut ExtractionParams)| {
+            let params = extraction(|params| {
+                params.background = Background::Reference;
+                change(params);
+            });
+            let reference = picture(reference);
+            diagnose(&grey(&lit), &params, Some(&grey(&reference)))
+        };
+        let room = Scene { background: 0.2, line: 0.0, seed: 9, ..scene };
+        for reference in [Scene { line: scene.line, ..room }, Scene { background: 0.95, ..room }] {
+            let reference = Scene { seed: scene.seed, ..reference };
+            let found = found(reference, |_| {});
+            assert_eq!((found.reason, found.turned), (Reason::Reference, None), "{found}");
+            assert!(found.to_string().ends_with("take it again without laser"), "{found}");
+        }
+        let found = found(room, |params| params.segment_threshold = 240.0);
+        assert!(matches!(found.reason, Reason::ThresholdTooHigh { .. }), "{found:?}");
     }
 }
 

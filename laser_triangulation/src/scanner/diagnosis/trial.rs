@@ -4,7 +4,7 @@ use super::super::{
     channel::{AnyPlane, Decoder, SearchedRegion},
     coverage,
     image::Image,
-    params::{Params, StripeDirection},
+    params::{Background, Params, StripeDirection},
     stripe::{Centerline, Extractor, flag},
 };
 use crate::statistics::{median, quantile};
@@ -64,6 +64,8 @@ const fn long_enough(piece: usize) -> usize {
 /// A picture that is extracted with different parameters.
 pub(crate) struct Trials<'a> {
     image: &'a Image<'a>,
+    /// The picture without laser, of the same size and depth.
+    reference: Option<&'a Image<'a>>,
     decoder: Decoder,
     centerline: Centerline,
 }
@@ -88,7 +90,13 @@ pub(crate) struct Found {
 impl<'a> Trials<'a> {
     /// Creates trials on a picture.
     pub(crate) fn new(image: &'a Image<'a>) -> Self {
-        Self { image, decoder: Decoder::default(), centerline: Centerline::default() }
+        let (decoder, centerline) = (Decoder::default(), Centerline::default());
+        Self { image, reference: None, decoder, centerline }
+    }
+
+    /// Adds the picture without laser that `background: reference` subtracts.
+    pub(crate) fn with_reference(self, reference: Option<&'a Image<'a>>) -> Self {
+        Self { reference, ..self }
     }
 
     /// Extracts with these parameters, whose channel must be resolved. Finds nothing if they do not fit the picture.
@@ -96,8 +104,13 @@ impl<'a> Trials<'a> {
         let Some((searched, full_scale)) = fitted(self.image, params) else {
             return Found::default();
         };
-        let plane = self.decoder.decode(self.image, params.channel, &searched);
         let mut extractor = Extractor::new(params.extraction, params.stripe_direction);
+        if let Some(reference) = self.reference
+            && params.extraction.background == Background::Reference
+        {
+            extractor.set_ambient(&self.decoder.decode(reference, params.channel, &searched));
+        }
+        let plane = self.decoder.decode(self.image, params.channel, &searched);
         let offset = searched.offset();
         extractor.extract_plane(&plane, offset, full_scale, &mut self.centerline);
         let points = points_of_lines(&self.centerline, params);

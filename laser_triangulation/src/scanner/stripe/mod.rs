@@ -70,6 +70,7 @@ use super::{
     image::Image,
     params::{Channel, ExtractionParams, StripeDirection},
 };
+use crate::statistics::median;
 use fast::FastExtractor;
 use smooth::Smoother;
 
@@ -156,6 +157,16 @@ impl Centerline {
     }
 }
 
+/// What the standard deviation of a frame's centres consists of: the medians over its points, before smoothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SigmaParts {
+    /// Standard deviation from the noise of the pixels, pixels.
+    pub noise_px: f32,
+    /// Standard deviation from speckle and texture, which that noise does not explain, pixels; 0 if it explains all of the
+    /// scatter.
+    pub texture_px: f32,
+}
+
 /// Extracts centrelines frame after frame. Allocates nothing after the first frame of a size.
 ///
 /// [`extract`](Self::extract) takes a whole image; [`extract_plane`](Self::extract_plane) takes samples that are
@@ -197,7 +208,8 @@ pub struct Extractor {
     smoother: Smoother,
     decoder: Decoder,
     centerline: Centerline,
-    texture_px: f32,
+    sigma_parts: Option<SigmaParts>,
+    sigmas_px: Vec<f32>,
 }
 
 impl Default for Extractor {
@@ -222,15 +234,16 @@ impl Extractor {
             smoother: Smoother::new(&params, direction),
             decoder: Decoder::default(),
             centerline: Centerline::default(),
-            texture_px: 0.0,
+            sigma_parts: None,
+            sigmas_px: Vec::new(),
         }
     }
 
-    /// Returns the standard deviation of the last frame's centres from speckle and texture, pixels: the part of
-    /// [`sigma_px`](Centerline::sigma_px) that the pixels' noise does not explain. 0 if noise explains all of the scatter.
+    /// Returns the shares of noise and texture in the last frame's [`sigma_px`](Centerline::sigma_px); `None` without
+    /// points.
     #[must_use]
-    pub const fn texture_px(&self) -> f32 {
-        self.texture_px
+    pub const fn sigma_parts(&self) -> Option<SigmaParts> {
+        self.sigma_parts
     }
 
     /// Extracts the centreline of a whole image. Uses grey images as they are, and the largest channel of colour and
@@ -268,15 +281,15 @@ impl Extractor {
     /// # Ok::<(), laser_triangulation::scanner::image::ImageError>(())
     /// ```
     pub fn extract(&mut self, image: &Image<'_>) -> &Centerline {
-        let Self { eight, sixteen, decoder, centerline, .. } = self;
         let region = SearchedRegion::whole(image);
         let (offset, full_scale) = (region.offset(), image.format().white_level());
-        match decoder.decode(image, Channel::Auto, &region) {
-            AnyPlane::Eight(plane) => eight.extract(&plane, offset, full_scale, centerline),
-            AnyPlane::Sixteen(plane) => sixteen.extract(&plane, offset, full_scale, centerline),
-        }
-        self.smoother.smooth(centerline);
-        centerline
+        let mut decoder = std::mem::take(&mut self.decoder);
+        let mut centerline = std::mem::take(&mut self.centerline);
+        let plane = decoder.decode(image, Channel::Auto, &region);
+        self.extract_plane(&plane, offset, full_scale, &mut centerline);
+        self.decoder = decoder;
+        self.centerline = centerline;
+        &self.centerline
     }
 
     /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` in the image. `full_scale` is the
@@ -288,16 +301,21 @@ impl Extractor {
         full_scale: u32,
         centerline: &mut Centerline,
     ) {
-        match plane {
+        let texture_px = match plane {
             AnyPlane::Eight(plane) => {
                 self.eight.extract(plane, offset, full_scale, centerline);
-                self.texture_px = self.eight.texture_px();
+                self.eight.texture_px()
             }
             AnyPlane::Sixteen(plane) => {
                 self.sixteen.extract(plane, offset, full_scale, centerline);
-                self.texture_px = self.sixteen.texture_px();
+                self.sixteen.texture_px()
             }
-        }
+        };
+        self.sigmas_px.clone_from(&centerline.sigma_px);
+        self.sigma_parts = median(&mut self.sigmas_px).map(|sigma_px| SigmaParts {
+            noise_px: (sigma_px.powi(2) - texture_px.powi(2)).max(0.0).sqrt(),
+            texture_px,
+        });
         self.smoother.smooth(centerline);
     }
 

@@ -124,11 +124,11 @@ fn damaged_and_unknown_files_are_rejected() {
     for length in 8..png.len() - 16 {
         let error = rejected("png", &png[..length]);
         assert!(
-            matches!(error, FrameRejected::Codec { codec: Codec::Png, .. }),
+            matches!(error, FrameRejected::File { kind: FileKind::Png, .. }),
             "{length}: {error}"
         );
     }
-    assert!(matches!(rejected("jpeg", b"\xff\xd8\xff\xd9"), FrameRejected::Codec { .. }));
+    assert!(matches!(rejected("jpeg", b"\xff\xd8\xff\xd9"), FrameRejected::File { .. }));
     for too_short in [&jpeg[..1], &png[..7], &[0xff, 0xd9]] {
         assert!(matches!(rejected("jpeg", too_short), FrameRejected::Format(_)));
     }
@@ -193,11 +193,21 @@ fn a_jpeg_without_huffman_tables_decodes_like_the_one_with_them() {
 }
 
 #[test]
-fn padded_jpeg_is_accepted_and_unsupported_colour_is_named() {
+fn padded_jpeg_is_accepted() {
     let mut padded = jpeg(16, 8, &[7; 128], ExtendedColorType::L8);
     padded.extend([0; 5]);
     assert!(image(&message("jpeg", &padded), LIMIT, &mut Vec::new()).is_ok());
-    let grey_alpha = png(1, 1, &[0; 2], ExtendedColorType::La8);
-    let error = image(&message("png", &grey_alpha), LIMIT, &mut Vec::new()).unwrap_err();
-    assert!(matches!(error, FrameRejected::Color { color: ColorType::La8, .. }), "{error}");
+}
+
+#[test]
+fn the_header_names_kind_size_and_pixels() {
+    let files = [
+        (jpeg(16, 8, &[7; 3 * 128], ExtendedColorType::Rgb8), "jpeg rgb8"),
+        (png(16, 8, &[7; 256], ExtendedColorType::L16), "png mono16"),
+        ([&b"P5 16 8 255\n"[..], &[7; 128]].concat(), "pnm mono8"),
+    ];
+    for (file, expected) in files {
+        let Kind { width, height, encoding } = kind(&message("", &file)).unwrap();
+        assert_eq!((width, height, &*encoding), (16, 8, expected));
+    }
 }
