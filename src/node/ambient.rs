@@ -136,7 +136,7 @@ pub(crate) fn mean(
     max_frame_bytes: u64,
     mut on_frame: impl FnMut(u64),
 ) -> Result<Mean, AmbientCaptureError> {
-    let reader = pictures::open(bag, &ReadOptions::default())?;
+    let reader = pictures::open(bag, &ReadOptions::for_frames(max_frame_bytes))?;
     let topics: Vec<_> =
         reader.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
     let names = NodeNames::new("laser_profiler", &[])?;

@@ -22,7 +22,7 @@ pub(crate) struct Sampled {
     pub(crate) num_frames: usize,
     /// Some of them, in the order of the recording, all of the size and format of the first.
     pub(crate) pictures: Vec<OwnedImage>,
-    /// Frames of another size or format, or that cannot be decoded, among those looked at.
+    /// Frames of another size or format, or that cannot be read or decoded, among those looked at.
     pub(crate) num_unusable: usize,
 }
 
@@ -35,7 +35,7 @@ pub(crate) fn frames(
     count: usize,
     max_frame_bytes: u64,
 ) -> Result<Sampled, AmbientCaptureError> {
-    let reader = pictures::open(bag, &ReadOptions::default())?;
+    let reader = pictures::open(bag, &ReadOptions::for_frames(max_frame_bytes))?;
     let topics: Vec<_> =
         reader.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
     let names = NodeNames::new("laser_profiler", &[])?;
@@ -51,8 +51,8 @@ pub(crate) fn frames(
         if wanted.next_if_eq(&number).is_none() {
             continue;
         }
-        let data = message?.data;
-        match decode(&data, topic.transport, max_frame_bytes, &mut pixels) {
+        let mut decode = |data: &[u8]| decode(data, topic.transport, max_frame_bytes, &mut pixels);
+        match message.ok().and_then(|message| decode(&message.data)) {
             Some(picture)
                 if sampled.pictures.first().is_none_or(|first| alike(first, &picture)) =>
             {

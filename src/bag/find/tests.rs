@@ -92,6 +92,22 @@ fn empty_and_foreign_files_cost_only_themselves() {
 }
 
 #[test]
+fn an_unreadable_file_does_not_make_other_recordings_part_of_the_bag() {
+    for content in ["", "short", "a diary of a scan", "SQLite format 3\0"] {
+        let directory = bag(&[
+            ("metadata.yaml", &metadata("a_0.mcap, a_1.mcap")),
+            ("a_0.mcap", "*"),
+            ("a_1.mcap", content),
+            ("a_2.mcap", "*"),
+            ("other.mcap", "*"),
+        ]);
+        let (names, notes) = names(directory.path());
+        assert_eq!(names, "a_0.mcap, a_1.mcap lost, a_2.mcap", "{content:?}");
+        assert!(notes.contains("does not list other.mcap; it is not read"), "{notes}");
+    }
+}
+
+#[test]
 fn of_a_file_and_its_compressed_form_the_whole_one_is_read() {
     for (plain, packed, read) in [
         ("*", "*", "a_0.mcap"),
