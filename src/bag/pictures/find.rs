@@ -1,10 +1,11 @@
 //! Finds pictures: in folders, among files, by pattern.
 
+use std::ffi::OsStr;
 use std::fs::{self, DirEntry, FileType};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use glob::{GlobError, MatchOptions, glob_with};
+use glob::{GlobError, Pattern};
 
 use super::error::PictureError;
 use super::{natural, video};
@@ -112,8 +113,7 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, PictureError> {
             all.push(path.clone());
             continue;
         }
-        let options = MatchOptions { require_literal_leading_dot: true, ..MatchOptions::new() };
-        let matches = glob_with(&text, options).map_err(|error| PictureError::Pattern {
+        let matches = glob::glob(&text).map_err(|error| PictureError::Pattern {
             pattern: text.clone().into_owned(),
             why: error.to_string(),
         })?;
@@ -123,6 +123,7 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, PictureError> {
         };
         let found: Result<Vec<_>, _> = matches.collect();
         let mut found = found.map_err(unreadable)?;
+        found.retain(|path| !is_hidden_from(&text, path));
         if found.is_empty() {
             return Err(PictureError::NoMatch(text.into_owned()));
         }
@@ -130,6 +131,17 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, PictureError> {
         all.extend(found);
     }
     Ok(all)
+}
+
+/// True for a match with a hidden name that no part of the pattern with a dot in front stands for.
+fn is_hidden_from(pattern: &str, path: &Path) -> bool {
+    let mut names = path.iter().map(OsStr::to_string_lossy);
+    names.any(|name| {
+        let stands_for_it = |part: &str| {
+            part.starts_with('.') && Pattern::new(part).is_ok_and(|part| part.matches(&name))
+        };
+        name.starts_with('.') && !pattern.split('/').any(stands_for_it)
+    })
 }
 
 fn sort_naturally(paths: &mut [PathBuf]) {
