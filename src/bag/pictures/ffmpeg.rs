@@ -20,14 +20,6 @@ const NS: f64 = 1e9;
 struct Probed {
     #[serde(default)]
     streams: Vec<Stream>,
-    #[serde(default)]
-    format: Format,
-}
-
-#[derive(Default, Deserialize)]
-struct Format {
-    #[serde(default)]
-    format_name: String,
 }
 
 #[derive(Deserialize)]
@@ -37,11 +29,6 @@ pub(super) struct Stream {
     pub(super) pix_fmt: String,
     #[serde(default)]
     pub(super) avg_frame_rate: String,
-    #[serde(default)]
-    nb_frames: String,
-    /// Number of frames that the file should have, as it states; 0 if it states none.
-    #[serde(skip)]
-    pub(super) num_stated: usize,
 }
 
 /// A command that reads a file and nothing else, without the frames that the end of the file cuts off.
@@ -67,8 +54,8 @@ pub(super) fn no_program(
 }
 
 pub(super) fn probe(path: &Path) -> Result<Stream, PictureError> {
-    let shown = "stream=width,height,pix_fmt,avg_frame_rate,nb_frames:format=format_name";
-    let entries = ["-select_streams", "v:0", "-show_entries", shown];
+    let entries =
+        ["-select_streams", "v:0", "-show_entries", "stream=width,height,pix_fmt,avg_frame_rate"];
     let mut command = command("ffprobe", path, &[]);
     let output = command.args(entries).args(["-of", "json"]).output();
     let output = output.map_err(|error| no_program(path, "ffprobe", &error))?;
@@ -79,12 +66,7 @@ pub(super) fn probe(path: &Path) -> Result<Stream, PictureError> {
     }
     let probed: Probed = serde_json::from_slice(&output.stdout)
         .map_err(|error| invalid(format!("ffprobe's answer: {error}")))?;
-    let stream = probed.streams.into_iter().next();
-    let mut stream = stream.ok_or_else(|| invalid("has no video".to_owned()))?;
-    // These files count the frames, too, that their list of edits leaves out. If one is cut off, the decoder says so.
-    let has_edits = probed.format.format_name.contains("mov");
-    stream.num_stated = stream.nb_frames.parse().ok().filter(|_| !has_edits).unwrap_or(0);
-    Ok(stream)
+    probed.streams.into_iter().next().ok_or_else(|| invalid("has no video".to_owned()))
 }
 
 /// Time of every frame that can be decoded, in the order in which they are shown, nanoseconds; `None` where the file states

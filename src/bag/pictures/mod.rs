@@ -9,6 +9,7 @@ mod find;
 mod sequence;
 mod messages;
 mod ffmpeg;
+mod riff;
 mod video;
 mod series;
 

@@ -11,6 +11,7 @@ use super::error::PictureError;
 use super::ffmpeg::{
     Stream, collect, command, every_frame, excerpt, frame_stamps_ns, no_program, probe, ratio,
 };
+use super::riff::missing_bytes;
 use super::{NS, stamp_ns, topic};
 use crate::bag::unpack::size_bytes;
 use crate::bag::{BagError, Filter, RawMessage, Topic};
@@ -60,8 +61,8 @@ pub(in crate::bag) struct Video {
     pixels: Pixels,
     /// Stamp of each frame, nanoseconds.
     stamps_ns: Vec<i64>,
-    /// Number of frames that the file should have.
-    num_stated: usize,
+    /// Number of bytes that are missing at the end of the file, if it states its length; else 0.
+    missing_bytes: u64,
     images: Arc<Topic>,
 }
 
@@ -78,8 +79,8 @@ impl Video {
     ) -> Result<Self, PictureError> {
         let invalid = |why: String| PictureError::Video { path: path.into(), why };
         // `ffprobe` waits for data at a pipe; a missing file has a clearer message than its own.
-        std::fs::File::open(path)
-            .map_err(|source| PictureError::Io { path: path.into(), source })?;
+        let missing_bytes =
+            missing_bytes(path).map_err(|source| PictureError::Io { path: path.into(), source })?;
         let stream = probe(path)?;
         let (size_px, pixels) = ([stream.width, stream.height], Pixels::of(&stream.pix_fmt));
         let bytes = frame_bytes(size_px, pixels);
@@ -94,13 +95,12 @@ impl Video {
             let errors = if errors.is_empty() { errors } else { format!("; ffprobe: {errors}") };
             return Err(invalid(format!("has no frames that can be decoded{errors}")));
         }
-        let num_stated = stream.num_stated.max(stated_ns.len());
         let stamps_ns = match rate_hz {
             Some(rate_hz) => at_rate(stated_ns.len(), rate_hz),
             None => own_stamps_ns(path, &stream, &stated_ns, notes)?,
         };
         let images = topic("/image_raw", Image::TYPE);
-        Ok(Self { path: path.into(), size_px, pixels, stamps_ns, num_stated, images })
+        Ok(Self { path: path.into(), size_px, pixels, stamps_ns, missing_bytes, images })
     }
 
     /// Size of the file, bytes.
@@ -172,7 +172,8 @@ impl Decoder {
         let mut command =
             command("ffmpeg", &video.path, &["-nostdin", "-noautorotate", "-hide_banner"]);
         command
-            .args(["-map", "0:v:0"])
+            // Increasing times, because the output refuses others, aloud; those of the frames are known.
+            .args(["-map", "0:v:0", "-vf", "setpts=N/TB"])
             .args(every_frame())
             .args(["-f", "rawvideo", "-pix_fmt", format, "-"]);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -297,18 +298,19 @@ impl VideoMessages {
     fn missing(&mut self) -> Option<BagError> {
         let told = self.decoder.as_mut().and_then(Decoder::finish);
         let (found, timed) = (self.next, self.video.stamps_ns.len());
-        let stated = self.video.num_stated;
-        let told = told.map(|told| format!("; {told}"));
-        let what = if found < stated {
-            format!("{found} of {stated} frames could be decoded")
+        let cut_bytes = Some(self.video.missing_bytes).filter(|bytes| *bytes > 0);
+        let cut = cut_bytes.map(|bytes| format!("{bytes} bytes are missing at its end"));
+        let reasons: Vec<_> = cut.into_iter().chain(told).collect();
+        let what = if found < timed {
+            format!("{found} of {timed} frames could be decoded")
         } else if found > timed {
             format!("only {timed} of {found} frames have a known time; the others are left out")
-        } else if told.is_some() {
+        } else if !reasons.is_empty() {
             format!("is damaged or cut off: {found} frames could be decoded")
         } else {
             return None;
         };
-        Some(self.unusable(what + told.as_deref().unwrap_or_default()))
+        Some(self.unusable([vec![what], reasons].concat().join("; ")))
     }
 
     fn unusable(&self, why: String) -> BagError {

@@ -84,8 +84,8 @@ fn a_video_that_is_cut_off_gives_its_complete_frames_and_tells_the_loss() {
     }
     for (arguments, name, told) in [
         (&["-c:v", "ffv1", "-pix_fmt", "gray"][..], "grey.mkv", "is damaged or cut off"),
-        (&["-c:v", "rawvideo", "-pix_fmt", "gray"], "raw.avi", "of 12 frames could be decoded"),
-        (&["-c:v", "mjpeg", "-q:v", "1"], "jpeg.avi", "of 12 frames could be decoded"),
+        (&["-c:v", "rawvideo", "-pix_fmt", "gray"], "raw.avi", "bytes are missing at its end"),
+        (&["-c:v", "mjpeg", "-q:v", "1"], "jpeg.avi", "bytes are missing at its end"),
         (&["-c:v", "png", "-movflags", "+faststart"], "front.mov", "is damaged or cut off"),
         (&["-c:v", "png"], "behind.mov", "moov atom not found"),
     ] {
@@ -104,7 +104,7 @@ fn a_video_that_is_cut_off_gives_its_complete_frames_and_tells_the_loss() {
             assert_eq!(ended.code, Some(if has_index { 3 } else { 1 }), "{name}: {ended:?}");
             if has_index {
                 let lines = lines(&path("cut"));
-                assert!((NUM / 4..NUM).contains(&lines.len()), "{name}: {}", lines.len());
+                assert!((1..NUM).contains(&lines.len()), "{name}: {}", lines.len());
                 for (number, line) in lines.iter().enumerate() {
                     assert!(line.error_px(Scene::Grey, number) < 0.4, "{name} {number}");
                 }
