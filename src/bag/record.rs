@@ -174,9 +174,10 @@ impl Recorder {
             if is_alike && known.message_encoding == topic.message_encoding {
                 return Ok(TopicId(at));
             }
-            let in_words = |topic: &Topic| match known.type_name == topic.type_name {
-                true if is_alike => format!("{} in {}", topic.type_name, topic.message_encoding),
-                _ => topic.type_name.clone(),
+            let in_words = |topic: &Topic| {
+                let encoding = Some(&topic.message_encoding).filter(|_| is_alike);
+                let encoding = encoding.map_or_else(String::new, |name| format!(" in {name}"));
+                format!("{}{encoding}", topic.type_name)
             };
             return Err(RecordError::TopicConflict {
                 topic: topic.name.clone(),

@@ -368,7 +368,7 @@ mod tests {
         let folder = folder(&["a.png"]);
         let locked = folder.path().join("locked");
         fs::create_dir(&locked).unwrap();
-        fs::set_permissions(&locked, fs::Permissions::from_mode(0)).unwrap();
+        fs::set_permissions(&locked, fs::Permissions::from_mode(0o0)).unwrap();
         if fs::read_dir(&locked).is_ok() {
             // Not by `eprintln!`, which the test harness hides when a test passes.
             let skipped = b"SKIPPED a locked folder: root reads every folder\n";

@@ -205,7 +205,9 @@ fn tabulated(files: Vec<PathBuf>, mut rows: BTreeMap<String, Row>) -> Vec<(Entry
         (Entry { path, position, refusal, ..Entry::default() }, row)
     };
     let mut num_named = BTreeMap::<_, usize>::new();
-    files.iter().for_each(|path| *num_named.entry(name_of(path)).or_default() += 1);
+    for path in &files {
+        *num_named.entry(name_of(path)).or_default() += 1;
+    }
     let is_unique = |name: &str| num_named.get(name).is_none_or(|num| *num == 1);
     let mut of_file = |path: PathBuf| {
         let name = name_of(&path);
