@@ -122,6 +122,17 @@ fn nothing(directory: &Path, found: &Found, beside: &Beside) -> BagError {
         return BagError::NoBag(directory.into());
     }
     shorten(&mut reasons);
+    let is_known = |path: &PathBuf| found.files.iter().any(|file| file.path == *path);
+    let mut others: Vec<_> = beside
+        .files
+        .iter()
+        .filter(|(path, kind)| kind.is_readable() && !is_known(path))
+        .map(|(path, _)| name(path))
+        .collect();
+    if !others.is_empty() {
+        shorten(&mut others);
+        reasons.push(format!("not in metadata.yaml is {}: name its own path", others.join(", ")));
+    }
     let why = reasons.join("; ") + &advice.unwrap_or_default();
     BagError::NothingReadable { path: directory.into(), why }
 }

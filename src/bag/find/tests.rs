@@ -108,6 +108,15 @@ fn an_unreadable_file_does_not_make_other_recordings_part_of_the_bag() {
 }
 
 #[test]
+fn if_nothing_listed_can_be_read_the_error_names_the_recordings_beside_it() {
+    let directory =
+        bag(&[("metadata.yaml", &metadata("a_0.mcap")), ("a_0.mcap", ""), ("other.mcap", "*")]);
+    let error = find(directory.path()).unwrap_err().to_string();
+    assert!(error.contains("a_0.mcap: not an MCAP file: the file is empty"), "{error}");
+    assert!(error.contains("not in metadata.yaml is other.mcap: name its own path"), "{error}");
+}
+
+#[test]
 fn of_a_file_and_its_compressed_form_the_whole_one_is_read() {
     for (plain, packed, read) in [
         ("*", "*", "a_0.mcap"),
