@@ -27,6 +27,8 @@ pub(super) struct Channels {
     topics: BTreeMap<u16, Arc<Topic>>,
     /// Channels whose messages are rewritten.
     rewrites: BTreeMap<u16, Rewrite>,
+    /// Metadata of the channels without the entries that a topic holds.
+    further: BTreeMap<u16, BTreeMap<String, String>>,
     bytes: usize,
 }
 
@@ -46,6 +48,12 @@ impl Channels {
     /// How the messages of a channel are rewritten; `None` if they are not.
     pub(super) fn rewrite(&self, channel: u16) -> Option<Rewrite> {
         self.rewrites.get(&channel).copied()
+    }
+
+    /// Entries of a channel's metadata that its topic does not hold.
+    pub(super) fn further(&self, channel: u16) -> impl Iterator<Item = (&str, &str)> {
+        let entries = self.further.get(&channel).into_iter().flatten();
+        entries.map(|(key, text)| (key.as_str(), text.as_str()))
     }
 
     /// Channels and their topics, by number.
@@ -81,13 +89,13 @@ impl Channels {
     }
 
     fn add_channel(&mut self, channel: Channel) -> Result<(), String> {
-        let Channel { id, schema_id, name, encoding, metadata } = channel;
+        let Channel { id, schema_id, name, encoding, mut metadata } = channel;
         check_names([&name, &encoding])?;
         let schema = self.schemas.get(&schema_id);
         if schema.is_none() && schema_id != 0 {
             return Err(format!("{name}: its schema {schema_id} is missing"));
         }
-        let mut new = topic(&name, &encoding, schema, &metadata);
+        let mut new = topic(&name, &encoding, schema, &mut metadata);
         let rewrite = Rewrite::adopt(&mut new);
         match self.topics.get(&id) {
             Some(topic) if **topic == new => Ok(()),
@@ -95,7 +103,11 @@ impl Channels {
                 Err(format!("channel {id} is defined twice, as {} and {}", topic.name, new.name))
             }
             None => {
-                self.make_room(size_bytes(&new))?;
+                let entries_bytes = metadata.iter().map(|(key, text)| key.len() + text.len());
+                self.make_room(size_bytes(&new) + entries_bytes.sum::<usize>())?;
+                if !metadata.is_empty() {
+                    self.further.insert(id, metadata);
+                }
                 self.topics.insert(id, Arc::new(new));
                 self.rewrites.extend(rewrite.map(|rewrite| (id, rewrite)));
                 Ok(())
@@ -130,13 +142,14 @@ fn check_names(names: [&str; 2]) -> Result<(), String> {
     }
 }
 
+/// Returns the topic of a channel. Takes its entries out of the metadata.
 fn topic(
     name: &str,
     encoding: &str,
     schema: Option<&Schema>,
-    metadata: &BTreeMap<String, String>,
+    metadata: &mut BTreeMap<String, String>,
 ) -> Topic {
-    let entry = |key| metadata.get(key).cloned().unwrap_or_default();
+    let mut entry = |key| metadata.remove(key).unwrap_or_default();
     // Names of other encodings, such as JSON, are not names of ROS.
     let is_ros = ["cdr", ros1::ENCODING].contains(&encoding);
     let type_name = |schema: &Schema| {

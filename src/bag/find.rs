@@ -7,14 +7,10 @@ use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use super::convert;
-use super::kind::{Content, Kind, is_finished};
+use super::kind::{self, Content, Kind, is_finished};
 use super::metadata::BagInformation;
 use super::{BagError, place};
 
-/// Ends of the names of recordings.
-const ENDINGS: [&str; 4] = ["mcap", "zstd", "db3", "bag"];
-/// In a directory with more files, only those named as recordings are looked at.
-const MAX_LOOKED_AT: usize = 1024;
 /// Maximum number of files named in a note or an error.
 const MAX_NAMED: usize = 10;
 
@@ -126,6 +122,17 @@ fn nothing(directory: &Path, found: &Found, beside: &Beside) -> BagError {
         return BagError::NoBag(directory.into());
     }
     shorten(&mut reasons);
+    let is_known = |path: &PathBuf| found.files.iter().any(|file| file.path == *path);
+    let mut others: Vec<_> = beside
+        .files
+        .iter()
+        .filter(|(path, kind)| kind.is_readable() && !is_known(path))
+        .map(|(path, _)| name(path))
+        .collect();
+    if !others.is_empty() {
+        shorten(&mut others);
+        reasons.push(format!("not in metadata.yaml is {}: name its own path", others.join(", ")));
+    }
     let why = reasons.join("; ") + &advice.unwrap_or_default();
     BagError::NothingReadable { path: directory.into(), why }
 }
@@ -146,32 +153,10 @@ struct Beside {
 
 impl Beside {
     fn of(directory: &Path) -> io::Result<Self> {
-        let mut paths = Vec::new();
-        let mut others = Vec::new();
-        for entry in fs::read_dir(directory)? {
-            let path = entry?.path();
-            // A directory, a pipe or a device is no recording.
-            if !path.is_file() {
-                continue;
-            }
-            if is_named_recording(&path) {
-                paths.push(path);
-            } else if others.len() <= MAX_LOOKED_AT {
-                others.push(path);
-            }
-        }
-        if others.len() <= MAX_LOOKED_AT {
-            paths.append(&mut others);
-        }
+        let entries = fs::read_dir(directory)?;
+        let mut paths = entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
         paths.sort_by_cached_key(|path| natural_key(path));
-        // A file that cannot be opened is as good as an unknown one; it is named if it matters.
-        let kind = |path: &Path| {
-            Kind::of(path).unwrap_or(Kind { is_packed: false, content: Content::Other })
-        };
-        let with_kind = |path: PathBuf| (kind(&path), path);
-        let files = paths.into_iter().map(with_kind).map(|(kind, path)| (path, kind));
-        let mut beside =
-            Self { files: files.filter(|(path, kind)| is_recording(path, *kind)).collect() };
+        let mut beside = Self { files: kind::recordings(paths) };
         beside.drop_twins();
         Ok(beside)
     }
@@ -195,15 +180,6 @@ impl Beside {
     fn kind(&self, path: &Path) -> Option<Kind> {
         self.files.iter().find(|(known, _)| known == path).map(|(_, kind)| *kind)
     }
-}
-
-fn is_named_recording(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| ENDINGS.iter().any(|ending| extension == *ending))
-}
-
-fn is_recording(path: &Path, kind: Kind) -> bool {
-    is_named_recording(path)
-        || matches!(kind.content, Content::Mcap | Content::Sqlite | Content::Ros1)
 }
 
 /// The files that `metadata.yaml` lists.
@@ -277,7 +253,9 @@ impl Found {
     /// Adds files beside `metadata.yaml` that it does not list: all of them if it is missing or a listed file is, else
     /// those that continue the numbers of the listed ones, which an interrupted recording leaves.
     fn add_unlisted(&mut self, directory: &Path, beside: &Beside) {
-        let is_wrong = self.files.is_empty() || self.files.iter().any(|file| file.lost.is_some());
+        // A listed file that is there but cannot be read has no other name.
+        let is_missing = |file: &FoundFile| file.state == State::Missing;
+        let is_wrong = self.files.is_empty() || self.files.iter().any(is_missing);
         let series: BTreeSet<_> = self.files.iter().map(|file| natural_key(&file.path).0).collect();
         let has_list = !self.is_order_unknown;
         let (mut read, mut ignored) = (Vec::new(), Vec::new());

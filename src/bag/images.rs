@@ -24,7 +24,7 @@ pub(crate) struct ImageInfo {
     pub(crate) width: Option<u32>,
     /// Rows; `None` if unknown.
     pub(crate) height: Option<u32>,
-    /// Rate by the stamps of the first and the last image, hertz; `None` if they do not advance.
+    /// Rate by the stamps of the first and the last image, hertz; `None` if they do not advance or are assumed.
     pub(crate) stamp_rate_hz: Option<f64>,
     /// The reason why the first image cannot be measured; `None` if it can.
     pub(crate) problem: Option<String>,

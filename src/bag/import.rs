@@ -125,3 +125,28 @@ pub(super) fn has_assumed_stamps(bag: &BagReader) -> Option<bool> {
     let own = records.find(|record| record.name == OWN_RECORD)?;
     Some(own.entries.get(STAMPS).is_some_and(|stamps| stamps == ASSUMED))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bag::pictures;
+    use crate::bag::{PictureOptions, ReadOptions};
+
+    #[test]
+    fn an_interrupted_import_is_a_recording_of_the_pictures_before() {
+        let place = tempfile::tempdir().unwrap();
+        let (folder, output) = (place.path().join("scan"), place.path().join("bag"));
+        std::fs::create_dir(&folder).unwrap();
+        for number in 0..5 {
+            std::fs::write(folder.join(format!("{number}.pgm")), b"P5 1 1 255\n0").unwrap();
+        }
+        let read = ReadOptions::default();
+        let inputs = pictures::open_all(&[folder], &read, &PictureOptions::default()).unwrap();
+        let options = RecordOptions::default();
+        let imported = import(&inputs, &output, options, &mut |num| num < 3).unwrap();
+        assert_eq!((imported.num_pictures, imported.was_interrupted), (3, true));
+        let bag = BagReader::open(&output, &read).unwrap();
+        assert!(bag.is_indexed());
+        assert_eq!(bag.messages(&Filter::all()).map(Result::unwrap).count(), 3);
+    }
+}

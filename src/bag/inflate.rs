@@ -4,6 +4,7 @@ use std::io::{Cursor, Read};
 
 use super::RawMessage;
 use super::kind::ZSTD_MAGIC;
+use super::rewrite::Rewrite;
 
 /// Decompresses messages and reuses its buffers between them.
 pub(super) struct Inflater {
@@ -19,7 +20,7 @@ impl Inflater {
         Self { context: None, limit_bytes, is_stated: false }
     }
 
-    /// Decompresses a message in place if it is compressed; `spare` is where its old buffer goes.
+    /// Decompresses a message in place if it is compressed, before it is rewritten; `spare` is where its old buffer goes.
     ///
     /// CDR begins with two bytes that name its variant; the first is 0. So a CDR message that begins like a frame of
     /// Zstandard is one, whatever the recording states.
@@ -29,9 +30,14 @@ impl Inflater {
     pub(super) fn inflate(
         &mut self,
         message: &mut RawMessage,
+        rewrite: Option<Rewrite>,
         spare: &mut Vec<Vec<u8>>,
     ) -> Result<(), String> {
-        let may_be = self.is_stated || message.topic.message_encoding == "cdr";
+        let is_cdr = match rewrite {
+            Some(rewrite) => rewrite.is_of_cdr(),
+            None => message.topic.message_encoding == "cdr",
+        };
+        let may_be = self.is_stated || is_cdr;
         if !may_be || !message.data.starts_with(&ZSTD_MAGIC) {
             return Ok(());
         }

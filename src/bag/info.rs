@@ -8,12 +8,13 @@ use mcap::records::op;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use super::damaged::DamagedRange;
 use super::error::Fault;
 use super::format::{PREFIX_BYTES, Source, u64_at};
 use super::images::{self, ImageInfo};
 use super::layout::{Layout, PartKind};
+use super::pictures::ASSUMED_RATE_HZ;
 use super::record::OWN_RECORD;
-use super::recover::DamagedRange;
 use super::statistics::Statistics;
 use super::unpack::size_bytes;
 use super::{BagError, BagReader, Filter, Topic};
@@ -34,7 +35,7 @@ pub(crate) struct BagInfo {
     pub(crate) path: PathBuf,
     /// Its files in their order.
     pub(crate) files: Vec<FileInfo>,
-    /// Size of all files, bytes.
+    /// Size of all files, pictures included, bytes.
     pub(crate) bytes: u64,
     /// Time of the first message, nanoseconds since the epoch.
     pub(crate) start_ns: Option<i64>,
@@ -42,6 +43,8 @@ pub(crate) struct BagInfo {
     pub(crate) end_ns: Option<i64>,
     /// Time from the first to the last message, seconds.
     pub(crate) duration_s: f64,
+    /// True if the images are, or were, pictures without stamps: then all times are those of an assumed rate.
+    pub(crate) stamps_assumed: bool,
     /// Number of messages.
     pub(crate) messages: u64,
     /// Topics by name.
@@ -85,7 +88,7 @@ pub(crate) struct TopicInfo {
     pub(crate) type_hash: String,
     /// Number of messages.
     pub(crate) messages: u64,
-    /// Message rate, hertz.
+    /// Message rate, hertz; `None` for fewer than two messages and for assumed stamps, as are the gap and its time.
     pub(crate) rate_hz: Option<f64>,
     /// Longest time between two consecutive messages, seconds.
     pub(crate) largest_gap_s: Option<f64>,
@@ -97,6 +100,16 @@ pub(crate) struct TopicInfo {
     pub(crate) bytes: Option<u64>,
     /// The images; `None` if the topic has none that can be decoded.
     pub(crate) image: Option<ImageInfo>,
+}
+
+impl TopicInfo {
+    /// Removes what follows from the times of the messages.
+    fn forget_times(&mut self) {
+        (self.rate_hz, self.largest_gap_s, self.largest_gap_at_ns) = (None, None, None);
+        if let Some(image) = &mut self.image {
+            image.stamp_rate_hz = None;
+        }
+    }
 }
 
 /// An attachment of the recording.
@@ -127,18 +140,27 @@ pub(crate) fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<Bag
     };
     let bounds = statistics.values().filter_map(|topic| topic.bounds_ns);
     let bounds_ns = bounds.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)));
-    let topics: Vec<_> =
+    let mut topics: Vec<_> =
         bag.topics().iter().map(|topic| topic_info(bag, topic, &statistics, read)).collect();
+    let stamps_assumed = bag.has_assumed_stamps();
+    if stamps_assumed {
+        topics.iter_mut().for_each(TopicInfo::forget_times);
+        problems.notes.push(format!(
+            "{}: the pictures have no stamps, so their times are those of an assumed rate of {ASSUMED_RATE_HZ} Hz;              --frame-rate of `replay` and `import` states the rate",
+            path.display()
+        ));
+    }
     let files: Vec<_> = bag.layouts().map(|(path, layout)| file_info(path, layout)).collect();
     let attachments = attachments(bag, &mut problems)?;
     let metadata = metadata(bag, &mut problems)?;
     Ok(BagInfo {
         path: path.into(),
-        bytes: files.iter().map(|file| file.bytes).sum(),
+        bytes: files.iter().map(|file| file.bytes).sum::<u64>() + bag.series_bytes(),
         files,
         start_ns: bounds_ns.map(|(first, _)| first),
         end_ns: bounds_ns.map(|(_, last)| last),
         duration_s: bounds_ns.map_or(0.0, |(first, last)| seconds(last.saturating_sub(first))),
+        stamps_assumed,
         messages: statistics.values().map(|topic| topic.count).sum(),
         topics,
         attachments,
@@ -158,11 +180,6 @@ struct Problems {
 
 impl Problems {
     fn add(&mut self, error: BagError) -> Result<(), BagError> {
-        if let BagError::Picture { path, why } = error {
-            let end = std::fs::metadata(&path).map_or(0, |file| file.len());
-            self.damaged.push(DamagedRange { file: path, offset: 0, end, what: why });
-            return Ok(());
-        }
         match DamagedRange::of(&error) {
             Some(range) => self.damaged.push(range),
             None if error.is_loss() => return Err(error),

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use mcap::MAGIC;
 
@@ -13,6 +13,12 @@ const ROS1_MAGIC: &[u8] = b"#ROSBAG V";
 const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
 /// The longest of these.
 const START_BYTES: u64 = 16;
+/// Ends of the names of recordings.
+const ENDINGS: [&str; 3] = ["mcap", "db3", "bag"];
+/// End of the names of files that are compressed as a whole.
+const PACKED_ENDING: &str = "zstd";
+/// Among more other files, only those named as recordings or as compressed are looked at.
+const MAX_LOOKED_AT: usize = 1024;
 
 /// Content of a file, by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,6 +81,37 @@ impl Kind {
         };
         if self.is_packed { format!("decompressed, {why}") } else { why.to_owned() }
     }
+}
+
+/// The recordings among the files of a directory, with their kinds: those that begin as one, and those that are named as
+/// one, because a recording may be empty or damaged.
+pub(super) fn recordings(mut paths: Vec<PathBuf>) -> Vec<(PathBuf, Kind)> {
+    // A directory, a pipe or a device is no recording.
+    paths.retain(|path| path.is_file());
+    let is_likely = |path: &PathBuf| is_named_recording(path) || has_ending(path, PACKED_ENDING);
+    if paths.iter().filter(|path| !is_likely(path)).count() > MAX_LOOKED_AT {
+        paths.retain(is_likely);
+    }
+    // A file that cannot be opened is as good as an unknown one; it is named if it matters.
+    let unknown = Kind { is_packed: false, content: Content::Other };
+    let with_kind = |path: PathBuf| (Kind::of(&path).unwrap_or(unknown), path);
+    let is_recording = |(path, kind): &(PathBuf, Kind)| {
+        is_named_recording(path)
+            || matches!(kind.content, Content::Mcap | Content::Sqlite | Content::Ros1)
+    };
+    let files = paths.into_iter().map(with_kind).map(|(kind, path)| (path, kind));
+    files.filter(is_recording).collect()
+}
+
+/// True for the name of a recording, packed or not. Other packed files, such as archives, are not.
+fn is_named_recording(path: &Path) -> bool {
+    let unpacked = path.with_extension("");
+    let path = if has_ending(path, PACKED_ENDING) { &unpacked } else { path };
+    ENDINGS.iter().any(|ending| has_ending(path, ending))
+}
+
+fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|extension| extension == ending)
 }
 
 fn start_of(file: impl Read) -> io::Result<Vec<u8>> {

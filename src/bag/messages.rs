@@ -166,44 +166,32 @@ impl FileMessages {
                     Err(error) => return Some(Err(error)),
                 }
             } else if let Some(Reverse(first)) = self.waiting.pop() {
-                return Some(match first.item {
-                    Ok(message) => {
-                        self.waiting_bytes -= message.data.len();
-                        self.inflate(message, first.turn.offset)
-                    }
-                    error => error,
-                });
+                return Some(first.item.and_then(|(channel, message)| {
+                    self.waiting_bytes -= message.data.len();
+                    self.finish(channel, message, first.turn.offset)
+                }));
             } else {
                 return self.missing().map(Err);
             }
         }
     }
 
-    /// Decompresses a message of the part at `offset` if it is compressed.
-    fn inflate(&mut self, mut message: RawMessage, offset: u64) -> Result<RawMessage, BagError> {
-        let inflated = self.inflater.inflate(&mut message, &mut self.spare);
-        inflated.map(|()| message).map_err(|what| self.damaged_message(offset, what))
-    }
-
-    /// Rewrites a message of the part at `offset` if it is not one of ROS 2.
-    fn rewrite(
+    /// Decompresses a message of the part at `offset` if it is compressed, then rewrites it if it is not one of ROS 2.
+    fn finish(
         &mut self,
         channel: u16,
         mut message: RawMessage,
         offset: u64,
     ) -> Result<RawMessage, BagError> {
-        if let Some(rewrite) = self.channels.rewrite(channel) {
-            let mut data = self.spare.pop().unwrap_or_default();
-            rewrite.to_cdr(&message.data, &mut data).map_err(|what| {
-                self.damaged_message(offset, format!("{}: {what}", message.topic.name))
-            })?;
-            self.spare.push(std::mem::replace(&mut message.data, data));
-        }
-        Ok(message)
-    }
-
-    fn damaged_message(&self, offset: u64, what: String) -> BagError {
-        BagError::Damaged { path: self.source.path.clone(), offset, end: offset, what }
+        let (rewrite, spare) = (self.channels.rewrite(channel), &mut self.spare);
+        let inflated = self.inflater.inflate(&mut message, rewrite, spare);
+        let finished = inflated.and_then(|()| match rewrite {
+            Some(rewrite) => rewrite.apply(&mut message, spare),
+            None => Ok(()),
+        });
+        let path = &self.source.path;
+        let damaged = |what| BagError::Damaged { path: path.clone(), offset, end: offset, what };
+        finished.map(|()| message).map_err(damaged)
     }
 
     /// True if the next part may hold a message earlier than all buffered ones.
@@ -228,8 +216,8 @@ impl FileMessages {
         false
     }
 
-    fn wait(&mut self, turn: Turn, item: Result<RawMessage, BagError>) {
-        if let Ok(message) = &item {
+    fn wait(&mut self, turn: Turn, item: Result<(u16, RawMessage), BagError>) {
+        if let Ok((_, message)) = &item {
             self.waiting_bytes += message.data.len();
         }
         self.has_loss |= item.as_ref().is_err_and(BagError::is_loss);
@@ -322,8 +310,7 @@ impl FileMessages {
         for (number, (channel, message)) in messages.into_iter().enumerate() {
             *self.found.entry(channel).or_default() += 1;
             let (time, number) = (message.log_time_ns as u64, number as u64);
-            let message = self.rewrite(channel, message, offset);
-            self.wait(Turn { time, offset, number }, message);
+            self.wait(Turn { time, offset, number }, Ok((channel, message)));
         }
     }
 
@@ -342,8 +329,7 @@ impl FileMessages {
             Ok(Some((channel, message))) => {
                 *self.found.entry(channel).or_default() += 1;
                 part.start_time = message.log_time_ns as u64;
-                let message = self.rewrite(channel, message, part.offset);
-                self.wait(Turn::first(part.start_time, part.offset), message);
+                self.wait(Turn::first(part.start_time, part.offset), Ok((channel, message)));
             }
             Ok(None) => {}
             Err(what) => {

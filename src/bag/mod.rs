@@ -35,6 +35,7 @@ pub(crate) mod read;
 mod sink;
 pub(crate) mod record;
 pub(crate) mod split;
+mod damaged;
 pub(crate) mod recover;
 pub(crate) mod import;
 pub(crate) mod statistics;

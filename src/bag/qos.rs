@@ -17,6 +17,17 @@ pub(super) fn parse(yaml: &str) -> Option<Vec<QosProfile>> {
     serde_saphyr::from_str(yaml).ok()
 }
 
+/// Joins two lists of profiles without repeating any; `None` for malformed text.
+pub(super) fn joined(first: &str, second: &str) -> Option<String> {
+    let mut profiles = parse(first)?;
+    for profile in parse(second)? {
+        if !profiles.contains(&profile) {
+            profiles.push(profile);
+        }
+    }
+    Some(to_yaml(&profiles))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -13,19 +13,33 @@ use super::open::Opener;
 use super::pictures::Series;
 use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, content, import};
 
+/// Room in a record beside the largest image, for its header and the other messages of its chunk, bytes.
+const RECORD_MARGIN_BYTES: u64 = 16 << 20;
+
 /// Options for reading a bag.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadOptions {
     /// Limit on the size of a record or chunk (compressed or not) that is loaded into memory, bytes. Longer ones count
     /// as damage. The default allows a message of 64 MiB and the rest of its chunk.
     pub(crate) record_limit_bytes: usize,
+    /// Limit on the size of a picture file and of its pixels, bytes: `max_frame_bytes` of parameters and options.
+    pub(crate) max_frame_bytes: u64,
     /// True to use a valid index; false to scan the whole file.
     pub(crate) use_index: bool,
 }
 
+impl ReadOptions {
+    /// Options for images of up to `max_frame_bytes`.
+    pub(crate) fn for_frames(max_frame_bytes: u64) -> Self {
+        let limit_bytes = max_frame_bytes.saturating_add(RECORD_MARGIN_BYTES);
+        let record_limit_bytes = usize::try_from(limit_bytes).unwrap_or(usize::MAX);
+        Self { record_limit_bytes, max_frame_bytes, use_index: true }
+    }
+}
+
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self { record_limit_bytes: 80 << 20, use_index: true }
+        Self::for_frames(64 << 20)
     }
 }
 
@@ -149,6 +163,11 @@ impl BagReader {
     /// Number of images of a series; `None` for a recording.
     pub(crate) fn num_pictures(&self) -> Option<u64> {
         self.series.as_ref().map(Series::num_images)
+    }
+
+    /// Size of the pictures or the video, bytes; 0 for a recording.
+    pub(super) fn series_bytes(&self) -> u64 {
+        self.series.as_ref().map_or(0, Series::num_bytes)
     }
 
     /// Topics of all files, sorted by name. Two entries of the same name differ in type or quality of service.

@@ -84,6 +84,8 @@ pub struct Recorder {
     directory: PathBuf,
     file_name: String,
     topics: Vec<(Topic, u64)>,
+    /// Further entries of the metadata of the topics' channels, by index.
+    further: BTreeMap<usize, BTreeMap<String, String>>,
     /// Indices into `topics`, by name.
     places: BTreeMap<String, usize>,
     /// Channels of the topics already written to the file, which are the first of `topics`.
@@ -139,6 +141,7 @@ impl Recorder {
             directory: directory.into(),
             file_name,
             topics: Vec::new(),
+            further: BTreeMap::new(),
             places: BTreeMap::new(),
             channels: Vec::new(),
             is_head_closed: false,
@@ -167,14 +170,20 @@ impl Recorder {
     pub fn add_topic(&mut self, topic: &Topic) -> Result<TopicId, RecordError> {
         if let Some(&at) = self.places.get(&topic.name) {
             let known = &self.topics[at].0;
-            if known.type_name != topic.type_name || known.schema != topic.schema {
-                return Err(RecordError::TopicConflict {
-                    topic: topic.name.clone(),
-                    recorded: known.type_name.clone(),
-                    refused: topic.type_name.clone(),
-                });
+            let is_alike = known.type_name == topic.type_name && known.schema == topic.schema;
+            if is_alike && known.message_encoding == topic.message_encoding {
+                return Ok(TopicId(at));
             }
-            return Ok(TopicId(at));
+            let in_words = |topic: &Topic| {
+                let encoding = Some(&topic.message_encoding).filter(|_| is_alike);
+                let encoding = encoding.map_or_else(String::new, |name| format!(" in {name}"));
+                format!("{}{encoding}", topic.type_name)
+            };
+            return Err(RecordError::TopicConflict {
+                topic: topic.name.clone(),
+                recorded: in_words(known),
+                refused: in_words(topic),
+            });
         }
         if self.topics.len() == MAX_TOPICS {
             let what = format!("{}: more than {MAX_TOPICS} topics", topic.name);
@@ -185,6 +194,13 @@ impl Recorder {
         Ok(TopicId(self.topics.len() - 1))
     }
 
+    /// Adds an entry to the metadata of a topic's channel, before the first message. Returns false and changes nothing if
+    /// the key has another text.
+    pub(super) fn annotate(&mut self, topic: TopicId, key: &str, text: &str) -> bool {
+        let entries = self.further.entry(topic.0).or_default();
+        entries.entry(key.to_owned()).or_insert_with(|| text.to_owned()) == text
+    }
+
     fn close_head(&mut self) {
         self.is_head_closed |= self.channels.len() < self.topics.len();
     }
@@ -193,7 +209,8 @@ impl Recorder {
     fn announce(&mut self) -> Result<(), RecordError> {
         while let Some((topic, _)) = self.topics.get(self.channels.len()) {
             let topic = topic.clone();
-            let channel = self.write_with(|writer| add_channel(writer, &topic))?;
+            let further = self.further.remove(&self.channels.len()).unwrap_or_default();
+            let channel = self.write_with(|writer| add_channel(writer, &topic, further))?;
             self.channels.push(channel);
         }
         Ok(())
@@ -325,8 +342,11 @@ impl Recorder {
     }
 }
 
-fn add_channel(writer: &mut mcap::Writer<NoSeek<Sink>>, topic: &Topic) -> Result<u16, McapError> {
-    let mut metadata = BTreeMap::new();
+fn add_channel(
+    writer: &mut mcap::Writer<NoSeek<Sink>>,
+    topic: &Topic,
+    mut metadata: BTreeMap<String, String>,
+) -> Result<u16, McapError> {
     // Version 9 has words where older versions have numbers. Malformed text is kept.
     let words = qos::parse(&topic.qos).filter(|profiles| !profiles.is_empty());
     metadata.insert(

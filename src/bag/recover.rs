@@ -1,18 +1,19 @@
 //! Recovers the readable part of a damaged bag into a new bag.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::{fmt, io};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
 
-use serde::Serialize;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use super::damaged::DamagedRange;
+use super::layout::Layout;
 use super::record::{OWN_RECORD, RecordSummary};
-use super::unpack::size_bytes;
 use super::{
     BagError, BagReader, Compression, Filter, ReadOptions, RecordError, RecordOptions, Recorder,
-    Times, TopicId, place,
+    Times, Topic, TopicId, place, qos,
 };
 
 /// Error of recovering a bag.
@@ -27,45 +28,6 @@ pub(crate) enum RecoverError {
     /// The output would replace the input.
     #[error("{0}; choose another output")]
     SamePlace(io::Error),
-}
-
-/// A range of the input that was skipped.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub(crate) struct DamagedRange {
-    /// The file.
-    pub(crate) file: PathBuf,
-    /// Start, bytes from the start of the file.
-    pub(crate) offset: u64,
-    /// End (exclusive), bytes from the start of the file.
-    pub(crate) end: u64,
-    /// Description of the damage.
-    pub(crate) what: String,
-}
-
-impl DamagedRange {
-    /// Returns the damaged range that an error reports; `None` for any other error.
-    pub(super) fn of(error: &BagError) -> Option<Self> {
-        let (file, offset, end, what) = match error {
-            BagError::Damaged { path, offset, end, what } => (path, *offset, *end, what),
-            BagError::Lost { path, why } => (path, 0, size_bytes(path), why),
-            _ => return None,
-        };
-        Some(Self { file: file.clone(), offset, end, what: what.clone() })
-    }
-}
-
-impl fmt::Display for DamagedRange {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, offset, end, what } = self;
-        let file = file.display();
-        if end > offset && *offset > 0 {
-            write!(out, "{file}: bytes {offset} to {end}: {what}")
-        } else if *offset > 0 {
-            write!(out, "{file}: byte {offset}: {what}")
-        } else {
-            write!(out, "{file}: {what}")
-        }
-    }
 }
 
 /// Options for recovering a bag.
@@ -122,9 +84,7 @@ pub(crate) fn recover(
         let (path, bytes) = (path.display(), layout.unknown_bytes);
         losses.left_out.push(format!("{path}: {bytes} bytes of record types that are not of MCAP"));
     }
-    for topic in bag.topics() {
-        losses.topic(recorder.add_topic(topic), 0)?;
-    }
+    copy_topics(&bag, &mut recorder, &mut losses)?;
     let num_metadata = copy_metadata(&bag, &mut recorder, &mut losses)?;
     let num_attachments = copy_attachments(&bag, &mut recorder, &mut losses)?;
     copy_messages(&bag, &mut recorder, &mut losses)?;
@@ -184,6 +144,69 @@ impl Losses {
             ));
         }
     }
+}
+
+/// Adds all topics with the metadata of their channels, and notes what is not written as it was.
+fn copy_topics(
+    bag: &BagReader,
+    recorder: &mut Recorder,
+    losses: &mut Losses,
+) -> Result<(), RecoverError> {
+    // The files of a split bag repeat them.
+    let (mut notes, mut left_out) = (BTreeSet::new(), BTreeSet::new());
+    for topic in merged(bag.topics(), &mut left_out) {
+        losses.topic(recorder.add_topic(&topic), 0)?;
+        let profiles = qos::parse(&topic.qos).filter(|profiles| !profiles.is_empty());
+        if profiles.is_some_and(|profiles| qos::to_yaml(&profiles) != topic.qos) {
+            notes.insert(format!(
+                "{}: its quality of service is written in the words of version 9 of rosbag2",
+                topic.name
+            ));
+        }
+    }
+    for (_, Layout { channels, .. }) in bag.layouts() {
+        for (channel, topic) in channels.iter() {
+            let Some(id) = losses.topic(recorder.add_topic(topic), 0)? else { continue };
+            let Topic { name, type_name, .. } = topic.as_ref();
+            for (key, text) in channels.further(channel) {
+                if !recorder.annotate(id, key, text) {
+                    left_out.insert(format!("{name}: another {key:?} of its channel: {text:?}"));
+                }
+            }
+            if let Some(rewrite) = channels.rewrite(channel) {
+                let origin = rewrite.origin();
+                notes.insert(format!("{name}: messages of {origin} are rewritten as {type_name}"));
+            }
+        }
+    }
+    losses.notes.extend(notes);
+    losses.left_out.extend(left_out);
+    Ok(())
+}
+
+/// Topics that differ only in their quality of service or type hash as one that has all of it.
+fn merged(topics: &[Arc<Topic>], left_out: &mut BTreeSet<String>) -> Vec<Topic> {
+    let mut merged = Vec::<Topic>::new();
+    for topic in topics {
+        let is_same = |known: &&mut Topic| {
+            let (type_hash, qos) = (known.type_hash.clone(), known.qos.clone());
+            Topic { type_hash, qos, ..Topic::clone(topic) } == **known
+        };
+        let Some(known) = merged.last_mut().filter(is_same) else {
+            merged.push(Topic::clone(topic));
+            continue;
+        };
+        if known.type_hash.is_empty() {
+            known.type_hash.clone_from(&topic.type_hash);
+        } else if !topic.type_hash.is_empty() && topic.type_hash != known.type_hash {
+            left_out.insert(format!("{}: another type hash: {}", topic.name, topic.type_hash));
+        }
+        match qos::joined(&known.qos, &topic.qos) {
+            Some(qos) => known.qos = qos,
+            None => drop(left_out.insert(format!("{}: another quality of service", topic.name))),
+        }
+    }
+    merged
 }
 
 fn copy_metadata(

@@ -1,7 +1,10 @@
 //! Topics whose messages are rewritten as messages of ROS 2.
 
-use super::{Topic, foxglove_image, foxglove_ros, ros1};
+use super::{RawMessage, Topic, foxglove_image, foxglove_ros, ros1};
 use crate::msg::{qos::QosProfile, schema::MessageType};
+
+/// Depth of the queue in the quality of service of a topic that states none.
+const DEPTH: u64 = 10;
 
 /// How the messages of a topic are rewritten.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,20 +36,45 @@ impl Rewrite {
             }
             _ => return None,
         };
-        let name = std::mem::take(&mut topic.name);
-        *topic = Topic::new(name, kind, QosProfile::reliable(10));
+        let adopted =
+            Topic::new(std::mem::take(&mut topic.name), kind, QosProfile::reliable(DEPTH));
+        let stated = std::mem::take(&mut topic.qos);
+        let qos = if stated.is_empty() { adopted.qos } else { stated };
+        *topic = Topic { qos, ..adopted };
         Some(rewrite)
     }
 
-    /// Rewrites a message as CDR into `out`.
+    /// The system that the messages come from.
+    pub(super) const fn origin(self) -> &'static str {
+        match self {
+            Self::Ros1(_) => "ROS 1",
+            Self::Foxglove(_) => "Foxglove (Protobuf)",
+            Self::FoxgloveRos(_) => "foxglove_msgs",
+        }
+    }
+
+    /// True if the messages are CDR before they are rewritten, too.
+    pub(super) const fn is_of_cdr(self) -> bool {
+        matches!(self, Self::FoxgloveRos(_))
+    }
+
+    /// Rewrites a message as CDR in place; `spare` is where its old buffer goes.
     ///
     /// # Errors
-    /// The message does not have the fields of its type.
-    pub(super) fn to_cdr(self, message: &[u8], out: &mut Vec<u8>) -> Result<(), String> {
-        match self {
-            Self::Ros1(fields) => ros1::to_cdr(message, fields, out),
-            Self::Foxglove(kind) => kind.to_cdr(message, out),
-            Self::FoxgloveRos(kind) => foxglove_ros::to_cdr(kind, message, out),
-        }
+    /// The message does not have the fields of its type; the text names its topic.
+    pub(super) fn apply(
+        self,
+        message: &mut RawMessage,
+        spare: &mut Vec<Vec<u8>>,
+    ) -> Result<(), String> {
+        let mut data = spare.pop().unwrap_or_default();
+        let rewritten = match self {
+            Self::Ros1(fields) => ros1::to_cdr(&message.data, fields, &mut data),
+            Self::Foxglove(kind) => kind.to_cdr(&message.data, &mut data),
+            Self::FoxgloveRos(kind) => foxglove_ros::to_cdr(kind, &message.data, &mut data),
+        };
+        rewritten.map_err(|what| format!("{}: {what}", message.topic.name))?;
+        spare.push(std::mem::replace(&mut message.data, data));
+        Ok(())
     }
 }

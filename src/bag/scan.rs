@@ -43,21 +43,15 @@ pub(super) fn profile(source: &mut Source) -> Result<String, BagError> {
 pub(super) fn scan(source: &mut Source, channels: Channels) -> Result<Layout, BagError> {
     let layout = Layout { channels, ..Layout::default() };
     let decoder = ChunkDecoder::new(source.limit_bytes);
-    let mut scan =
-        Scan { source, decoder, layout, counts: BTreeMap::new(), suspect: None, unknown_bytes: 0 };
+    let mut scan = Scan { source, decoder, layout, counts: BTreeMap::new(), suspect: None };
     let mut offset = mcap::MAGIC.len() as u64;
     while let Some(next) = scan.step(offset)? {
         offset = next;
     }
     scan.layout.counts = Some(scan.counts);
-    if scan.unknown_bytes > 0 {
-        let note = format!(
-            "{}: ignored {} bytes of unknown record types",
-            scan.source.path.display(),
-            scan.unknown_bytes
-        );
-        scan.layout.notes.push(note);
-        scan.layout.unknown_bytes = scan.unknown_bytes;
+    if scan.layout.unknown_bytes > 0 {
+        let (path, bytes) = (scan.source.path.display(), scan.layout.unknown_bytes);
+        scan.layout.notes.push(format!("{path}: ignored {bytes} bytes of unknown record types"));
     }
     scan.layout.sort();
     Ok(scan.layout)
@@ -70,7 +64,6 @@ struct Scan<'a> {
     counts: BTreeMap<u16, u64>,
     /// The last record, if only the next one can confirm its length.
     suspect: Option<Suspect>,
-    unknown_bytes: u64,
 }
 
 /// True for the records that a chunk may contain.
@@ -192,7 +185,7 @@ impl Scan<'_> {
             // A chunk with a damaged opcode must not be taken for a message index.
             op::MESSAGE_INDEX => self.check_message_index(span)?,
             op::HEADER if span.offset == mcap::MAGIC.len() as u64 => {}
-            0x80.. => self.unknown_bytes += span.end - span.offset,
+            0x80.. => self.layout.unknown_bytes += span.end - span.offset,
             opcode => {
                 return Err(self.source.damaged(
                     span,

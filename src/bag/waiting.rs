@@ -22,10 +22,10 @@ impl Turn {
     }
 }
 
-/// A buffered item: a message, or an error in the place of missing messages.
+/// A buffered item: a message as the file holds it and its channel, or an error in the place of missing messages.
 pub(super) struct Waiting {
     pub(super) turn: Turn,
-    pub(super) item: Result<RawMessage, BagError>,
+    pub(super) item: Result<(u16, RawMessage), BagError>,
 }
 
 impl PartialEq for Waiting {

@@ -11,6 +11,7 @@ use serde_json::json;
 
 use super::{Outcome, Usage, output};
 use crate::{
+    bag::ReadOptions,
     node::ambient::{self, Mean},
     scanner::params::Channel,
 };
@@ -30,7 +31,7 @@ pub(crate) struct AmbientArgs {
     #[arg(long, default_value = "auto")]
     pub(crate) channel: String,
     /// Largest accepted image, bytes after decoding.
-    #[arg(long, default_value_t = 64 << 20)]
+    #[arg(long, default_value_t = ReadOptions::default().max_frame_bytes)]
     pub(crate) max_frame_bytes: u64,
     /// Replace an existing file.
     #[arg(long)]

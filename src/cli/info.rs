@@ -34,13 +34,14 @@ Examples:
   laser_profiler info results/results_0.mcap --json | jq .topics
 
 --json prints one object:
-  path, bytes, start_ns, end_ns (null without messages), duration_s, messages, verified (true if every message was read)
+  path, bytes, start_ns, end_ns (null without messages), duration_s, stamps_assumed (true for pictures without stamps: all
+  times are those of an assumed rate), messages, verified (true if every message was read)
   files:       [{path, bytes, indexed, compression: [\"none\"|\"lz4\"|\"zstd\" (chunks), \"zstd messages\", \"zstd file\"]}]
   topics:      [{name, type, encoding, type_hash, messages, rate_hz, largest_gap_s, largest_gap_at_ns,
                 skipped (by the writer's counter), bytes,
                 image: {encoding, width, height, stamp_rate_hz, problem}}]; rate and gap null when there are too few
-                messages, skipped and bytes null unless verified; image null for other types. It is that of the first
-                message; stamp_rate_hz is null if the stamps do not advance, problem says why it cannot be measured
+                messages or stamps are assumed, skipped and bytes null unless verified; image null for other types. It is that of the first
+                message; stamp_rate_hz is null if the stamps do not advance or are assumed, problem says why it cannot be measured
   attachments: [{name, media_type, bytes, sha256}]
   metadata:    {record: {key: text}}; `laser_profiler` holds version, parameters, parameters_sha256
   damaged:     [{file, offset, end, what}]; offsets in bytes from the start of the file, decompressed; both 0 for a
@@ -78,7 +79,7 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
             bytes(file.bytes)
         )?;
     }
-    if let Some(start_ns) = info.start_ns {
+    if let Some(start_ns) = info.start_ns.filter(|_| !info.stamps_assumed) {
         writeln!(
             out,
             "Start       {}  ({}.{:09} s)",
@@ -87,11 +88,15 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
             start_ns % NS
         )?;
     }
-    writeln!(out, "Duration    {:.3} s", info.duration_s)?;
+    if info.stamps_assumed {
+        writeln!(out, "Duration    unknown: no stamps")?;
+    } else {
+        writeln!(out, "Duration    {:.3} s", info.duration_s)?;
+    }
     let how = if info.verified { "all read" } else { "from the index" };
     writeln!(out, "Messages    {}  ({how})", info.messages)?;
     print_topics(&info.topics, out)?;
-    print_images(&info.topics, out)?;
+    print_images(info, out)?;
     for attachment in &info.attachments {
         let (name, media_type, size) =
             (&attachment.name, &attachment.media_type, bytes(attachment.bytes));
@@ -150,16 +155,15 @@ fn print_topics(topics: &[TopicInfo], out: &mut dyn Write) -> io::Result<()> {
     writeln!(out)
 }
 
-fn print_images(topics: &[TopicInfo], out: &mut dyn Write) -> io::Result<()> {
-    let images = topics.iter().filter_map(|topic| Some((&topic.name, topic.image.as_ref()?)));
+fn print_images(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
+    let no_rate = if info.stamps_assumed { "  no stamps" } else { "  stamps do not advance" };
+    let images = info.topics.iter().filter_map(|topic| Some((&topic.name, topic.image.as_ref()?)));
     let mut has_any = false;
     for (name, image) in images {
         let ImageInfo { encoding, width, height, stamp_rate_hz, problem } = image;
         let size = width.zip(*height).map_or(String::new(), |(w, h)| format!("  {w} x {h} px"));
-        let rate = stamp_rate_hz.map_or_else(
-            || "  stamps do not advance".into(),
-            |rate| format!("  {rate:.3} Hz by the stamps"),
-        );
+        let rate = stamp_rate_hz
+            .map_or_else(|| no_rate.to_owned(), |rate| format!("  {rate:.3} Hz by the stamps"));
         let encoding = if encoding.is_empty() { "no encoding" } else { encoding };
         writeln!(out, "Images      {name}  {encoding}{size}{rate}")?;
         if let Some(problem) = problem {

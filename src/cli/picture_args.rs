@@ -8,7 +8,7 @@ use crate::bag::PictureOptions;
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct PictureArgs {
     /// Pictures per second: picture n gets the stamp n / HZ, counted from 1. Without it the stamps assume 10 Hz, and
-    /// motion.velocity is refused; motion.step, the movement from picture to picture, needs no rate.
+    /// motion.velocity is refused; videos have stamps of their own; motion.step, the movement from picture to picture, needs no rate.
     #[arg(long, value_name = "HZ", value_parser = frame_rate)]
     pub(super) frame_rate: Option<f64>,
     /// CSV file of stamps and positions of the pictures. Its first line names the columns: file (name of the picture), and

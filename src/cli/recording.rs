@@ -20,9 +20,6 @@ use crate::{
 /// Topic with the exact centre of the stripe in every image of a simulated recording.
 pub(super) const TRUTH_TOPIC: &str = "/truth/centerline";
 
-/// Room in a record beside the largest frame, bytes.
-const RECORD_MARGIN_BYTES: usize = 16 << 20;
-
 /// An open recording and the camera whose images are read.
 pub(super) struct Recording {
     pub(super) bag: BagReader,
@@ -46,10 +43,7 @@ impl Recording {
     /// No recording or no images; [`Usage`](crate::cli::Usage) if several topics match.
     pub(super) fn open(path: &Path, settings: &Settings) -> anyhow::Result<Self> {
         let largest = settings.cameras.iter().map(|camera| camera.max_frame_bytes).max();
-        let options = ReadOptions {
-            record_limit_bytes: largest.unwrap_or(0) as usize + RECORD_MARGIN_BYTES,
-            ..ReadOptions::default()
-        };
+        let options = ReadOptions::for_frames(largest.unwrap_or(0));
         let bags = [pictures::open(path, &options)?];
         let camera = settings.camera(&bags)?;
         let [bag] = bags;

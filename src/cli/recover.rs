@@ -12,7 +12,7 @@ use crate::bag::recover::{RecoverOptions, Recovery, recover};
 
 /// Copies everything readable from a damaged bag into a new bag.
 ///
-/// Keeps all topics, messages, attachments and metadata. Skips missing files and damaged chunks and continues at the next
+/// Keeps all topics with the metadata of their channels, messages, attachments and metadata. Skips missing files and damaged chunks and continues at the next
 /// valid one. Decompresses files (.mcap.zstd) and messages that are compressed one by one. The exit code is 3 if anything
 /// is not in the new bag; the summary names it.
 #[derive(Debug, Args)]
@@ -53,7 +53,7 @@ Example:
   output, bytes, messages, topics: {name: count}, attachments, metadata (numbers of records)
   damaged:  [{file, offset, end, what}]; offsets in bytes from the start of the file, decompressed
   left_out: [text]; whatever else is not in the new bag
-  notes:    [text]";
+  notes:    [text]; also what is written otherwise: messages of other systems, quality of service of older versions";
 
 /// Recovers a bag and prints a summary on `out`.
 ///

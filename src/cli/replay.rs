@@ -16,7 +16,7 @@ use crate::{
     ros::arguments::RosArguments,
 };
 
-const HELP: &str = "\
+pub(super) const HELP: &str = "\
 Examples:
   laser_profiler replay my_recording -o results
       uses the recording's only image topic, raw or compressed, and the default parameters
@@ -41,7 +41,9 @@ The results are a rosbag2 directory with ~/centerline and ~/annotations for ever
   points (of all centrelines), points_saturated (of them, with a sample at full scale), outside_calibrated_volume,
   without_stripe: {frames, examined, reasons: [{reason, frames, text}]} (some of the frames are examined for the likely reason),
   sigma_px: {noise, texture} (medians over the frames; null without points), slices,
-  channel_auto (frames by the channel that `channel: auto` chose; missing for grey images), standing (profiles that lie where the one before lies; missing if there are none), seconds, frames_per_second,
+  channel_auto (frames by the channel that `channel: auto` chose; missing for grey images), standing (profiles that lie where the one before lies; missing if there are none),
+  positions: {known, doubtful (of these), unknown, refused} (frames by their position, and samples that were rejected; missing without positions),
+  seconds, frames_per_second,
   stages_ms: {decode, extract, triangulate, encode: each {p50, p99}}, output";
 
 /// Replays recordings through the node, as fast as possible, into a bag of results.

@@ -14,6 +14,7 @@ use serde_json::json;
 
 use super::{Outcome, Usage, output};
 use crate::{
+    bag::ReadOptions,
     node::sampled::{self, Sampled},
     ros::value::Value,
     scanner::suggestion::{Suggestion, suggest},
@@ -39,7 +40,7 @@ pub(crate) struct SuggestArgs {
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub(crate) frames: u16,
     /// Largest accepted image, bytes after decoding.
-    #[arg(long, default_value_t = 64 << 20)]
+    #[arg(long, default_value_t = ReadOptions::default().max_frame_bytes)]
     pub(crate) max_frame_bytes: u64,
     /// Replace existing files.
     #[arg(long)]

@@ -12,6 +12,9 @@ use crate::{
     scanner::diagnosis::Diagnosis,
 };
 
+/// Line of a summary if a signal ended the command before its input did.
+pub(super) const INTERRUPTED: &str = "interrupted: the rest of the input was not read";
+
 fn frames_per_second(summary: &Summary) -> f64 {
     let seconds = summary.elapsed.as_secs_f64();
     if seconds > 0.0 { summary.counts.processed as f64 / seconds } else { 0.0 }
@@ -209,7 +212,7 @@ pub(super) fn text(summary: &Summary) -> String {
         );
     }
     if summary.was_interrupted {
-        _ = writeln!(out, "interrupted: the rest of the input was not read");
+        _ = writeln!(out, "{INTERRUPTED}");
     }
     write_stripes(&mut out, counts);
     for (channel, frames) in counts.chosen.named() {
@@ -289,5 +292,32 @@ mod tests {
             )
         );
         assert_eq!(json, expected);
+    }
+
+    /// Every key of an object, and of the objects in it.
+    fn keys(value: &serde_json::Value) -> Vec<String> {
+        match value {
+            serde_json::Value::Object(entries) => entries
+                .iter()
+                .flat_map(|(key, value)| [vec![key.clone()], keys(value)].concat())
+                .collect(),
+            serde_json::Value::Array(values) => values.iter().flat_map(keys).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_help_of_replay_names_every_key() {
+        let counts = Counts { located: 1, standing: 1, ..Counts::default() };
+        let summary = Summary { counts, ..Summary::default() };
+        let json = serde_json::to_value(SummaryJson::of(&summary, None)).unwrap();
+        let (_, help) = crate::cli::replay::HELP.split_once("--json prints").unwrap();
+        let words: Vec<_> =
+            help.split(|letter: char| !letter.is_alphanumeric() && letter != '_').collect();
+        let keys = keys(&json);
+        assert!(keys.iter().any(|key| key == "positions"), "{keys:?}");
+        for key in keys {
+            assert!(words.contains(&key.as_str()), "{key}");
+        }
     }
 }

@@ -130,7 +130,7 @@ pub(crate) fn mean(
     max_frame_bytes: u64,
     mut on_frame: impl FnMut(u64),
 ) -> Result<Mean, AmbientCaptureError> {
-    let (reader, topic) = only_topic::open(bag)?;
+    let (reader, topic) = only_topic::open(bag, max_frame_bytes)?;
     let (mut mean, mut decoder, mut pixels) = (Mean::default(), Decoder::default(), Vec::new());
     for (number, message) in reader.messages(&Filter::topics([&topic.name[..]])).enumerate() {
         let data = message?.data;

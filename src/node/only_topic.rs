@@ -24,12 +24,15 @@ pub(crate) enum OnlyTopicError {
     Name(#[from] NameError),
 }
 
-/// Opens a recording, pictures or a video and finds its image topic.
+/// Opens a recording, pictures or a video with frames of up to `max_frame_bytes`, and finds its image topic.
 ///
 /// # Errors
 /// The recording cannot be read, or does not have exactly one image topic.
-pub(super) fn open(recording: &Path) -> Result<(BagReader, ImageTopic), OnlyTopicError> {
-    let reader = pictures::open(recording, &ReadOptions::default())?;
+pub(super) fn open(
+    recording: &Path,
+    max_frame_bytes: u64,
+) -> Result<(BagReader, ImageTopic), OnlyTopicError> {
+    let reader = pictures::open(recording, &ReadOptions::for_frames(max_frame_bytes))?;
     let topics: Vec<_> =
         reader.topics().iter().map(|topic| (topic.name.clone(), topic.type_name.clone())).collect();
     let names = NodeNames::new("laser_profiler", &[])?;

@@ -40,9 +40,6 @@ pub(crate) use stages::Stage;
 /// Name of the node before remapping.
 pub(crate) const NODE_NAME: &str = "laser_profiler";
 
-/// Allowance for data in the same record as the largest frame: its header and the chunk's other messages, bytes.
-const RECORD_MARGIN_BYTES: usize = 16 << 20;
-
 /// The request for a replay.
 #[derive(Clone, Debug, Default)]
 pub struct ReplayRequest {
@@ -274,10 +271,7 @@ impl Replay {
 /// Opens the recordings with the frame size limit of the largest camera.
 fn open(request: &ReplayRequest, cameras: &[CameraParams]) -> Result<Vec<BagReader>, ReplayError> {
     let max_frame_bytes = cameras.iter().map(|camera| camera.max_frame_bytes).max();
-    let options = ReadOptions {
-        record_limit_bytes: max_frame_bytes.unwrap_or(0) as usize + RECORD_MARGIN_BYTES,
-        ..ReadOptions::default()
-    };
+    let options = ReadOptions::for_frames(max_frame_bytes.unwrap_or(0));
     let bags = pictures::open_all(&request.bags, &options, &request.pictures)?;
     for note in bags.iter().flat_map(BagReader::notes) {
         tracing::warn!("{note}");

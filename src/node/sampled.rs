@@ -22,7 +22,7 @@ pub(crate) struct Sampled {
     pub(crate) num_frames: usize,
     /// Some of them, in the order of the recording, all of the size and format of the first.
     pub(crate) pictures: Vec<OwnedImage>,
-    /// Frames of another size or format, or that cannot be read, among those looked at.
+    /// Frames of another size or format, or that cannot be read or decoded, among those looked at.
     pub(crate) num_unusable: usize,
 }
 
@@ -35,7 +35,7 @@ pub(crate) fn frames(
     count: usize,
     max_frame_bytes: u64,
 ) -> Result<Sampled, AmbientCaptureError> {
-    let (reader, topic) = only_topic::open(bag)?;
+    let (reader, topic) = only_topic::open(bag, max_frame_bytes)?;
     let filter = || Filter::topics([&topic.name[..]]);
     let num_frames = reader.messages(&filter()).count();
     let mut sampled =

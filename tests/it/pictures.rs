@@ -3,6 +3,7 @@
 mod bad;
 mod import;
 mod render;
+mod video;
 
 use std::fs;
 
@@ -180,4 +181,44 @@ fn options_of_pictures_are_refused_for_recordings() {
     let ended = end(command.arg(place.path().join("out")).arg(&bag));
     assert_eq!(ended.code, Some(2), "{ended:?}");
     assert!(ended.stderr.contains("which have stamps of their own"), "{ended:?}");
+}
+
+#[test]
+fn pictures_without_stamps_have_no_rate_in_their_description() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name).display().to_string();
+    fs::create_dir(path("scan")).unwrap();
+    let mut bytes = 0;
+    for number in 0..NUM {
+        let file = place.path().join("scan").join(Kind::Png.name(number));
+        write(&file, Kind::Png, &Scene::Grey.picture(number));
+        bytes += fs::metadata(&file).unwrap().len();
+    }
+    let imported = end(&mut laser_profiler(&["import", &path("scan"), "-o", &path("bag")]));
+    assert_eq!(imported.code, Some(0), "{imported:?}");
+    for name in ["scan", "bag"] {
+        let info = end(&mut laser_profiler(&["info", "--json", &path(name)]));
+        let info: serde_json::Value = serde_json::from_str(&info.stdout).unwrap();
+        assert_eq!(info["stamps_assumed"], true, "{name}: {info}");
+        let topic = &info["topics"][0];
+        for value in [&topic["rate_hz"], &topic["largest_gap_s"], &topic["image"]["stamp_rate_hz"]]
+        {
+            assert!(value.is_null(), "{name}: {info}");
+        }
+        assert_eq!(topic["messages"], NUM);
+        if name == "scan" {
+            assert_eq!(info["bytes"], bytes);
+        }
+        let text = end(&mut laser_profiler(&["info", &path(name)])).stdout;
+        assert!(text.contains("an assumed rate of 10 Hz"), "{name}: {text}");
+        assert!(!text.contains("10.000"), "{name}: {text}");
+    }
+    let options = ["import", "--frame-rate", "50", "-o"];
+    let mut command = laser_profiler(&options);
+    assert_eq!(end(command.args([path("at_a_rate"), path("scan")])).code, Some(0));
+    let info = end(&mut laser_profiler(&["info", "--json", &path("at_a_rate")]));
+    let info: serde_json::Value = serde_json::from_str(&info.stdout).unwrap();
+    assert_eq!(info["stamps_assumed"], false, "{info}");
+    let rate_hz = info["topics"][0]["rate_hz"].as_f64().unwrap();
+    assert!((rate_hz - 50.0).abs() < 1e-6, "{info}");
 }

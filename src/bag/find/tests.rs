@@ -92,6 +92,31 @@ fn empty_and_foreign_files_cost_only_themselves() {
 }
 
 #[test]
+fn an_unreadable_file_does_not_make_other_recordings_part_of_the_bag() {
+    for content in ["", "short", "a diary of a scan", "SQLite format 3\0"] {
+        let directory = bag(&[
+            ("metadata.yaml", &metadata("a_0.mcap, a_1.mcap")),
+            ("a_0.mcap", "*"),
+            ("a_1.mcap", content),
+            ("a_2.mcap", "*"),
+            ("other.mcap", "*"),
+        ]);
+        let (names, notes) = names(directory.path());
+        assert_eq!(names, "a_0.mcap, a_1.mcap lost, a_2.mcap", "{content:?}");
+        assert!(notes.contains("does not list other.mcap; it is not read"), "{notes}");
+    }
+}
+
+#[test]
+fn if_nothing_listed_can_be_read_the_error_names_the_recordings_beside_it() {
+    let directory =
+        bag(&[("metadata.yaml", &metadata("a_0.mcap")), ("a_0.mcap", ""), ("other.mcap", "*")]);
+    let error = find(directory.path()).unwrap_err().to_string();
+    assert!(error.contains("a_0.mcap: not an MCAP file: the file is empty"), "{error}");
+    assert!(error.contains("not in metadata.yaml is other.mcap: name its own path"), "{error}");
+}
+
+#[test]
 fn of_a_file_and_its_compressed_form_the_whole_one_is_read() {
     for (plain, packed, read) in [
         ("*", "*", "a_0.mcap"),

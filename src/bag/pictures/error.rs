@@ -40,6 +40,14 @@ pub enum PictureError {
     /// No file matches a pattern.
     #[error("{0}: no file has such a name")]
     NoMatch(String),
+    /// A pattern matches several inputs where one is read.
+    #[error("{pattern}: matches {matches}; name one of them")]
+    SeveralMatches {
+        /// The pattern.
+        pattern: String,
+        /// Their number and the first of them.
+        matches: String,
+    },
     /// A pattern cannot be understood.
     #[error("{pattern}: {why}")]
     Pattern {
@@ -103,6 +111,7 @@ impl PictureError {
             Self::NotPictures
                 | Self::SeveralSeries(_)
                 | Self::TableOfVideo(_)
+                | Self::SeveralMatches { .. }
                 | Self::Pattern { .. }
         )
     }

@@ -2,14 +2,17 @@
 
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{ChildStderr, Command, Stdio};
+use std::thread::{self, JoinHandle};
 
 use serde::Deserialize;
 
 use super::error::PictureError;
 
-/// Longest line of a list of packets, bytes.
+/// Longest line of a list of frames, bytes.
 const MAX_LINE_BYTES: u64 = 200;
+/// Bytes of error messages that are kept.
+const MAX_ERROR_BYTES: u64 = 2000;
 const NS: f64 = 1e9;
 
 /// The answer of `ffprobe`.
@@ -28,12 +31,13 @@ pub(super) struct Stream {
     pub(super) avg_frame_rate: String,
 }
 
-/// A command that reads a file and nothing else.
+/// A command that reads a file and nothing else, without the frames that the end of the file cuts off.
 pub(super) fn command(program: &str, path: &Path, before: &[&str]) -> Command {
     let mut command = Command::new(program);
     let mut input = std::ffi::OsString::from("file:");
     input.push(path);
-    command.args(before).args(["-v", "error", "-protocol_whitelist", "file", "-i"]).arg(input);
+    command.args(before).args(["-v", "error", "-fflags", "+discardcorrupt"]);
+    command.args(["-protocol_whitelist", "file", "-i"]).arg(input);
     command.stdin(Stdio::null());
     command
 }
@@ -65,12 +69,16 @@ pub(super) fn probe(path: &Path) -> Result<Stream, PictureError> {
     probed.streams.into_iter().next().ok_or_else(|| invalid("has no video".to_owned()))
 }
 
-/// Presentation time of every frame in order, nanoseconds; 0 where the file states none.
-pub(super) fn packet_stamps_ns(path: &Path) -> Result<Vec<i64>, PictureError> {
+/// Time of every frame that can be decoded, in the order in which they are shown, nanoseconds; `None` where the file states
+/// none. With them, what `ffprobe` says is wrong with the file.
+pub(super) fn frame_stamps_ns(path: &Path) -> Result<(Vec<Option<i64>>, String), PictureError> {
     let mut command = command("ffprobe", path, &[]);
-    command.args(["-select_streams", "v:0", "-show_entries", "packet=pts_time", "-of", "csv=p=0"]);
-    command.stdout(Stdio::piped()).stderr(Stdio::null());
-    let mut child = command.spawn().map_err(|error| no_program(path, "ffprobe", &error))?;
+    command.args(["-select_streams", "v:0"]);
+    command.args(["-show_entries", "frame=best_effort_timestamp_time", "-of", "csv=p=0"]);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let failed = |error: std::io::Error| no_program(path, "ffprobe", &error);
+    let mut child = command.spawn().map_err(failed)?;
+    let errors = child.stderr.take().map(collect).transpose().map_err(failed)?;
     let mut stamps_ns = Vec::new();
     if let Some(output) = child.stdout.take() {
         let mut lines = BufReader::new(output);
@@ -79,16 +87,29 @@ pub(super) fn packet_stamps_ns(path: &Path) -> Result<Vec<i64>, PictureError> {
             let text = String::from_utf8_lossy(&line);
             let text = text.trim().trim_end_matches(',');
             if !text.is_empty() {
-                let seconds: f64 = text.parse().unwrap_or(0.0);
-                stamps_ns.push((seconds * NS).round() as i64);
+                let seconds = text.parse::<f64>().ok();
+                stamps_ns.push(seconds.map(|seconds| (seconds * NS).round() as i64));
             }
             line.clear();
         }
     }
-    // A damaged end of the file is reported when the frames are read.
+    // A damaged file is reported when the frames are read.
     drop(child.wait());
-    stamps_ns.sort_unstable();
-    Ok(stamps_ns)
+    let errors = errors.and_then(|thread| thread.join().ok()).unwrap_or_default();
+    Ok((stamps_ns, excerpt(&errors)))
+}
+
+/// Reads error messages to their end on a thread of its own, because a full pipe would stop the program, and keeps the first
+/// ones.
+pub(super) fn collect(errors: ChildStderr) -> std::io::Result<JoinHandle<String>> {
+    let read = move || {
+        let mut kept = Vec::new();
+        let mut errors = BufReader::new(errors);
+        drop(errors.by_ref().take(MAX_ERROR_BYTES).read_to_end(&mut kept));
+        drop(std::io::copy(&mut errors, &mut std::io::sink()));
+        String::from_utf8_lossy(&kept).into_owned()
+    };
+    thread::Builder::new().name("ffmpeg".to_owned()).spawn(read)
 }
 
 pub(super) fn ratio(text: &str) -> Option<f64> {

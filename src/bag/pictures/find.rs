@@ -1,17 +1,19 @@
 //! Finds pictures: in folders, among files, by pattern.
 
+use std::ffi::OsStr;
 use std::fs::{self, DirEntry, FileType};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use glob::{GlobError, Pattern};
+
 use super::error::PictureError;
 use super::{natural, video};
+use crate::bag::kind;
 use crate::msg::convert::file_kind::FileKind;
 
 /// Endings of the names of pictures, lower case.
 const PICTURES: [&str; 9] = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "pgm", "ppm", "pnm"];
-/// Endings of the files of recordings: a folder that has one is a recording.
-const RECORDINGS: [&str; 4] = ["mcap", "db3", "bag", "zstd"];
 /// Names listed in a note.
 const MAX_LISTED: usize = 3;
 /// Bytes that tell what kind of picture a file is.
@@ -82,16 +84,27 @@ fn of_files(mut pictures: Vec<PathBuf>) -> Found {
             num_before - pictures.len()
         ));
     }
-    let name = |path: Option<&PathBuf>| {
-        let path = path.map(|path| path.file_name().unwrap_or(path.as_os_str()));
-        path.unwrap_or_default().to_string_lossy().into_owned()
-    };
+    let name = |path: Option<&PathBuf>| path.map(|path| name_of(path)).unwrap_or_default();
     let (first, last) = (name(pictures.first()), name(pictures.last()));
     let name = if pictures.len() == 1 { first } else { format!("{first} to {last}") };
     Found { path: pictures.first().cloned().unwrap_or_default(), name, pictures, notes }
 }
 
-/// Expands patterns: paths with `*`, `?` or `[` that no file has.
+/// Names inputs for users: their number and the first ones.
+pub(super) fn listed_inputs(inputs: &[Input]) -> String {
+    let name = |input: &Input| match input {
+        Input::Pictures(Found { path, .. }) | Input::Video(path) | Input::Recording(path) => {
+            path.display().to_string()
+        }
+    };
+    listed(inputs.iter().map(name).collect(), "inputs").unwrap_or_default()
+}
+
+/// Expands patterns: paths with `*`, `?` or `[` that no file has. As in a shell, `*` does not stand for the dot of a
+/// hidden file.
+///
+/// # Errors
+/// A pattern that is malformed or without a match; a folder that it leads to and that cannot be read.
 fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, PictureError> {
     let mut all = Vec::new();
     for path in paths {
@@ -104,7 +117,13 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, PictureError> {
             pattern: text.clone().into_owned(),
             why: error.to_string(),
         })?;
-        let mut found: Vec<_> = matches.filter_map(Result::ok).collect();
+        let unreadable = |error: GlobError| {
+            let path = error.path().into();
+            PictureError::Io { path, source: error.into() }
+        };
+        let found: Result<Vec<_>, _> = matches.collect();
+        let mut found = found.map_err(unreadable)?;
+        found.retain(|path| !is_hidden_from(&text, path));
         if found.is_empty() {
             return Err(PictureError::NoMatch(text.into_owned()));
         }
@@ -112,6 +131,17 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, PictureError> {
         all.extend(found);
     }
     Ok(all)
+}
+
+/// True for a match with a hidden name that no part of the pattern with a dot in front stands for.
+fn is_hidden_from(pattern: &str, path: &Path) -> bool {
+    let mut names = path.iter().map(OsStr::to_string_lossy);
+    names.any(|name| {
+        let stands_for_it = |part: &str| {
+            part.starts_with('.') && Pattern::new(part).is_ok_and(|part| part.matches(&name))
+        };
+        name.starts_with('.') && !pattern.split('/').any(stands_for_it)
+    })
 }
 
 fn sort_naturally(paths: &mut [PathBuf]) {
@@ -126,25 +156,25 @@ fn in_folder(folder: &Path) -> Result<Option<Found>, PictureError> {
     for entry in fs::read_dir(folder).map_err(io_error)? {
         let entry = entry.map_err(io_error)?;
         let path = entry.path();
-        if has_ending(&path, &RECORDINGS) || entry.file_name() == "metadata.yaml" {
-            return Ok(None);
-        }
-        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_hidden = name_of(&path).starts_with('.');
         match kind(&entry) {
-            Some(kind) if kind.is_dir() => folders.push(name),
+            Some(kind) if kind.is_dir() => folders.push(path),
             // A link that leads nowhere is a picture that cannot be read.
             None => pictures.push(path),
-            Some(kind)
-                if kind.is_file() && has_ending(&path, &PICTURES) && !name.starts_with('.') =>
-            {
+            Some(kind) if kind.is_file() && has_ending(&path, &PICTURES) && !is_hidden => {
                 pictures.push(path);
             }
-            Some(_) => others.push(name),
+            Some(_) => others.push(path),
         }
     }
+    let is_description = |path: &PathBuf| name_of(path) == "metadata.yaml";
+    if others.iter().any(is_description) || !kind::recordings(others.clone()).is_empty() {
+        return Ok(None);
+    }
+    let names = |paths: Vec<PathBuf>| paths.iter().map(|path| name_of(path)).collect();
     let notes: Vec<_> = [
-        listed(others, "files that are not read as pictures"),
-        listed(folders, "folders whose content is not read"),
+        listed(names(others), "files that are not read as pictures"),
+        listed(names(folders), "folders whose content is not read"),
     ]
     .into_iter()
     .flatten()
@@ -155,10 +185,15 @@ fn in_folder(folder: &Path) -> Result<Option<Found>, PictureError> {
         return Err(PictureError::NoPictures { folder: folder.into(), others });
     }
     sort_naturally(&mut pictures);
-    let name = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
+    let name = name_of(folder);
     let notes =
         notes.iter().map(|note| format!("{}: beside the pictures are {note}", folder.display()));
     Ok(Some(Found { path: folder.into(), name, pictures, notes: notes.collect() }))
+}
+
+/// Last component of a path for users.
+pub(super) fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// Kind of an entry, behind links; `None` for a link to a picture that cannot be followed.
@@ -202,7 +237,8 @@ pub(crate) fn is_picture(path: &Path) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::symlink;
+    use std::io::Write as _;
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
 
     use super::*;
 
@@ -255,6 +291,28 @@ mod tests {
     }
 
     #[test]
+    fn the_content_tells_a_recording_and_not_only_its_name() {
+        let packed = |content: &[u8]| zstd::encode_all(content, 1).unwrap();
+        for (name, content, is_recording) in [
+            ("night_scan", mcap::MAGIC.to_vec(), true),
+            ("x", b"SQLite format 3\0".to_vec(), true),
+            ("x.zstd", packed(mcap::MAGIC), true),
+            ("pictures.tar.zstd", packed(b"an archive"), false),
+            ("pictures.tar.zstd", vec![], false),
+            ("x.txt", b"text".to_vec(), false),
+        ] {
+            let folder = folder(&["a.png"]);
+            fs::write(folder.path().join(name), content).unwrap();
+            let inputs = sort(&[folder.path().into()]).unwrap();
+            assert_eq!(matches!(inputs[..], [Input::Recording(_)]), is_recording, "{name}");
+        }
+        let folder = folder(&["a.png"]);
+        fs::create_dir(folder.path().join("x.mcap")).unwrap();
+        let inputs = sort(&[folder.path().into()]).unwrap();
+        assert!(only(&inputs).notes[0].contains("1 folders whose content is not read: x.mcap"));
+    }
+
+    #[test]
     fn a_folder_without_pictures_names_what_it_has() {
         let empty = folder(&[]);
         let error = sort(&[empty.path().into()]).unwrap_err().to_string();
@@ -294,6 +352,31 @@ mod tests {
         let error = sort(&[folder.path().join("x*.png")]).unwrap_err().to_string();
         assert!(error.ends_with("x*.png: no file has such a name"), "{error}");
         assert!(sort(&[folder.path().join("x***.png")]).is_err());
+    }
+
+    #[test]
+    fn patterns_do_not_match_hidden_files_unless_they_begin_with_a_dot() {
+        let folder = folder(&["a.png", ".b.png", "._a.png"]);
+        let inputs = sort(&[folder.path().join("*.png")]).unwrap();
+        assert_eq!(names(only(&inputs)), ["a.png"]);
+        let inputs = sort(&[folder.path().join(".*.png")]).unwrap();
+        assert_eq!(names(only(&inputs)), ["._a.png", ".b.png"]);
+    }
+
+    #[test]
+    fn a_pattern_into_a_folder_that_cannot_be_read_is_an_error() {
+        let folder = folder(&["a.png"]);
+        let locked = folder.path().join("locked");
+        fs::create_dir(&locked).unwrap();
+        fs::set_permissions(&locked, fs::Permissions::from_mode(0o0)).unwrap();
+        if fs::read_dir(&locked).is_ok() {
+            // Not by `eprintln!`, which the test harness hides when a test passes.
+            let skipped = b"SKIPPED a locked folder: root reads every folder\n";
+            std::io::stderr().write_all(skipped).unwrap();
+            return;
+        }
+        let error = sort(&[folder.path().join("*/*.png")]).unwrap_err().to_string();
+        assert!(error.contains("locked") && error.contains("denied"), "{error}");
     }
 
     #[test]

@@ -9,10 +9,12 @@ mod find;
 mod sequence;
 mod messages;
 mod ffmpeg;
+mod riff;
 mod video;
 mod series;
 
 pub use error::PictureError;
+pub(super) use sequence::ASSUMED_RATE_HZ;
 pub use sequence::PictureOptions;
 pub(super) use series::{Series, SeriesMessages};
 
@@ -24,10 +26,24 @@ use find::{Found, Input};
 use sequence::PictureSequence;
 use video::Video;
 
-use super::{BagError, BagReader, ReadOptions};
+use super::{BagError, BagReader, ReadOptions, Topic};
+use crate::msg::{qos::QosProfile, schema::MessageType};
 
 /// Coordinate frame of the images.
 const FRAME_ID: &str = "camera";
+/// Depth of the topics' queues in the recorded quality of service.
+const DEPTH: u64 = 10;
+const NS: f64 = 1e9;
+
+/// A topic of images or positions.
+fn topic(name: &str, kind: &MessageType) -> Arc<Topic> {
+    Arc::new(Topic::new(name, kind, QosProfile::reliable(DEPTH)))
+}
+
+/// Time of the image with that number, from 1, in nanoseconds: a stamp of 0 would mean that the camera has no clock.
+fn stamp_ns(number: u32, rate_hz: f64) -> i64 {
+    (f64::from(number) / rate_hz * NS).round() as i64
+}
 
 /// Opens inputs in order: recordings, folders of pictures, videos, and all single pictures together as one series in the
 /// place of the first of them. Patterns (`*`, `?`, `[...]`) are expanded.
@@ -81,10 +97,17 @@ pub(crate) fn sort(paths: &[PathBuf]) -> Result<Vec<PictureInput>, PictureError>
 /// Opens one input like [`open_all`], with the default stamps.
 ///
 /// # Errors
-/// The input cannot be opened.
+/// The input cannot be opened, or is a pattern that matches several.
 pub(crate) fn open(path: &Path, options: &ReadOptions) -> Result<BagReader, BagError> {
-    let mut opened = open_all(&[path.into()], options, &PictureOptions::default())?;
-    opened.pop().ok_or_else(|| BagError::NoBag(path.into()))
+    let mut inputs = find::sort(&[path.into()])?;
+    match (inputs.pop(), inputs.is_empty()) {
+        (Some(input), true) => open_input(input, options, &PictureOptions::default()),
+        (last, _) => {
+            inputs.extend(last);
+            let (pattern, matches) = (path.display().to_string(), find::listed_inputs(&inputs));
+            Err(PictureError::SeveralMatches { pattern, matches }.into())
+        }
+    }
 }
 
 fn open_input(
@@ -92,7 +115,7 @@ fn open_input(
     options: &ReadOptions,
     pictures: &PictureOptions,
 ) -> Result<BagReader, BagError> {
-    let limit_bytes = options.record_limit_bytes as u64;
+    let limit_bytes = options.max_frame_bytes;
     match input {
         Input::Recording(path) => BagReader::open(&path, options),
         Input::Pictures(Found { path, name, pictures: files, mut notes }) => {
@@ -101,10 +124,11 @@ fn open_input(
             Ok(BagReader::of_series((path, name), series, notes, *options))
         }
         Input::Video(path) => {
-            let video = Video::open(&path, pictures.frame_rate_hz, limit_bytes)?;
-            let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+            let mut notes = Vec::new();
+            let video = Video::open(&path, pictures.frame_rate_hz, limit_bytes, &mut notes)?;
+            let name = find::name_of(&path);
             let series = Series::Video(Arc::new(video));
-            Ok(BagReader::of_series((path, name), series, Vec::new(), *options))
+            Ok(BagReader::of_series((path, name), series, notes, *options))
         }
     }
 }

@@ -8,22 +8,28 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::error::{KINDS, PictureError};
+use super::find::name_of;
 use super::natural;
 use super::numbering::{Gap, Numbering};
 use super::table::{Row, Table};
+use super::{stamp_ns, topic};
 use crate::bag::Topic;
+use crate::bag::unpack::size_bytes;
 use crate::msg::convert::file_kind::FileKind;
-use crate::msg::qos::QosProfile;
 use crate::msg::schema::Message;
 use crate::msg::sensor_msgs::{CompressedImage, Image, JointState};
 
 /// Rate of pictures without a stated one, hertz. Nothing may depend on it but the order.
-const ASSUMED_RATE_HZ: f64 = 10.0;
-/// Depth of the topics' queues in the recorded quality of service.
-const DEPTH: u64 = 10;
+pub(in crate::bag) const ASSUMED_RATE_HZ: f64 = 10.0;
 /// Gaps listed in a note.
 const MAX_LISTED: usize = 4;
 const NS: i64 = 1_000_000_000;
+/// Why a picture is rejected that no row names.
+const NOT_NAMED: &str =
+    "is not named in the file of --positions, or only by a name that another picture has, too";
+/// Why a picture is rejected that only a row names.
+const NOT_GIVEN: &str =
+    "is named in the file of --positions, but is none of the pictures to be read";
 
 /// How pictures become a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,7 +41,7 @@ pub struct PictureOptions {
 }
 
 /// One picture.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Entry {
     /// The file.
     pub(super) path: PathBuf,
@@ -45,8 +51,8 @@ pub(super) struct Entry {
     pub(super) stamp_ns: i64,
     /// Position of the part, metres or radians.
     pub(super) position: Option<f64>,
-    /// True if it is not in the table that states stamps and positions.
-    pub(super) is_unlisted: bool,
+    /// The reason not to read it, if it does not fit the table of stamps and positions.
+    pub(super) refusal: Option<&'static str>,
 }
 
 /// A series of pictures.
@@ -82,11 +88,19 @@ impl PictureSequence {
         let has_assumed_stamps = !has_stamps && options.frame_rate_hz.is_none();
         let has_positions = table.as_ref().is_some_and(|table| table.has_positions);
         let entries = match table {
-            Some(table) => tabulated(files, table, rate_hz, notes),
-            None => numbered(path, files, rate_hz, notes),
+            Some(Table { path: of_table, rows, has_stamps: true, .. }) => {
+                stamped(tabulated(files, rows), &of_table, notes)
+            }
+            Some(Table { rows, .. }) => {
+                let entries = tabulated(files, rows).into_iter().map(|(entry, _)| entry);
+                numbered(path, entries.collect(), rate_hz, notes)
+            }
+            None => {
+                let entries = files.into_iter().map(|path| Entry { path, ..Entry::default() });
+                numbered(path, entries.collect(), rate_hz, notes)
+            }
         };
         let (kind, size_px) = first_readable(&entries, limit_bytes)?;
-        let topic = |name, kind| Arc::new(Topic::new(name, kind, QosProfile::reliable(DEPTH)));
         let images = match kind {
             FileKind::Png | FileKind::Jpeg | FileKind::Tiff => {
                 topic("/image_raw/compressed", CompressedImage::TYPE)
@@ -125,20 +139,26 @@ impl PictureSequence {
         Some(self.entries.first()?.stamp_ns..=self.entries.last()?.stamp_ns)
     }
 
+    /// Size of the files that are there, bytes.
+    pub(in crate::bag) fn num_bytes(&self) -> u64 {
+        self.entries.iter().map(|entry| size_bytes(&entry.path)).sum()
+    }
+
     /// True if nothing states the time between two pictures.
     pub(in crate::bag) const fn has_assumed_stamps(&self) -> bool {
         self.has_assumed_stamps
     }
 }
 
-/// Time of the picture with that number, from 1: a stamp of 0 would mean that the camera has no clock.
-fn stamp_ns(sequence: u32, rate_hz: f64) -> i64 {
-    (f64::from(sequence) / rate_hz * NS as f64).round() as i64
-}
-
-/// Pictures in the order of their names. Missing numbers are missing pictures.
-fn numbered(path: &Path, files: Vec<PathBuf>, rate_hz: f64, notes: &mut Vec<String>) -> Vec<Entry> {
-    let names: Vec<_> = files.iter().map(|path| path.as_os_str().as_encoded_bytes()).collect();
+/// Gives pictures in the order of their names the numbers in them, and stamps. Missing numbers are missing pictures.
+fn numbered(
+    path: &Path,
+    mut entries: Vec<Entry>,
+    rate_hz: f64,
+    notes: &mut Vec<String>,
+) -> Vec<Entry> {
+    let names: Vec<_> =
+        entries.iter().map(|entry| entry.path.as_os_str().as_encoded_bytes()).collect();
     let numbering = Numbering::of(&names);
     if let Some(numbering) = numbering.as_ref().filter(|numbering| !numbering.gaps.is_empty()) {
         notes.push(format!(
@@ -148,16 +168,17 @@ fn numbered(path: &Path, files: Vec<PathBuf>, rate_hz: f64, notes: &mut Vec<Stri
             listed(&numbering.gaps)
         ));
     }
-    let place = |index: usize| {
+    for (index, entry) in entries.iter_mut().enumerate() {
         let of_number = numbering.as_ref().and_then(|numbering| numbering.places.get(index));
-        of_number.copied().unwrap_or_else(|| u32::try_from(index).unwrap_or(u32::MAX))
-    };
-    let entry = |(index, path)| {
-        let sequence = place(index).saturating_add(1);
-        let stamp_ns = stamp_ns(sequence, rate_hz);
-        Entry { path, sequence, stamp_ns, position: None, is_unlisted: false }
-    };
-    files.into_iter().enumerate().map(entry).collect()
+        entry.sequence =
+            of_number.map_or_else(|| one_based(index), |place| place.saturating_add(1));
+        entry.stamp_ns = stamp_ns(entry.sequence, rate_hz);
+    }
+    entries
+}
+
+fn one_based(index: usize) -> u32 {
+    u32::try_from(index).unwrap_or(u32::MAX).saturating_add(1)
 }
 
 fn listed(gaps: &[Gap]) -> String {
@@ -175,55 +196,60 @@ fn listed(gaps: &[Gap]) -> String {
     texts.join(", ")
 }
 
-/// Pictures in the order of the table's stamps, or of their names if it has none. Those that the table does not name
-/// and those that it names in vain stay in the series: each is rejected with its reason when it is read.
-fn tabulated(
-    files: Vec<PathBuf>,
-    table: Table,
-    rate_hz: f64,
-    notes: &mut Vec<String>,
-) -> Vec<Entry> {
-    let Table { path: of_table, mut rows, has_stamps, .. } = table;
+/// Pictures in the order of their names, each with its row. Those that the table does not name and those that it names in
+/// vain stay in the series: each is rejected with its reason when it is read.
+fn tabulated(files: Vec<PathBuf>, mut rows: BTreeMap<String, Row>) -> Vec<(Entry, Row)> {
     let folder = files.first().and_then(|path| path.parent()).unwrap_or(Path::new("")).to_owned();
-    let mut pictures: Vec<(PathBuf, Option<Row>)> = files
-        .into_iter()
-        .map(|path| {
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let row = rows.remove(&name).or_else(|| rows.remove(&*path.to_string_lossy()));
-            (path, row)
-        })
-        .collect();
-    pictures.extend(rows.into_iter().map(|(name, row)| (folder.join(name), Some(row))));
+    let entry = |path, row: Row, refusal: Option<_>| {
+        let position = row.position.filter(|_| refusal.is_none());
+        (Entry { path, position, refusal, ..Entry::default() }, row)
+    };
+    let mut num_named = BTreeMap::<_, usize>::new();
+    for path in &files {
+        *num_named.entry(name_of(path)).or_default() += 1;
+    }
+    let is_unique = |name: &str| num_named.get(name).is_none_or(|num| *num == 1);
+    let mut of_file = |path: PathBuf| {
+        let name = name_of(&path);
+        let by_name = || Some(name).filter(|name| is_unique(name));
+        let row = rows.remove(&*path.to_string_lossy());
+        let row = row.or_else(|| by_name().and_then(|name| rows.remove(&name)));
+        entry(path, row.unwrap_or_default(), row.is_none().then_some(NOT_NAMED))
+    };
+    let mut entries: Vec<_> = files.into_iter().map(&mut of_file).collect();
+    rows.retain(|name, _| is_unique(name));
+    entries.extend(rows.into_iter().map(|(name, row)| {
+        let path = folder.join(name);
+        let is_there = path.symlink_metadata().is_ok();
+        entry(path, row, is_there.then_some(NOT_GIVEN))
+    }));
     let bytes = |path: &Path| path.as_os_str().as_encoded_bytes().to_vec();
-    pictures.sort_by(|(first, _), (second, _)| natural::compare(&bytes(first), &bytes(second)));
-    let mut shift_ns = 0;
-    if has_stamps {
-        // Pictures without a stamp come last; a stable sort keeps the order of their names.
-        let stamp = |row: Option<Row>| row.and_then(|row| row.stamp_ns).unwrap_or(i64::MAX);
-        pictures.sort_by_key(|(_, row)| stamp(*row));
-        let first_ns = pictures.first().map_or(NS, |(_, row)| stamp(*row));
-        if first_ns <= 0 {
-            shift_ns = NS.saturating_sub(first_ns);
-            notes.push(format!(
-                "{}: the first stamp is not after 0, which means that a camera has no clock; all stamps are moved by {} s",
-                of_table.display(),
-                shift_ns as f64 / NS as f64
-            ));
-        }
+    entries.sort_by(|(first, _), (second, _)| {
+        natural::compare(&bytes(&first.path), &bytes(&second.path))
+    });
+    entries
+}
+
+/// Pictures in the order of the table's stamps.
+fn stamped(mut rows: Vec<(Entry, Row)>, of_table: &Path, notes: &mut Vec<String>) -> Vec<Entry> {
+    // Pictures without a stamp come last; a stable sort keeps the order of their names.
+    let stamp = |row: &Row| row.stamp_ns.unwrap_or(i64::MAX);
+    rows.sort_by_key(|(_, row)| stamp(row));
+    let first_ns = rows.first().map_or(NS, |(_, row)| stamp(row));
+    let shift_ns = if first_ns > 0 { 0 } else { NS.saturating_sub(first_ns) };
+    if shift_ns > 0 {
+        notes.push(format!(
+            "{}: the first stamp is not after 0, which means that a camera has no clock; all stamps are moved by {} s",
+            of_table.display(),
+            shift_ns as f64 / NS as f64
+        ));
     }
     let mut last_ns = 0;
-    let entry = |(index, (path, row)): (usize, (PathBuf, Option<Row>))| {
-        let sequence = u32::try_from(index).unwrap_or(u32::MAX).saturating_add(1);
-        let Row { stamp_ns: stated_ns, position } = row.unwrap_or_default();
-        let stamp_ns = match stated_ns {
-            Some(stated_ns) => stated_ns.saturating_add(shift_ns),
-            None if has_stamps => last_ns,
-            None => stamp_ns(sequence, rate_hz),
-        };
-        last_ns = stamp_ns;
-        Entry { path, sequence, stamp_ns, position, is_unlisted: row.is_none() }
+    let entry = |(index, (entry, row)): (usize, (Entry, Row))| {
+        last_ns = row.stamp_ns.map_or(last_ns, |stamp_ns| stamp_ns.saturating_add(shift_ns));
+        Entry { sequence: one_based(index), stamp_ns: last_ns, ..entry }
     };
-    pictures.into_iter().enumerate().map(entry).collect()
+    rows.into_iter().enumerate().map(entry).collect()
 }
 
 /// Kind and size of the first picture that can be read.
@@ -252,8 +278,8 @@ pub(super) fn load(
     limit_bytes: u64,
     file: &mut Vec<u8>,
 ) -> Result<(FileKind, [u32; 2]), String> {
-    if entry.is_unlisted {
-        return Err("is not named in the file of --positions".to_owned());
+    if let Some(refusal) = entry.refusal {
+        return Err(refusal.to_owned());
     }
     file.clear();
     let opened = File::open(&entry.path).map_err(|error| error.to_string())?;

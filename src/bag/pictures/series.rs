@@ -43,6 +43,14 @@ impl Series {
         }
     }
 
+    /// Size of all files, bytes.
+    pub(in crate::bag) fn num_bytes(&self) -> u64 {
+        match self {
+            Self::Pictures(pictures) => pictures.num_bytes(),
+            Self::Video(video) => video.num_bytes(),
+        }
+    }
+
     /// True for the topic of the images.
     pub(in crate::bag) fn is_image(&self, topic: &Topic) -> bool {
         match self {

@@ -5,16 +5,18 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Stdio};
 use std::sync::Arc;
-use std::thread::{self, JoinHandle};
+use std::thread::JoinHandle;
 
 use super::error::PictureError;
 use super::ffmpeg::{
-    Stream, command, every_frame, excerpt, no_program, packet_stamps_ns, probe, ratio,
+    Stream, collect, command, every_frame, excerpt, frame_stamps_ns, no_program, probe, ratio,
 };
+use super::riff::missing_bytes;
+use super::{NS, stamp_ns, topic};
+use crate::bag::unpack::size_bytes;
 use crate::bag::{BagError, Filter, RawMessage, Topic};
 use crate::msg::builtin_interfaces::Time;
 use crate::msg::cdr;
-use crate::msg::qos::QosProfile;
 use crate::msg::schema::Message;
 use crate::msg::sensor_msgs::Image;
 use crate::msg::std_msgs::Header;
@@ -22,10 +24,6 @@ use crate::msg::std_msgs::Header;
 /// Endings of the names of videos, lower case.
 pub(super) const ENDINGS: [&str; 10] =
     ["mp4", "avi", "mov", "mkv", "webm", "m4v", "mpg", "mpeg", "wmv", "mts"];
-/// Bytes of error messages that are kept.
-const MAX_ERROR_BYTES: u64 = 2000;
-const DEPTH: u64 = 10;
-const NS: f64 = 1e9;
 
 /// How the pixels of a video are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +61,8 @@ pub(in crate::bag) struct Video {
     pixels: Pixels,
     /// Stamp of each frame, nanoseconds.
     stamps_ns: Vec<i64>,
+    /// Number of bytes that are missing at the end of the file, if it states its length; else 0.
+    missing_bytes: u64,
     images: Arc<Topic>,
 }
 
@@ -75,42 +75,37 @@ impl Video {
         path: &Path,
         rate_hz: Option<f64>,
         limit_bytes: u64,
+        notes: &mut Vec<String>,
     ) -> Result<Self, PictureError> {
         let invalid = |why: String| PictureError::Video { path: path.into(), why };
         // `ffprobe` waits for data at a pipe; a missing file has a clearer message than its own.
-        std::fs::File::open(path)
-            .map_err(|source| PictureError::Io { path: path.into(), source })?;
-        let Stream { width, height, pix_fmt, avg_frame_rate } = probe(path)?;
-        let pixels = Pixels::of(&pix_fmt);
-        let bytes = frame_bytes([width, height], pixels);
+        let missing_bytes =
+            missing_bytes(path).map_err(|source| PictureError::Io { path: path.into(), source })?;
+        let stream = probe(path)?;
+        let (size_px, pixels) = ([stream.width, stream.height], Pixels::of(&stream.pix_fmt));
+        let bytes = frame_bytes(size_px, pixels);
         if bytes == 0 || bytes > limit_bytes {
+            let [width, height] = size_px;
             return Err(invalid(format!(
                 "has {width} x {height} pixels, {bytes} bytes a frame; the limit is {limit_bytes} (max_frame_bytes)"
             )));
         }
-        let mut stamps_ns = packet_stamps_ns(path)?;
-        if stamps_ns.is_empty() {
-            return Err(invalid("has no frames".to_owned()));
+        let (stated_ns, errors) = frame_stamps_ns(path)?;
+        if stated_ns.is_empty() {
+            let errors = if errors.is_empty() { errors } else { format!("; ffprobe: {errors}") };
+            return Err(invalid(format!("has no frames that can be decoded{errors}")));
         }
-        let own_rate_hz = rate_hz.or_else(|| ratio(&avg_frame_rate));
-        let ascends = stamps_ns.is_sorted_by(|first, second| first < second);
-        if rate_hz.is_some() || !ascends {
-            let rate_hz = own_rate_hz.ok_or_else(|| {
-                invalid("states no times of its frames: give --frame-rate HZ".to_owned())
-            })?;
-            for (number, stamp_ns) in (1_u32..).zip(&mut stamps_ns) {
-                *stamp_ns = (f64::from(number) / rate_hz * NS).round() as i64;
-            }
-        } else {
-            // Videos begin at 0, which would mean that the camera has no clock: the first frame is one period later.
-            let period_ns = own_rate_hz.map_or(NS as i64, |rate_hz| (NS / rate_hz).round() as i64);
-            let shift_ns = period_ns.max(1).saturating_sub(stamps_ns.first().copied().unwrap_or(0));
-            for stamp_ns in &mut stamps_ns {
-                *stamp_ns = stamp_ns.saturating_add(shift_ns);
-            }
-        }
-        let images = Arc::new(Topic::new("/image_raw", Image::TYPE, QosProfile::reliable(DEPTH)));
-        Ok(Self { path: path.into(), size_px: [width, height], pixels, stamps_ns, images })
+        let stamps_ns = match rate_hz {
+            Some(rate_hz) => at_rate(stated_ns.len(), rate_hz),
+            None => own_stamps_ns(path, &stream, &stated_ns, notes)?,
+        };
+        let images = topic("/image_raw", Image::TYPE);
+        Ok(Self { path: path.into(), size_px, pixels, stamps_ns, missing_bytes, images })
+    }
+
+    /// Size of the file, bytes.
+    pub(in crate::bag) fn num_bytes(&self) -> u64 {
+        size_bytes(&self.path)
     }
 
     pub(in crate::bag) const fn images(&self) -> &Arc<Topic> {
@@ -124,6 +119,38 @@ impl Video {
     pub(in crate::bag) fn time_range_ns(&self) -> Option<RangeInclusive<i64>> {
         Some(*self.stamps_ns.first()?..=*self.stamps_ns.last()?)
     }
+}
+
+/// Stamps by the times that a file states. If it has none, or they do not increase, its mean rate stands in for them, and a
+/// note says so.
+fn own_stamps_ns(
+    path: &Path,
+    stream: &Stream,
+    stated_ns: &[Option<i64>],
+    notes: &mut Vec<String>,
+) -> Result<Vec<i64>, PictureError> {
+    let rate_hz = ratio(&stream.avg_frame_rate);
+    let known_ns = stated_ns.iter().copied().collect::<Option<Vec<i64>>>();
+    if let Some(times_ns) = known_ns.filter(|times_ns| times_ns.is_sorted_by(|a, b| a < b)) {
+        // Videos begin at 0, which would mean that the camera has no clock: the first frame is one period later.
+        let period_ns = rate_hz.map_or(NS as i64, |rate_hz| stamp_ns(1, rate_hz));
+        let first_ns = times_ns.first().copied().unwrap_or(0);
+        let shift_ns = period_ns.max(1).saturating_sub(first_ns);
+        return Ok(times_ns.iter().map(|time_ns| time_ns.saturating_add(shift_ns)).collect());
+    }
+    let what = "does not state a time for every frame that is later than the one before";
+    let rate_hz = rate_hz.ok_or_else(|| PictureError::Video {
+        path: path.into(),
+        why: format!("{what}: give --frame-rate HZ"),
+    })?;
+    let path = path.display();
+    notes
+        .push(format!("{path}: {what}; frame n gets the stamp n / {rate_hz:.3} Hz, its mean rate"));
+    Ok(at_rate(stated_ns.len(), rate_hz))
+}
+
+fn at_rate(num: usize, rate_hz: f64) -> Vec<i64> {
+    (1_u32..).take(num).map(|number| stamp_ns(number, rate_hz)).collect()
 }
 
 fn frame_bytes([width, height]: [u32; 2], pixels: Pixels) -> u64 {
@@ -145,7 +172,8 @@ impl Decoder {
         let mut command =
             command("ffmpeg", &video.path, &["-nostdin", "-noautorotate", "-hide_banner"]);
         command
-            .args(["-map", "0:v:0"])
+            // Increasing times, because the output refuses others, aloud; those of the frames are known.
+            .args(["-map", "0:v:0", "-vf", "setpts=N/TB"])
             .args(every_frame())
             .args(["-f", "rawvideo", "-pix_fmt", format, "-"]);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -154,16 +182,7 @@ impl Decoder {
         let (Some(frames), Some(errors)) = (child.stdout.take(), child.stderr.take()) else {
             return Err(failed(std::io::Error::other("has no output")));
         };
-        // Read to its end on a thread of its own: a full pipe would stop the decoder.
-        let collect = move || {
-            let mut kept = String::new();
-            let mut errors = BufReader::new(errors);
-            drop(errors.by_ref().take(MAX_ERROR_BYTES).read_to_string(&mut kept));
-            drop(std::io::copy(&mut errors, &mut std::io::sink()));
-            kept
-        };
-        let errors =
-            thread::Builder::new().name("ffmpeg".to_owned()).spawn(collect).map_err(failed)?;
+        let errors = collect(errors).map_err(failed)?;
         Ok(Self { child, frames: BufReader::new(frames), errors: Some(errors) })
     }
 
@@ -233,7 +252,7 @@ impl VideoMessages {
             }
             let number = self.next;
             self.next += 1;
-            // More frames than packets: their times are unknown.
+            // More frames than `ffprobe` finds: their times are unknown.
             let Some(&stamp_ns) = self.video.stamps_ns.get(number) else { continue };
             if stamp_ns >= self.filter.start_time() as i64 {
                 return Some(self.message(number, stamp_ns));
@@ -278,12 +297,20 @@ impl VideoMessages {
     /// What is missing at the end.
     fn missing(&mut self) -> Option<BagError> {
         let told = self.decoder.as_mut().and_then(Decoder::finish);
-        let (found, stated) = (self.next, self.video.stamps_ns.len());
-        if told.is_none() && found == stated {
+        let (found, timed) = (self.next, self.video.stamps_ns.len());
+        let cut_bytes = Some(self.video.missing_bytes).filter(|bytes| *bytes > 0);
+        let cut = cut_bytes.map(|bytes| format!("{bytes} bytes are missing at its end"));
+        let reasons: Vec<_> = cut.into_iter().chain(told).collect();
+        let what = if found < timed {
+            format!("{found} of {timed} frames could be decoded")
+        } else if found > timed {
+            format!("only {timed} of {found} frames have a known time; the others are left out")
+        } else if !reasons.is_empty() {
+            format!("is damaged or cut off: {found} frames could be decoded")
+        } else {
             return None;
-        }
-        let told = told.map(|told| format!("; {told}")).unwrap_or_default();
-        Some(self.unusable(format!("{found} of {stated} frames could be decoded{told}")))
+        };
+        Some(self.unusable([vec![what], reasons].concat().join("; ")))
     }
 
     fn unusable(&self, why: String) -> BagError {

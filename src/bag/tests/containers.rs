@@ -9,6 +9,7 @@ use mcap::records::{MessageHeader, Metadata};
 use super::*;
 use crate::bag::info::{Depth, describe};
 use crate::bag::recover::{RecoverOptions, recover};
+use crate::msg::{builtin_interfaces::Time, cdr, sensor_msgs::CompressedImage};
 
 /// A message in comparable form.
 type Essence = (String, Times, Vec<u8>);
@@ -205,17 +206,16 @@ fn a_truncated_compressed_file_keeps_what_can_be_decompressed() {
     }
 }
 
-/// A file with messages compressed one by one, whose content `edit` changes. `mode` is what its own description states.
-fn packed_messages(mode: &str, edit: impl Fn(usize, Vec<u8>) -> Vec<u8>) -> Vec<u8> {
+/// A file with these messages on a topic of that type and encoding. `mode` is what its own description states.
+fn of_messages([type_name, encoding]: [&str; 2], mode: &str, messages: &[Vec<u8>]) -> Vec<u8> {
     let options = WriteOptions::new().profile("ros2").compression(None);
     let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
-    let schema = writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data").unwrap();
-    let channel_id = writer.add_channel(schema, "/a", "cdr", &BTreeMap::new()).unwrap();
-    for number in 0..10 {
-        let packed = zstd::encode_all(&plain(number)[..], 1).unwrap();
+    let schema = writer.add_schema(type_name, "", b"").unwrap();
+    let channel_id = writer.add_channel(schema, "/a", encoding, &BTreeMap::new()).unwrap();
+    for (number, message) in messages.iter().enumerate() {
         let time = number as u64 * 10;
         let header = MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time };
-        writer.write_to_known_channel(&header, &edit(number, packed)).unwrap();
+        writer.write_to_known_channel(&header, message).unwrap();
     }
     let description = format!(
         "version: 9\nstorage_identifier: mcap\ncompression_format: zstd\ncompression_mode: {mode}\nrelative_file_paths: []\n"
@@ -224,6 +224,16 @@ fn packed_messages(mode: &str, edit: impl Fn(usize, Vec<u8>) -> Vec<u8>) -> Vec<
     writer.write_metadata(&Metadata { name: "rosbag2".into(), metadata }).unwrap();
     writer.finish().unwrap();
     writer.into_inner().into_inner()
+}
+
+fn zstd(message: &[u8]) -> Vec<u8> {
+    zstd::encode_all(message, 1).unwrap()
+}
+
+/// A file with messages compressed one by one, whose content `edit` changes.
+fn packed_messages(mode: &str, edit: impl Fn(usize, Vec<u8>) -> Vec<u8>) -> Vec<u8> {
+    let packed: Vec<_> = (0..10).map(|number| edit(number, zstd(&plain(number)))).collect();
+    of_messages(["std_msgs/msg/String", "cdr"], mode, &packed)
 }
 
 /// The CDR of message `number`.
@@ -248,6 +258,42 @@ fn messages_compressed_one_by_one_are_read_and_recovered() {
         let recovered = fs::read(output.join("whole_0.mcap")).unwrap();
         let is_magic = |bytes: &[u8]| bytes == b"MESSAGE";
         assert!(!recovered.windows(7).any(is_magic), "the new file states no compression");
+    }
+}
+
+/// A compressed image with the stamp 1.000000005 s, the frame `cam`, the format `jpeg` and the file `the file`, by the rules
+/// of each encoding; with its type and encoding.
+const OF_OTHER_SYSTEMS: [([&str; 2], &[u8]); 3] = [
+    (
+        ["foxglove_msgs/msg/CompressedImage", "cdr"],
+        b"\0\x01\0\0\x01\0\0\0\x05\0\0\0\x04\0\0\0cam\0\x08\0\0\0the file\x05\0\0\0jpeg\0",
+    ),
+    (
+        ["sensor_msgs/CompressedImage", "ros1"],
+        b"\x07\0\0\0\x01\0\0\0\x05\0\0\0\x03\0\0\0cam\x04\0\0\0jpeg\x08\0\0\0the file",
+    ),
+    (
+        ["foxglove.CompressedImage", "protobuf"],
+        b"\x0a\x04\x08\x01\x10\x05\x12\x08the file\x1a\x04jpeg\x22\x03cam",
+    ),
+];
+
+#[test]
+fn compressed_messages_of_other_systems_are_decompressed_before_they_are_rewritten() {
+    let directory = tempfile::tempdir().unwrap();
+    for (channel, message) in OF_OTHER_SYSTEMS {
+        let cut = zstd(message)[..12].to_vec();
+        let bytes = of_messages(channel, "MESSAGE", &[zstd(message), cut, message.to_vec()]);
+        let (messages, errors) = read(&bare(directory.path(), &bytes));
+        assert_eq!(messages.len(), 2, "{channel:?}: {errors:?}");
+        for (_, _, data) in &messages {
+            let image: CompressedImage<'_> = cdr::decode(data).unwrap();
+            assert_eq!(image.header.stamp, Time { sec: 1, nanosec: 5 }, "{channel:?}");
+            assert_eq!((&*image.header.frame_id, &*image.format), ("cam", "jpeg"), "{channel:?}");
+            assert_eq!(image.data, b"the file", "{channel:?}");
+        }
+        let [error] = &errors[..] else { panic!("{channel:?}: {errors:?}") };
+        assert!(error.to_string().contains("log time 10 ns cannot be decompressed"), "{error}");
     }
 }
 

@@ -10,6 +10,7 @@ mod foreign;
 mod describe;
 mod containers;
 mod unfinished;
+mod recover;
 
 use std::fs;
 use std::path::{Path, PathBuf};

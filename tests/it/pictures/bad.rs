@@ -157,9 +157,133 @@ fn a_table_that_does_not_fit_is_told() {
         assert_eq!(summary["frames"]["rejected"], num_rejected, "{case}: {summary}");
         assert!(stderr.contains(reason), "{case}: {stderr}");
     }
+    // The pattern leaves out two pictures that the table names: they are there, but were not asked for.
+    fs::write(&table, rows(&all)).unwrap();
+    let results = place.path().join("some");
+    let given = folder.join("frame_?.png");
+    let (summary, stderr) = replay(&given, &results, 3, &["--positions", &stated]);
+    assert_eq!(
+        (&summary["frames"]["processed"], &summary["frames"]["rejected"]),
+        (&10.into(), &2.into()),
+        "{summary}"
+    );
+    for name in ["frame_10.png", "frame_11.png"] {
+        let told = format!("{name}: is named in the file of --positions, but is none of");
+        assert!(stderr.contains(&told), "{told}: {stderr}");
+    }
     fs::write(&table, "file,stamp_s\nframe_0.png,soon\n").unwrap();
     let mut command = laser_profiler(&["replay", "--positions", &stated, "-o"]);
     let ended = end(command.arg(place.path().join("out")).arg(&folder));
     assert_eq!(ended.code, Some(1), "{ended:?}");
     assert!(ended.stderr.contains("line 2: stamp_s is \"soon\""), "{ended:?}");
+}
+
+#[test]
+fn missing_numbers_are_told_with_a_table_without_stamps_too() {
+    let place = tempfile::tempdir().unwrap();
+    let (folder, table) = (place.path().join("scan"), place.path().join("t.csv"));
+    series(&folder, Kind::Png);
+    let there: Vec<_> = (0..NUM).filter(|number| ![4, 5].contains(number)).collect();
+    for missing in [4, 5] {
+        fs::remove_file(folder.join(Kind::Png.name(missing))).unwrap();
+    }
+    let row = |number: &usize| format!("{},{number}\n", Kind::Png.name(*number));
+    let rows = there.iter().map(row).collect::<String>();
+    fs::write(&table, format!("file,position\n{rows}")).unwrap();
+    let stated = table.display().to_string();
+    let options = ["--frame-rate", "50", "--positions", &stated];
+    let (summary, stderr) = replay(&folder, &place.path().join("results"), 3, &options);
+    assert_eq!(summary["frames"]["lost"], 2, "{summary}");
+    assert!(stderr.contains("2 pictures are missing by their numbers: 4 to 5"), "{stderr}");
+    let found = lines(&place.path().join("results"));
+    let stamps: Vec<_> = found.iter().map(|line| line.stamp_ns).collect();
+    assert_eq!(stamps, there.into_iter().map(super::render::stamp_ns).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_pattern_that_matches_several_inputs_is_refused_where_one_is_read() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    for name in ["scan_a", "scan_b"] {
+        series(&path(name), Kind::Png);
+    }
+    let output = path("out.png").display().to_string();
+    for arguments in [&["info"][..], &["suggest"], &["ambient", "-o", &output]] {
+        let mut command = laser_profiler(arguments);
+        let ended = end(command.arg(path("scan_?")));
+        assert_eq!(ended.code, Some(1), "{ended:?}");
+        let told = format!(
+            "scan_?: matches 2 inputs: {}, {}; name one of them",
+            path("scan_a").display(),
+            path("scan_b").display()
+        );
+        assert!(ended.stderr.contains(&told), "{told}: {ended:?}");
+    }
+    let mut command = laser_profiler(&["info"]);
+    assert_eq!(end(command.arg(path("*_b"))).code, Some(0), "one match is that input");
+}
+
+#[test]
+fn the_limit_in_an_error_is_the_parameter() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    series(&path("scan"), Kind::Pgm);
+    // The pixels are 1 MiB, and the file is larger by its header; and far more.
+    for (name, height) in [("slightly.pgm", 1024), ("far.pgm", 2000)] {
+        let large = image::DynamicImage::new_luma8(1024, height);
+        write(&path("scan").join(name), Kind::Pgm, &large);
+    }
+    let limited = ["--ros-args", "-p", "max_frame_bytes:=1048576"];
+    let (summary, stderr) = replay(&path("scan"), &path("results"), 3, &limited);
+    assert_eq!(summary["frames"]["rejected"], 2, "{summary}");
+    for name in ["slightly.pgm", "far.pgm"] {
+        let named = stderr.lines().find(|line| line.contains(name)).unwrap();
+        assert!(named.contains("more than the limit of 1048576 (max_frame_bytes)"), "{stderr}");
+    }
+}
+
+#[test]
+fn suggestions_pass_over_bad_pictures_and_the_ambient_image_does_not() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    series(&path("scan"), Kind::Png);
+    fs::write(path("scan").join(Kind::Png.name(5)), "text").unwrap();
+    let mut command = laser_profiler(&["suggest", "--frames", "12", "--json", "-o"]);
+    let ended = end(command.arg(path("scan.yaml")).arg(path("scan")));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let told: serde_json::Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!((&told["examined"], &told["unusable"]), (&11.into(), &1.into()), "{told}");
+    let mut command = laser_profiler(&["ambient", "-o"]);
+    let ended = end(command.arg(path("ambient.png")).arg(path("scan")));
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert!(ended.stderr.contains("frame_5.png: is no picture"), "{ended:?}");
+}
+
+#[test]
+fn a_row_that_names_two_pictures_belongs_to_neither() {
+    let place = tempfile::tempdir().unwrap();
+    let (one, two, table) =
+        (place.path().join("one"), place.path().join("two"), place.path().join("t.csv"));
+    series(&one, Kind::Png);
+    series(&two, Kind::Png);
+    let path = two.join(Kind::Png.name(3));
+    let rows = format!("file,stamp_s\n{},1\n{},2\n", Kind::Png.name(2), path.display());
+    fs::write(&table, rows).unwrap();
+    let mut command = laser_profiler(&["replay", "--json", "--positions"]);
+    let results = place.path().join("results");
+    let ended = end(command
+        .arg(&table)
+        .arg("-o")
+        .arg(&results)
+        .arg(one.join("frame_2.png"))
+        .args([two.join("frame_2.png"), path]));
+    assert_eq!(ended.code, Some(3), "{ended:?}");
+    assert!(ended.stderr.contains("only by a name that another picture has"), "{ended:?}");
+    let summary: serde_json::Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(
+        (&summary["frames"]["processed"], &summary["frames"]["rejected"]),
+        (&1.into(), &2.into()),
+        "{summary}"
+    );
+    assert_eq!(lines(&results)[0].stamp_ns, 2_000_000_000);
 }

@@ -34,14 +34,17 @@ pub(super) enum Scene {
     Grey,
     Deep,
     Color,
+    DeepColor,
 }
 
 impl Scene {
-    pub(super) const ALL: [Self; 3] = [Self::Grey, Self::Deep, Self::Color];
+    pub(super) const ALL: [Self; 4] = [Self::Grey, Self::Deep, Self::Color, Self::DeepColor];
 
     /// The row of the line in a column: a slope that moves from picture to picture.
     pub(super) fn row_px(self, column: f32, number: usize) -> f32 {
-        12.0 + 0.03 * column + 1.3 * number as f32 + if self == Self::Color { 2.0 } else { 0.0 }
+        12.0 + 0.03 * column
+            + 1.3 * number as f32
+            + if matches!(self, Self::Color | Self::DeepColor) { 2.0 } else { 0.0 }
     }
 
     fn level(self, x: u32, y: u32, number: usize) -> f32 {
@@ -63,6 +66,11 @@ impl Scene {
                 Rgb([level(x, y), 0.3 * level(x, y), 5.0].map(|level| level.round() as u8))
             })
             .into(),
+            Self::DeepColor => ImageBuffer::from_fn(WIDTH, HEIGHT, |x, y| {
+                let level = 257.0 * level(x, y);
+                Rgb([level, 0.3 * level, 1285.0].map(|level| level.round() as u16))
+            })
+            .into(),
         }
     }
 }
@@ -82,7 +90,7 @@ impl Kind {
 
     /// JPEG and BMP files have 8 bits.
     pub(super) fn holds(self, scene: Scene) -> bool {
-        scene != Scene::Deep || !matches!(self, Self::Jpeg | Self::Bmp)
+        !matches!(scene, Scene::Deep | Scene::DeepColor) || !matches!(self, Self::Jpeg | Self::Bmp)
     }
 
     pub(super) fn name(self, number: usize) -> String {
@@ -124,6 +132,7 @@ pub(super) fn message_at(picture: &DynamicImage, stamp_ns: i64) -> Vec<u8> {
     let (encoding, bytes_per_pixel) = match picture {
         DynamicImage::ImageLuma8(_) => ("mono8", 1),
         DynamicImage::ImageLuma16(_) => ("mono16", 2),
+        DynamicImage::ImageRgb16(_) => ("rgb16", 6),
         _ => ("rgb8", 3),
     };
     recordings::image_of(picture.as_bytes(), 0, |image: &mut Image<'_>| {
