@@ -27,7 +27,7 @@ pub(super) struct HardArgs {
     /// Methods, separated by commas; default: all.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
     methods: Vec<String>,
-    /// Other shapes of the lines, other noise and other mixtures; the tables of docs/real_scenes.md have seed 0.
+    /// Seed of the shapes of the lines, the noise and the mixtures: the documented figures have seed 0.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..1_000_000))]
     seed: u32,
     #[command(flatten)]

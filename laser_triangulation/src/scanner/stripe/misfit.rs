@@ -93,7 +93,7 @@ impl Shapes {
             let pool = from..to;
             let mean = limits.mean(pool.clone().map(|at| (self.at(at), flags[at])));
             for at in pool {
-                limits.judge(&self.at(at), &mean, &mut flags[at], &mut sigma_px[at]);
+                limits.judge(&self.at(at), mean, &mut flags[at], &mut sigma_px[at]);
             }
         }
     }
@@ -174,7 +174,7 @@ impl Limits {
         }
     }
 
-    fn judge(&self, shape: &PointShape, pool: &PoolShape, flags: &mut u8, sigma_px: &mut f32) {
+    fn judge(&self, shape: &PointShape, pool: PoolShape, flags: &mut u8, sigma_px: &mut f32) {
         let &PointShape { bend_px, width_px, top } = shape;
         let most_px = self.most_bend_px(width_px);
         let broadest = self.broadest();
