@@ -3,6 +3,7 @@
 
 mod axis;
 mod camera;
+mod hard_boards;
 mod plane;
 mod real;
 mod render;

@@ -150,6 +150,18 @@ impl<T> Boards<T> {
         )
     }
 
+    /// Returns a line about single corners that were left out; empty if there are none.
+    pub(super) fn left_out(&self) -> String {
+        let counts = || self.found.iter().map(|board| board.left_out).filter(|count| *count > 0);
+        match counts().sum::<usize>() {
+            0 => String::new(),
+            corners => format!(
+                "{corners} corners in {} views left out: not where perspective and a lens put them, as under the laser's line\n",
+                counts().count()
+            ),
+        }
+    }
+
     /// Reports lost data if pictures could not be read.
     pub(super) const fn outcome(&self) -> Outcome {
         if self.is_lossy { Outcome::DataLost } else { Outcome::Done }

@@ -86,7 +86,9 @@ fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
     let sigmas = all.iter().map(|&(name, _)| (name.to_owned(), json!(fit.uncertainty.sigma(name))));
     let views = fit.used.iter().map(|view| {
         let (rms_px, corners) = (view.pose.rms_px(), view.pose.residuals_px.len());
-        json!({"view": boards.names[view.index], "rms_px": rms_px, "corners": corners})
+        let left_out = boards.found[view.index].left_out;
+        let name = &boards.names[view.index];
+        json!({"view": name, "rms_px": rms_px, "corners": corners, "left_out": left_out})
     });
     json!({
         "output": args.output.output,
@@ -127,6 +129,7 @@ fn print(
         writeln!(out, "  {name:2} {value:>10.digits$} ± {sigma:.digits$}{unit}")?;
     }
     writeln!(out, "  ± one standard deviation, the scatter between views included")?;
+    write!(out, "{}", boards.left_out())?;
     if !boards.rejected.is_empty() {
         writeln!(out, "{} views not used:", boards.rejected.len())?;
         write!(out, "{}", rejected::text(&boards.rejected))?;

@@ -49,6 +49,7 @@ pub(super) fn print(
         "  ± one standard deviation, from leaving out one board at a time; the camera's uncertainty is not included"
     )?;
     writeln!(out, "  the laser was found in {}", lines.light.name())?;
+    write!(out, "{}", boards.left_out())?;
     if !boards.rejected.is_empty() {
         writeln!(out, "{} views not used:", boards.rejected.len())?;
         write!(out, "{}", rejected::text(&boards.rejected))?;
@@ -68,6 +69,7 @@ fn json(args: &PlaneArgs, boards: &PlaneBoards, lines: &LaserLines, fit: &LaserP
             "mean_m": board.mean_m,
             "rms_m": board.rms_m,
             "line_rms_px": line_rms_px,
+            "corners_left_out": boards.found[board.index].left_out,
         })
     };
     json!({
