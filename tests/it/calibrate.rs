@@ -7,6 +7,7 @@ mod hard_boards;
 mod plane;
 mod real;
 mod render;
+mod warped_boards;
 
 use std::path::Path;
 

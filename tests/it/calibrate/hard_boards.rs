@@ -58,7 +58,10 @@ boards: {{corners: [9, 6], square_m: 0.03, white: 170.0, black: 30.0, distance_m
         assert_eq!(ended.code, Some(0), "{ended:?}");
         let target = ["camera", "--target", "checkerboard:9x6:0.030"];
         let found = calibrate(&target, &bag, &directory.path().join("camera.yaml"));
-        assert_eq!(found["views_used"], 16, "{distortion:?}: {found}");
+        // None is refused for its corners; one whose corners are off by a tenth of a pixel may contradict the others.
+        assert!(number(&found, "views_used") >= 15.0, "{distortion:?}: {found}");
+        assert!(!found["views_rejected"].to_string().contains("perspective"), "{found}");
+        assert!(found["bend"].is_null(), "flat: {found}");
         for (name, truth) in [("fx", 724.0), ("fy", 724.0), ("cx", 650.0), ("cy", 352.0)] {
             let off = number(&found["intrinsics"], name) - truth;
             let sigma = number(&found["uncertainties"], name);

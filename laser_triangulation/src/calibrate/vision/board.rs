@@ -5,11 +5,12 @@ use calib_targets_chessboard::{
     default_chess_config, detect_corners,
 };
 use chess_corners::ImageRefiner;
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3, Vector2};
 use thiserror::Error;
 
 use super::{
     board_parts::{self, Labelled},
+    board_shape::BoardShape,
     checkerboard::Checkerboard,
     corner_deviations,
     picture::GrayPicture,
@@ -48,6 +49,8 @@ pub struct Board {
     pub corners: Vec<Corner>,
     /// Corners that were found, but not where perspective and a lens put them: under the laser's line, for instance.
     pub left_out: usize,
+    /// True if the board's rows are the target's columns: it was found turned by a quarter.
+    pub is_turned: bool,
 }
 
 /// The reason why a picture shows no usable board.
@@ -127,11 +130,12 @@ impl BoardDetector {
             data: &picture.levels,
         };
         let corners = detect_corners(&view, &self.front_end);
-        let board = Board::new(&board_parts::joined(&self.grid.detect_all(&corners)));
+        let mut board = Board::new(&board_parts::joined(&self.grid.detect_all(&corners)));
         let Board { columns, rows, .. } = board;
         if !self.target.holds(columns, rows) {
             return Err(BoardRejected::Larger { columns, rows, target: self.target });
         }
+        board.is_turned = columns > self.target.columns || rows > self.target.rows;
         match (board.corners.len(), self.min_corners) {
             (0, _) => return Err(BoardRejected::None),
             (found, needed) if found < needed => return Err(BoardRejected::Few { found, needed }),
@@ -158,6 +162,7 @@ impl Board {
             rows: span(corners.iter().map(|corner| corner.place.1).max()),
             corners,
             left_out: 0,
+            is_turned: false,
         }
     }
 
@@ -167,11 +172,43 @@ impl Board {
         sides(self.columns, self.rows) || sides(self.rows, self.columns)
     }
 
-    /// Returns each corner on the flat board, metres, and in the picture, pixels.
+    /// Returns each corner on a flat board, metres, and in the picture, pixels.
     pub fn pairs(&self, square_m: f64) -> Vec<(Point2<f64>, Point2<f64>)> {
         let on_board =
             |(column, row)| Point2::new(f64::from(column) * square_m, f64::from(row) * square_m);
         self.corners.iter().map(|corner| (on_board(corner.place), corner.seen)).collect()
+    }
+
+    /// Returns each corner on a board of this shape, in the frame of [`pairs`](Self::pairs), and in the picture, pixels.
+    pub(super) fn points(
+        &self,
+        square_m: f64,
+        shape: &BoardShape,
+    ) -> Vec<(Point3<f64>, Point2<f64>)> {
+        let middle = self.middle_m(square_m);
+        let points = self.flat(square_m).into_iter().map(|(flat, seen)| {
+            let Point3 { coords } = shape.point(flat);
+            let off = if self.is_turned { Vector2::new(-coords.y, coords.x) } else { coords.xy() };
+            (Point3::from((off + middle).push(coords.z)), seen)
+        });
+        points.collect()
+    }
+
+    /// Returns each corner in the target's frame, about the middle of the corners seen, metres, and in the picture,
+    /// pixels.
+    pub(super) fn flat(&self, square_m: f64) -> Vec<(Point2<f64>, Point2<f64>)> {
+        let pairs = self.pairs(square_m).into_iter();
+        pairs.map(|(at, seen)| (self.in_target(at, square_m), seen)).collect()
+    }
+
+    /// Returns a place on the board in the target's frame, about the middle of the corners seen, metres.
+    pub(super) fn in_target(&self, at: Point2<f64>, square_m: f64) -> Point2<f64> {
+        let off = at.coords - self.middle_m(square_m);
+        if self.is_turned { Point2::new(off.y, -off.x) } else { off.into() }
+    }
+
+    fn middle_m(&self, square_m: f64) -> Vector2<f64> {
+        Vector2::new(f64::from(self.columns) - 1.0, f64::from(self.rows) - 1.0) * (square_m / 2.0)
     }
 
     /// Leaves out single corners that lie elsewhere than all others suggest.

@@ -1,13 +1,14 @@
 //! Finds boards in all pictures.
 
 use anyhow::bail;
+use serde_json::{Value as Json, json};
 
 use super::{
     pictures::{self, Pictures, View},
     rejected::{self, Rejected},
 };
 use crate::{
-    calibrate::{Board, BoardDetector, BoardRejected, Checkerboard},
+    calibrate::{Board, BoardBend, BoardDetector, BoardRejected, Checkerboard},
     cli::{Outcome, settings},
     scanner::image::Image,
 };
@@ -108,6 +109,21 @@ fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Bo
     }
     boards.refuse_another(target, num_larger)?;
     Ok(boards)
+}
+
+/// Says what a bent board means for the result.
+pub(super) fn describe(bend: BoardBend, result: &str) -> String {
+    let meaning = if bend.is_shared {
+        format!("the {result} accounts for it")
+    } else {
+        format!("the {result} is that of a flat board")
+    };
+    format!("{bend}: {meaning}")
+}
+
+/// Returns a board's bend as JSON.
+pub(super) fn bend(bend: BoardBend) -> Json {
+    json!({"bow_m": bend.bow_m, "sigma_m": bend.sigma_m, "is_shared": bend.is_shared})
 }
 
 fn unread<T>(view: View<T>) -> Option<Rejected> {

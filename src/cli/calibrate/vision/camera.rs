@@ -53,6 +53,10 @@ pub(in crate::cli::calibrate) fn run(
     if let Some(advice) = advice(args, &fit) {
         tracing::warn!("{advice}");
     }
+    if let Some(bend) = fit.bend {
+        let meaning = boards::describe(bend, "camera");
+        tracing::warn!("{meaning}, and the uncertainty includes it. A flat, stiff board is better");
+    }
     if let Some(path) = &args.output.report {
         report::camera(path, &boards, &fit)?;
     }
@@ -105,6 +109,7 @@ fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
         "uncertainties": sigmas.collect::<Map<_, _>>(),
         "undetermined": fit.undetermined(),
         "view_scatter": fit.uncertainty.view_scatter,
+        "bend": fit.bend.map(boards::bend),
     })
 }
 
@@ -129,6 +134,9 @@ fn print(
         writeln!(out, "  {name:2} {value:>10.digits$} ± {sigma:.digits$}{unit}")?;
     }
     writeln!(out, "  ± one standard deviation, the scatter between views included")?;
+    if let Some(bend) = fit.bend {
+        writeln!(out, "  {}", boards::describe(bend, "camera"))?;
+    }
     write!(out, "{}", boards.left_out())?;
     if !boards.rejected.is_empty() {
         writeln!(out, "{} views not used:", boards.rejected.len())?;
