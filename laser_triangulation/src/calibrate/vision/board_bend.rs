@@ -57,7 +57,7 @@ pub(super) fn find(
     names: &[String],
 ) -> Option<(BoardBend, JointFit)> {
     let shared = Shared { camera: names.to_vec(), shape: BEND.to_vec() };
-    let fit = joint(boards, square_m, (camera, BoardShape::default()), &shared)?;
+    let fit = joint(boards, square_m, camera, BoardShape::default(), &shared)?;
     let first = names.len();
     let covariance = fit.covariance.view((first, first), (BEND.len(), BEND.len())).into_owned();
     let bend = DVector::from_row_slice(&fit.state.shape.bend_per_m);
@@ -82,7 +82,8 @@ pub(super) fn find(
 pub(super) fn joint(
     boards: &[&Board],
     square_m: f64,
-    (camera, shape): (&Camera, BoardShape),
+    camera: &Camera,
+    shape: BoardShape,
     shared: &Shared,
 ) -> Option<JointFit> {
     let views: Vec<_> = boards.iter().map(|board| board.flat(square_m)).collect();

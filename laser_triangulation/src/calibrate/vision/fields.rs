@@ -56,7 +56,7 @@ pub(super) fn find(views: &CameraViews<'_>) -> Option<Fields> {
 fn fit(boards: &[&Board], square_m: f64, camera: &Camera, shape: BoardShape) -> Option<JointFit> {
     let camera_values = ["f", "cx", "cy", "k1"].map(str::to_owned).to_vec();
     let shared = Shared { camera: camera_values, shape: vec![ShapeTerm::Stretch] };
-    board_bend::joint(boards, square_m, (camera, shape), &shared)
+    board_bend::joint(boards, square_m, camera, shape, &shared)
 }
 
 /// Returns focal length and ratio without distortion, the principal point in the middle. With square pixels both sides

@@ -140,8 +140,7 @@ fn residuals(
 
 impl Shared {
     /// Adds to one of the unknowns.
-    fn add(&self, state: (&mut Camera, &mut BoardShape), at: usize, by: f64) -> Option<()> {
-        let (camera, shape) = state;
+    fn add(&self, camera: &mut Camera, shape: &mut BoardShape, at: usize, by: f64) -> Option<()> {
         match self.camera.get(at).map(String::as_str) {
             Some("f") => {
                 camera.fx_px += by;
@@ -171,7 +170,7 @@ fn linearise(views: &[Corners], shared: &Shared, state: &State) -> Option<Vec<Eq
     let equations = views.iter().zip(&state.poses).map(|(view, pose)| {
         let seen = |at: usize, by: f64| {
             let (mut camera, mut shape) = (state.camera, state.shape);
-            shared.add((&mut camera, &mut shape), at, by)?;
+            shared.add(&mut camera, &mut shape, at, by)?;
             residuals(view, &camera, &shape, pose)
         };
         let moved = |at: usize, by: f64| {
@@ -247,7 +246,7 @@ fn stepped(equations: &[Equations], shared: &Shared, state: &State, damping: f64
     };
     let mut next = state.clone();
     for (at, by) in step.iter().enumerate() {
-        shared.add((&mut next.camera, &mut next.shape), at, *by)?;
+        shared.add(&mut next.camera, &mut next.shape, at, *by)?;
     }
     for (view, pose) in equations.iter().zip(&mut next.poses) {
         let solved = damped(view.own.tr_mul(&view.own), damping).cholesky()?;
