@@ -257,9 +257,8 @@ fn stepped(equations: &[Equations], shared: &Shared, state: &State, damping: f64
 }
 
 /// Returns how much more the solution scatters when views are left out, one after the other, than the residuals explain:
-/// `1 + (tr(Σ⁻¹ Σ_J) - E) / n`, Σ_J the jackknife's covariance by one step for each view, Σ that of the residuals, E its
+/// `1 + (tr(Σ⁻¹ J) - E) / n`, J the jackknife's covariance by one step for each view, Σ that of the residuals, E its
 /// expectation from the views' leverages; at least 1.
-#[expect(clippy::option_option, reason = "no scatter is not the same as no solution")]
 fn view_scatter(views: &[Reduced], information: &DMatrix<f64>, variance: f64) -> Option<f64> {
     let count = information.nrows();
     let root = inverse(information)?.cholesky()?.l();
