@@ -3,9 +3,11 @@
 
 mod axis;
 mod camera;
+mod hard_boards;
 mod plane;
 mod real;
 mod render;
+mod warped_boards;
 
 use std::path::Path;
 

@@ -34,10 +34,15 @@ pub(super) fn laser() -> LaserPlane {
     LaserPlane { normal, distance_m: 0.21 }
 }
 
-/// A plane that reflects, in its own coordinates, metres.
+/// A sheet that reflects, in its own coordinates, metres.
 pub(super) trait Surface {
     /// Share of the light that comes back, 0 to 1; `None` beyond its edge.
     fn albedo(&self, x: f64, y: f64) -> Option<f64>;
+
+    /// Its z: 0 for a flat sheet.
+    fn height_m(&self, _x: f64, _y: f64) -> f64 {
+        0.0
+    }
 }
 
 /// Checkerboard with inner corners from (0, 0) on, one square beyond them and a white border of half a square.
@@ -62,6 +67,30 @@ impl Surface for Checkerboard {
             (-1.5..f64::from(corners) + 0.5).contains(&(at / self.square_m))
         };
         (reach(x, self.columns) && reach(y, self.rows)).then_some(0.85)
+    }
+}
+
+/// A checkerboard of fields that are not square, or on a sheet that is not flat.
+#[derive(Clone, Copy)]
+pub(super) struct Warped {
+    pub(super) board: Checkerboard,
+    /// Height of a field divided by its width.
+    pub(super) ratio: f64,
+    /// `z = a x² + b x y + c y²` about the middle: a, b and c, 1/m.
+    pub(super) bend_per_m: [f64; 3],
+}
+
+impl Surface for Warped {
+    fn albedo(&self, x: f64, y: f64) -> Option<f64> {
+        self.board.albedo(x, y / self.ratio)
+    }
+
+    fn height_m(&self, x: f64, y: f64) -> f64 {
+        let Checkerboard { columns, rows, square_m } = self.board;
+        let half = |corners: u32| f64::from(corners - 1) * square_m / 2.0;
+        let (x, y) = (x - half(columns), y - self.ratio * half(rows));
+        let [a, b, c] = self.bend_per_m;
+        a * x * x + b * x * y + c * y * y
     }
 }
 
@@ -93,22 +122,21 @@ impl Renderer {
         laser: Option<&LaserPlane>,
     ) -> RgbImage {
         let surface_from_camera = camera_from_surface.inverse();
-        let normal = camera_from_surface.rotation * Vector3::z();
-        let distance = normal.dot(&camera_from_surface.translation.vector);
+        let lens = surface_from_camera * Point3::origin();
         let width = self.camera.width_px * FINE;
         RgbImage::from_fn(self.camera.width_px, self.camera.height_px, |u, v| {
             let (mut white, mut green) = (0.0, 0.0);
             for fine in 0..FINE * FINE {
                 let (x, y) = (u * FINE + fine % FINE, v * FINE + fine / FINE);
                 let ray = self.rays[(y * width + x) as usize];
-                let point = Point3::from(ray * (distance / normal.dot(&ray)));
-                let on = surface_from_camera * point;
+                let on = meet(surface, &lens, &(surface_from_camera * ray));
                 let Some(albedo) = surface.albedo(on.x, on.y) else {
                     white += 0.3;
                     continue;
                 };
                 white += albedo;
                 if let Some(laser) = laser {
+                    let point = camera_from_surface * on;
                     let off = (laser.normal.dot(&point.coords) - laser.distance_m) / LASER_SIGMA_M;
                     green += (0.3 + 0.7 * albedo) * (-0.5 * off * off).exp();
                 }
@@ -117,6 +145,19 @@ impl Renderer {
             let level = |light: f64| (light / count).clamp(0.0, 255.0).round() as u8;
             Rgb([level(170.0 * white), level(170.0 * white + 80.0 * green), level(170.0 * white)])
         })
+    }
+}
+
+/// Where a ray from the lens meets the surface, all in the surface's frame.
+fn meet(surface: &dyn Surface, lens: &Point3<f64>, ray: &Vector3<f64>) -> Point3<f64> {
+    let mut height_m = 0.0;
+    loop {
+        let on = lens + ray * ((height_m - lens.z) / ray.z);
+        let found = surface.height_m(on.x, on.y);
+        if (found - height_m).abs() < 1e-8 || on.coords.norm() > 1.0 {
+            return on;
+        }
+        height_m = found;
     }
 }
 

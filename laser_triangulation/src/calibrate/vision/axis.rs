@@ -8,6 +8,7 @@ use super::{
     axis_distance::{self, DistanceError, TableDistance},
     board::{Board, BoardDetector, BoardRejected},
     board_axis::{self, BoardAxisError},
+    board_shape::BoardShape,
     checkerboard::Checkerboard,
     laser_finder::LitCenterline,
     markers::{Marker, MarkerDetector, MarkerKind},
@@ -245,8 +246,9 @@ fn of_board(
     target: &Checkerboard,
 ) -> Result<AxisFit, AxisError> {
     let boards = || views.iter().filter_map(AxisView::board);
-    let poses: Option<Vec<_>> =
-        boards().map(|board| pose::fit(camera, &board.pairs(target.square_m))).collect();
+    let poses: Option<Vec<_>> = boards()
+        .map(|board| pose::fit(camera, &board.points(target.square_m, &BoardShape::default())))
+        .collect();
     let poses = poses.ok_or(AxisError::NoPose)?;
     let placed: Vec<_> = boards().zip(&poses).collect();
     let fit = board_axis::fit(target, &placed)?;

@@ -1,13 +1,15 @@
 //! A camera from many views of a board, without outliers.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 use vision_calibration_core::Uncertainty;
 use vision_calibration_optim::RobustLoss;
 
 use super::{
     board::Board,
-    bundle,
+    board_bend::{self, BoardBend},
+    board_shape::BoardShape,
+    bundle, fields,
     pose::{self, BoardPose},
     view_variety::{self, MissingViews},
 };
@@ -92,6 +94,9 @@ pub struct CameraFit {
     pub used: Vec<UsedView>,
     /// Views that did not.
     pub outliers: Vec<OutlierView>,
+    /// The board's bend, estimated with the camera; `None` if it is flat within the uncertainty. If the views do not
+    /// agree on it, the camera is that of a flat board, and the covariance contains the difference.
+    pub bend: Option<BoardBend>,
     /// Root mean square distance between corners seen and projected, pixels.
     pub rms_px: f64,
     /// Standard deviations and correlations.
@@ -111,6 +116,28 @@ pub enum CameraError {
         "no camera explains these boards ({0}). Is the target right, are all pictures from one camera with one focus?"
     )]
     Unsolved(String),
+    /// The fields of the board are not square.
+    #[error(
+        "fields look {width_mm:.0} x {height_mm:.0} mm (along {columns} and {rows} corners), or another size with the ratio \
+         {ratio:.4} ± {sigma:.4}: --target says squares of {square_mm:.1} mm. Pictures do not show the size: measure \
+         several fields with a ruler, and print the board with square fields and without scaling"
+    )]
+    Rectangular {
+        /// Likely width of a field, along the target's columns, millimetres.
+        width_mm: f64,
+        /// Likely height of a field, millimetres.
+        height_mm: f64,
+        /// Corners along the target's columns.
+        columns: u32,
+        /// Corners along the target's rows.
+        rows: u32,
+        /// Height divided by width.
+        ratio: f64,
+        /// One standard deviation of the ratio.
+        sigma: f64,
+        /// Side of a square as told, millimetres.
+        square_mm: f64,
+    },
     /// The parameters are not determined.
     #[error(
         "the views do not determine {parameters}: more views are needed with the board tilted by 20 to 40 degrees each way \
@@ -125,8 +152,23 @@ pub enum CameraError {
 /// Fits the camera to the boards. Views that contradict the rest are left out and reported.
 ///
 /// # Errors
-/// Views that do not determine a camera, or contradict one another.
+/// Views that do not determine a camera, or contradict one another; a board without square fields.
 pub fn calibrate_camera(
+    views: &CameraViews<'_>,
+    model: LensModel,
+) -> Result<CameraFit, CameraError> {
+    let found = calibrate_with_squares(views, model);
+    if matches!(found, Err(CameraError::Missing(MissingViews::Views { .. }))) {
+        return found;
+    }
+    let rms_px = found.as_ref().map_or(f64::INFINITY, |fit| fit.rms_px);
+    match fields::find(views) {
+        Some(seen) if seen.rms_px < rms_px => Err(fields::error(views, &seen)),
+        _ => found,
+    }
+}
+
+fn calibrate_with_squares(
     views: &CameraViews<'_>,
     model: LensModel,
 ) -> Result<CameraFit, CameraError> {
@@ -149,7 +191,7 @@ pub fn calibrate_camera(
         check(&kept)?;
         solved = solve(views, &kept, model, RobustLoss::None)?;
     }
-    let fit = finish(solved, outliers)?;
+    let fit = with_bend(views, finish(solved, outliers)?)?;
     let corners = fit.used.iter().flat_map(|view| &views.boards[view.index].corners);
     let volume = CalibratedVolume::of_positions(corners.map(|corner| corner.seen));
     Ok(CameraFit { volume, ..fit })
@@ -168,7 +210,7 @@ fn solve(
     loss: RobustLoss,
 ) -> Result<Solved, CameraError> {
     let (camera, uncertainty) = bundle::adjust(views, kept, model, loss)?;
-    let used = posed(views, kept, &camera);
+    let used = posed(views, kept, &camera, &BoardShape::default());
     Ok(Solved { camera, used, uncertainty })
 }
 
@@ -178,16 +220,66 @@ fn finish(solved: Solved, mut outliers: Vec<OutlierView>) -> Result<CameraFit, C
     view_variety::check_tilts(&normals)?;
     let uncertainty = checked(&uncertainty, &camera)?;
     outliers.sort_by_key(|outlier| outlier.index);
+    let rms_px = rms_px(&used);
+    Ok(CameraFit { camera, used, outliers, bend: None, rms_px, uncertainty, volume: None })
+}
+
+/// Estimates the board's bend with the camera. A flat board changes nothing.
+fn with_bend(views: &CameraViews<'_>, fit: CameraFit) -> Result<CameraFit, CameraError> {
+    let boards: Vec<_> = fit.used.iter().map(|view| &views.boards[view.index]).collect();
+    let parameters = fit.uncertainty.parameters.clone();
+    let found = board_bend::find(&boards, views.square_m, &fit.camera, &parameters);
+    let Some((bend, joint)) = found else { return Ok(fit) };
+    let camera = joint.state.camera;
+    if !bend.is_shared {
+        let uncertainty = with_difference(&fit.uncertainty, fit.camera, camera);
+        return Ok(CameraFit { bend: Some(bend), uncertainty, ..fit });
+    }
+    let count = parameters.len();
+    let uncertainty = CameraUncertainty {
+        parameters,
+        covariance: joint.covariance.view((0, 0), (count, count)).into_owned(),
+        view_scatter: Some(joint.view_scatter),
+    };
+    check_sigmas(&uncertainty, &camera)?;
+    let kept: Vec<_> = fit.used.iter().map(|view| view.index).collect();
+    let used = posed(views, &kept, &camera, &bend.shape);
+    let rms_px = rms_px(&used);
+    Ok(CameraFit { camera, used, bend: Some(bend), rms_px, uncertainty, ..fit })
+}
+
+/// Adds the difference between two cameras to the covariance.
+fn with_difference(
+    uncertainty: &CameraUncertainty,
+    mut camera: Camera,
+    mut other: Camera,
+) -> CameraUncertainty {
+    let mut value = |name: &String| {
+        camera.value_mut(name).zip(other.value_mut(name)).map_or(0.0, |(a, b)| *a - *b)
+    };
+    let off = DVector::from_iterator(
+        uncertainty.parameters.len(),
+        uncertainty.parameters.iter().map(&mut value),
+    );
+    let covariance = &uncertainty.covariance + &off * off.transpose();
+    CameraUncertainty { covariance, ..uncertainty.clone() }
+}
+
+fn rms_px(used: &[UsedView]) -> f64 {
     let residuals = || used.iter().flat_map(|view| &view.pose.residuals_px);
     let sum: f64 = residuals().map(|(u, v)| u * u + v * v).sum();
-    let rms_px = (sum / residuals().count() as f64).sqrt();
-    Ok(CameraFit { camera, used, outliers, rms_px, uncertainty, volume: None })
+    (sum / residuals().count() as f64).sqrt()
 }
 
 /// Returns the boards' poses under a camera, without boards that it cannot see.
-fn posed(views: &CameraViews<'_>, kept: &[usize], camera: &Camera) -> Vec<UsedView> {
+fn posed(
+    views: &CameraViews<'_>,
+    kept: &[usize],
+    camera: &Camera,
+    shape: &BoardShape,
+) -> Vec<UsedView> {
     let used = kept.iter().filter_map(|&index| {
-        let pose = pose::fit(camera, &views.boards[index].pairs(views.square_m))?;
+        let pose = pose::fit(camera, &views.boards[index].points(views.square_m, shape))?;
         Some(UsedView { index, pose })
     });
     used.collect()
@@ -214,6 +306,13 @@ fn checked(found: &Uncertainty, camera: &Camera) -> Result<CameraUncertainty, Ca
     };
     let size = found.labels.len();
     let covariance = DMatrix::from_fn(size, size, |i, j| found.covariance[i][j]);
+    let (parameters, view_scatter) = (found.labels.clone(), found.view_scatter);
+    let uncertainty = CameraUncertainty { parameters, covariance, view_scatter };
+    check_sigmas(&uncertainty, camera)?;
+    Ok(uncertainty)
+}
+
+fn check_sigmas(uncertainty: &CameraUncertainty, camera: &Camera) -> Result<(), CameraError> {
     let limits = [
         ("fx", MAX_FOCAL_SIGMA * camera.fx_px),
         ("fy", MAX_FOCAL_SIGMA * camera.fy_px),
@@ -223,15 +322,14 @@ fn checked(found: &Uncertainty, camera: &Camera) -> Result<CameraUncertainty, Ca
     let vague: Vec<_> = limits
         .iter()
         .filter_map(|&(name, limit)| {
-            let sigma = found.std_dev(name)?;
+            let sigma = uncertainty.sigma(name)?;
             (sigma > limit).then(|| format!("{name} (standard deviation {sigma:.1} px)"))
         })
         .collect();
-    if !vague.is_empty() {
-        return Err(CameraError::Vague { parameters: vague.join(", ") });
+    if vague.is_empty() {
+        return Ok(());
     }
-    let (parameters, view_scatter) = (found.labels.clone(), found.view_scatter);
-    Ok(CameraUncertainty { parameters, covariance, view_scatter })
+    Err(CameraError::Vague { parameters: vague.join(", ") })
 }
 
 impl CameraFit {

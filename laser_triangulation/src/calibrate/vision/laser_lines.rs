@@ -4,6 +4,8 @@ use thiserror::Error;
 
 use super::{
     board::Board,
+    board_bend::{self, BoardBend},
+    board_shape::BoardShape,
     checkerboard::Checkerboard,
     laser_finder::{Light, LitCenterline},
     pose::{self, BoardPose},
@@ -41,6 +43,9 @@ pub struct LaserLines {
     pub light: Light,
     /// Root mean square reprojection error of the boards' corners, pixels.
     pub board_rms_px: f64,
+    /// The board's bend under the given camera; `None` if it is flat within the uncertainty. The points take it into
+    /// account if the views agree on it.
+    pub bend: Option<BoardBend>,
     /// Views without a usable line.
     pub rejected: Vec<RejectedBoard>,
 }
@@ -89,11 +94,15 @@ impl LaserLines {
     ) -> Self {
         let square_m = target.square_m;
         let (poses, mut rejected) = poses(camera, views, square_m);
+        let (poses, bend) = with_bend(camera, views, square_m, poses);
+        let shared = bend.filter(|bend| bend.is_shared);
+        let shape = shared.map_or_else(BoardShape::default, |bend| bend.shape);
         let find = |wanted: Light| {
             let lines = poses.iter().map(|(index, pose)| {
                 let BoardView { board, stripes } = views[*index];
                 let stripe = stripes.iter().find(|stripe| stripe.light == wanted);
-                let placed = Placed { board, pose, square_m, border: border_squares };
+                let placed =
+                    Placed { board, pose, shape: &shape, square_m, border: border_squares };
                 let line = stripe.ok_or(LineRejected::None);
                 let line =
                     line.and_then(|found| stripe_line::find(camera, &placed, &found.centerline));
@@ -118,8 +127,29 @@ impl LaserLines {
                 Err(reason) => rejected.push(RejectedBoard { index, reason: reason.into() }),
             }
         }
-        Self { lines, light, board_rms_px, rejected }
+        Self { lines, light, board_rms_px, bend, rejected }
     }
+}
+
+/// Estimates the board's bend from all poses, and repeats them with it. A flat board changes nothing.
+fn with_bend(
+    camera: &Camera,
+    views: &[BoardView<'_>],
+    square_m: f64,
+    poses: Vec<(usize, BoardPose)>,
+) -> (Vec<(usize, BoardPose)>, Option<BoardBend>) {
+    let boards: Vec<_> = poses.iter().map(|(index, _)| views[*index].board).collect();
+    let Some((bend, _)) = board_bend::find(&boards, square_m, camera, &[]) else {
+        return (poses, None);
+    };
+    if !bend.is_shared {
+        return (poses, Some(bend));
+    }
+    let again = poses.into_iter().map(|(index, flat)| {
+        let points = views[index].board.points(square_m, &bend.shape);
+        (index, pose::fit(camera, &points).unwrap_or(flat))
+    });
+    (again.collect(), Some(bend))
 }
 
 /// Returns every light that was tried, in order of appearance.
@@ -140,8 +170,9 @@ fn poses(
     views: &[BoardView<'_>],
     square_m: f64,
 ) -> (Vec<(usize, BoardPose)>, Vec<RejectedBoard>) {
+    let flat = BoardShape::default();
     let found: Vec<_> =
-        views.iter().map(|view| pose::fit(camera, &view.board.pairs(square_m))).collect();
+        views.iter().map(|view| pose::fit(camera, &view.board.points(square_m, &flat))).collect();
     let mut all_px: Vec<_> = found.iter().flatten().map(BoardPose::rms_px).collect();
     let median_px = median(&mut all_px).unwrap_or(f64::NAN);
     let (mut poses, mut rejected) = (Vec::new(), Vec::new());

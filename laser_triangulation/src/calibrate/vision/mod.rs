@@ -4,11 +4,17 @@ mod axis;
 mod axis_distance;
 mod board;
 mod board_axis;
+mod board_bend;
+mod board_parts;
+mod board_shape;
 mod bundle;
 mod camera;
 mod checkerboard;
+mod fields;
 mod components;
+mod corner_deviations;
 mod homography;
+mod joint_fit;
 mod laser_finder;
 mod laser_lines;
 mod laser_plane;
@@ -29,6 +35,7 @@ pub use axis::{
 pub use axis_distance::{DistanceError, DistanceSource, TableDistance};
 pub use board::{Board, BoardDetector, BoardRejected, Corner};
 pub use board_axis::BoardAxisError;
+pub use board_bend::BoardBend;
 pub use camera::{
     CameraError, CameraFit, CameraUncertainty, CameraViews, LensModel, OutlierView, UsedView,
     calibrate_camera,

@@ -10,7 +10,7 @@ use crate::scanner::camera::{Camera, DistortedPixel};
 /// A board's pose and its residuals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardPose {
-    /// `point_in_camera = camera_from_board * point_on_board`, the board's points in its plane z = 0.
+    /// `point_in_camera = camera_from_board * point_on_board`, the board's points in its plane z = 0, but for its bend.
     pub camera_from_board: Isometry3<f64>,
     /// Projected minus observed position of each corner, pixels.
     pub residuals_px: Vec<(f64, f64)>,
@@ -32,10 +32,12 @@ impl BoardPose {
 
 /// Returns the pose with the least squared reprojection error. `pairs`: points on the board, metres, and in the image,
 /// pixels. `None` for fewer than four pairs, for collinear points, or outside the camera's view.
-pub(super) fn fit(camera: &Camera, pairs: &[(Point2<f64>, Point2<f64>)]) -> Option<BoardPose> {
+pub(super) fn fit(camera: &Camera, pairs: &[(Point3<f64>, Point2<f64>)]) -> Option<BoardPose> {
     let straight: Option<Vec<_>> = pairs
         .iter()
-        .map(|&(on_board, seen)| Some((on_board, camera.ray(DistortedPixel(seen))?.xy().into())))
+        .map(|&(on_board, seen)| {
+            Some((on_board.xy(), camera.ray(DistortedPixel(seen))?.xy().into()))
+        })
         .collect();
     let start = from_homography(&homography::fit(&straight?)?)?;
     let camera_from_board = refine(camera, pairs, start)?;
@@ -62,7 +64,7 @@ pub(super) fn from_homography(map: &Matrix3<f64>) -> Option<Isometry3<f64>> {
 
 fn refine(
     camera: &Camera,
-    pairs: &[(Point2<f64>, Point2<f64>)],
+    pairs: &[(Point3<f64>, Point2<f64>)],
     start: Isometry3<f64>,
 ) -> Option<Isometry3<f64>> {
     let at = |step: &DVector<f64>| moved(&start, step);
@@ -84,12 +86,11 @@ fn moved(pose: &Isometry3<f64>, step: &DVector<f64>) -> Isometry3<f64> {
 /// Returns projected minus observed positions, pixels.
 fn residuals(
     camera: &Camera,
-    pairs: &[(Point2<f64>, Point2<f64>)],
+    pairs: &[(Point3<f64>, Point2<f64>)],
     pose: &Isometry3<f64>,
 ) -> Option<Vec<(f64, f64)>> {
-    let residual = |(on_board, seen): &(Point2<f64>, Point2<f64>)| {
-        let DistortedPixel(projected) =
-            camera.project(pose * Point3::new(on_board.x, on_board.y, 0.0))?;
+    let residual = |(on_board, seen): &(Point3<f64>, Point2<f64>)| {
+        let DistortedPixel(projected) = camera.project(pose * on_board)?;
         Some((projected.x - seen.x, projected.y - seen.y))
     };
     pairs.iter().map(residual).collect()

@@ -1,9 +1,9 @@
 //! The laser's line on a board, which is straight after removing the lens's distortion.
 
-use nalgebra::{Matrix2, Point2, Point3, Vector2};
+use nalgebra::{Isometry3, Matrix2, Point2, Point3, Vector2, Vector3};
 use thiserror::Error;
 
-use super::{board::Board, pose::BoardPose};
+use super::{board::Board, board_shape::BoardShape, pose::BoardPose};
 use crate::scanner::{
     camera::{Camera, DistortedPixel},
     stripe::Centerline,
@@ -22,6 +22,9 @@ const MIN_FILLED: f64 = 0.5;
 /// Largest root mean square distance from the line, pixels.
 const MAX_RMS_PX: f64 = 0.6;
 
+/// Steps towards the point of a bent board that a ray meets.
+const SURFACE_STEPS: usize = 6;
+
 /// A board in front of the camera.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed<'a> {
@@ -29,6 +32,8 @@ pub(super) struct Placed<'a> {
     pub(crate) board: &'a Board,
     /// Pose of the board, from the corners alone.
     pub(crate) pose: &'a BoardPose,
+    /// Its bend.
+    pub(crate) shape: &'a BoardShape,
     /// Side of a square, metres.
     pub(crate) square_m: f64,
     /// Width of the flat rim beyond the inner corners, squares: 1 for the outermost squares.
@@ -122,22 +127,33 @@ pub(super) fn find(
 
 /// Returns the points whose rays meet the board within the squares around its corners.
 fn on_board(camera: &Camera, placed: &Placed<'_>, stripe: &Centerline) -> Vec<OnBoard> {
-    let &Placed { board, pose, square_m, border } = placed;
+    let &Placed { board, pose, square_m, border, .. } = placed;
     let board_from_camera = pose.camera_from_board.inverse();
-    let normal = pose.normal();
-    let distance = normal.dot(&pose.camera_from_board.translation.vector);
     let inside = |at: f64, corners: u32| {
         (-border..=f64::from(corners) - 1.0 + border).contains(&(at / square_m))
     };
     let points = stripe.u_px.iter().zip(&stripe.v_px).filter_map(|(&u, &v)| {
         let ray = camera.ray(DistortedPixel(Point2::new(u.into(), v.into())))?;
-        let point = Point3::from(ray * (distance / normal.dot(&ray)));
-        let on = board_from_camera * point;
+        let on = placed.meet(&board_from_camera, ray);
+        let point = pose.camera_from_board * on;
         let straight = Point2::new(ray.x * camera.fx_px, ray.y * camera.fy_px);
         (inside(on.x, board.columns) && inside(on.y, board.rows))
             .then_some(OnBoard { straight, point })
     });
     points.collect()
+}
+
+impl Placed<'_> {
+    /// Returns where a ray from the lens meets the board, in the board's frame.
+    fn meet(&self, board_from_camera: &Isometry3<f64>, ray: Vector3<f64>) -> Point3<f64> {
+        let (lens, ray) = (board_from_camera * Point3::origin(), board_from_camera * ray);
+        let mut on = Point3::origin();
+        for _ in 0..SURFACE_STEPS {
+            let at = self.board.in_target(on.xy(), self.square_m);
+            on = lens + ray * ((self.shape.height_m(at.x, at.y) - lens.z) / ray.z);
+        }
+        on
+    }
 }
 
 #[derive(Clone, Copy)]

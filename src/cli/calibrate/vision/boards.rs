@@ -1,13 +1,14 @@
 //! Finds boards in all pictures.
 
 use anyhow::bail;
+use serde_json::{Value as Json, json};
 
 use super::{
     pictures::{self, Pictures, View},
     rejected::{self, Rejected},
 };
 use crate::{
-    calibrate::{Board, BoardDetector, BoardRejected, Checkerboard},
+    calibrate::{Board, BoardBend, BoardDetector, BoardRejected, Checkerboard},
     cli::{Outcome, settings},
     scanner::image::Image,
 };
@@ -110,6 +111,21 @@ fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Bo
     Ok(boards)
 }
 
+/// Says what a bent board means for the result.
+pub(super) fn describe(bend: BoardBend, result: &str) -> String {
+    let meaning = if bend.is_shared {
+        format!("the {result} accounts for it")
+    } else {
+        format!("the {result} is that of a flat board")
+    };
+    format!("{bend}: {meaning}")
+}
+
+/// Returns a board's bend as JSON.
+pub(super) fn bend(bend: BoardBend) -> Json {
+    json!({"bow_m": bend.bow_m, "sigma_m": bend.sigma_m, "is_shared": bend.is_shared})
+}
+
 fn unread<T>(view: View<T>) -> Option<Rejected> {
     let reason = view.result.err()?;
     Some(Rejected::new(view.name, reason))
@@ -148,6 +164,18 @@ impl<T> Boards<T> {
             "{used} views with the board, {rejected} not used\n{}",
             rejected::text(&self.rejected)
         )
+    }
+
+    /// Returns a line about single corners that were left out; empty if there are none.
+    pub(super) fn left_out(&self) -> String {
+        let counts = || self.found.iter().map(|board| board.left_out).filter(|count| *count > 0);
+        match counts().sum::<usize>() {
+            0 => String::new(),
+            corners => format!(
+                "{corners} corners in {} views left out: not where perspective and a lens put them, as under the laser's line\n",
+                counts().count()
+            ),
+        }
     }
 
     /// Reports lost data if pictures could not be read.

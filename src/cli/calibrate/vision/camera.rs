@@ -53,6 +53,10 @@ pub(in crate::cli::calibrate) fn run(
     if let Some(advice) = advice(args, &fit) {
         tracing::warn!("{advice}");
     }
+    if let Some(bend) = fit.bend {
+        let meaning = boards::describe(bend, "camera");
+        tracing::warn!("{meaning}, and the uncertainty includes it. A flat, stiff board is better");
+    }
     if let Some(path) = &args.output.report {
         report::camera(path, &boards, &fit)?;
     }
@@ -86,7 +90,9 @@ fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
     let sigmas = all.iter().map(|&(name, _)| (name.to_owned(), json!(fit.uncertainty.sigma(name))));
     let views = fit.used.iter().map(|view| {
         let (rms_px, corners) = (view.pose.rms_px(), view.pose.residuals_px.len());
-        json!({"view": boards.names[view.index], "rms_px": rms_px, "corners": corners})
+        let left_out = boards.found[view.index].left_out;
+        let name = &boards.names[view.index];
+        json!({"view": name, "rms_px": rms_px, "corners": corners, "left_out": left_out})
     });
     json!({
         "output": args.output.output,
@@ -103,6 +109,7 @@ fn answer(args: &CameraArgs, boards: &Boards<()>, fit: &CameraFit) -> Json {
         "uncertainties": sigmas.collect::<Map<_, _>>(),
         "undetermined": fit.undetermined(),
         "view_scatter": fit.uncertainty.view_scatter,
+        "bend": fit.bend.map(boards::bend),
     })
 }
 
@@ -127,6 +134,10 @@ fn print(
         writeln!(out, "  {name:2} {value:>10.digits$} ± {sigma:.digits$}{unit}")?;
     }
     writeln!(out, "  ± one standard deviation, the scatter between views included")?;
+    if let Some(bend) = fit.bend {
+        writeln!(out, "  {}", boards::describe(bend, "camera"))?;
+    }
+    write!(out, "{}", boards.left_out())?;
     if !boards.rejected.is_empty() {
         writeln!(out, "{} views not used:", boards.rejected.len())?;
         write!(out, "{}", rejected::text(&boards.rejected))?;

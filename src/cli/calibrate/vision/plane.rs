@@ -63,6 +63,12 @@ pub(in crate::cli::calibrate) fn run(
     let mut geometry = fit.calibration(camera, &args.frame_id);
     geometry.calibrated_at = Some(file::now());
     file::write(&args.output, &Calibration::CameraAndPlane(Box::new(geometry)).to_yaml())?;
+    if let Some(bend) = lines.bend {
+        let meaning = boards::describe(bend, "plane");
+        tracing::warn!(
+            "{meaning}; the uncertainty does not include it. A flat, stiff board is better"
+        );
+    }
     if let Some(path) = &args.output.report {
         report::plane(path, &boards, &fit)?;
     }

@@ -4,7 +4,11 @@ use std::io::{self, Write};
 
 use serde_json::{Value as Json, json};
 
-use super::{args::PlaneArgs, boards::Boards, rejected};
+use super::{
+    args::PlaneArgs,
+    boards::{self, Boards},
+    rejected,
+};
 use crate::calibrate::{BoardResidual, LaserLines, LaserPlaneFit, LitCenterline};
 
 type PlaneBoards = Boards<Vec<LitCenterline>>;
@@ -49,6 +53,10 @@ pub(super) fn print(
         "  ± one standard deviation, from leaving out one board at a time; the camera's uncertainty is not included"
     )?;
     writeln!(out, "  the laser was found in {}", lines.light.name())?;
+    if let Some(bend) = lines.bend {
+        writeln!(out, "  {}", boards::describe(bend, "plane"))?;
+    }
+    write!(out, "{}", boards.left_out())?;
     if !boards.rejected.is_empty() {
         writeln!(out, "{} views not used:", boards.rejected.len())?;
         write!(out, "{}", rejected::text(&boards.rejected))?;
@@ -68,6 +76,7 @@ fn json(args: &PlaneArgs, boards: &PlaneBoards, lines: &LaserLines, fit: &LaserP
             "mean_m": board.mean_m,
             "rms_m": board.rms_m,
             "line_rms_px": line_rms_px,
+            "corners_left_out": boards.found[board.index].left_out,
         })
     };
     json!({
@@ -84,6 +93,7 @@ fn json(args: &PlaneArgs, boards: &PlaneBoards, lines: &LaserLines, fit: &LaserP
         "boards": fit.used.iter().map(board).collect::<Vec<_>>(),
         "board_rms_px": lines.board_rms_px,
         "light": lines.light.name(),
+        "bend": lines.bend.map(boards::bend),
         "uncertainties": {
             "tilts_rad": [sigmas[0], sigmas[1]],
             "distance_m": sigmas[2],
