@@ -3,6 +3,7 @@
 
 mod axis;
 mod camera;
+mod charuco;
 mod plane;
 mod real;
 mod render;

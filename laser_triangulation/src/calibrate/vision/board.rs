@@ -8,7 +8,7 @@ use chess_corners::ImageRefiner;
 use nalgebra::Point2;
 use thiserror::Error;
 
-use super::{checkerboard::Checkerboard, picture::GrayPicture};
+use super::{charuco_diagnosis::CharucoRejected, checkerboard::Checkerboard, picture::GrayPicture};
 
 /// Root mean square distance of corners from the positions that their neighbours predict, beyond which a picture counts
 /// as blurred, pixels.
@@ -26,7 +26,8 @@ pub struct Corner {
 /// The corners found in one picture.
 ///
 /// A checkerboard has no distinct first corner: the orientation of the grid on the board and the visible part of it are
-/// unknown. Results computed from a board's pose alone do not depend on them.
+/// unknown. Results computed from a board's pose alone do not depend on them. The corners of a `ChArUco` board are numbered:
+/// its columns and rows are the whole board's, and places count from the board's first corner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Board {
     /// Columns that the corners span.
@@ -69,6 +70,9 @@ pub enum BoardRejected {
         /// Root mean square distance, pixels.
         scatter_px: f32,
     },
+    /// The squares are not those of the `ChArUco` board.
+    #[error(transparent)]
+    Charuco(#[from] CharucoRejected),
 }
 
 /// Finds one kind of board.
@@ -147,11 +151,6 @@ impl From<&ChessboardDetection> for Board {
 }
 
 impl Board {
-    /// Returns true if every inner corner of the target was found.
-    pub fn is_whole(&self, target: &Checkerboard) -> bool {
-        self.corners.len() == target.num_corners()
-    }
-
     /// Returns each corner on the board, metres, and in the picture, pixels.
     pub fn pairs(&self, square_m: f64) -> Vec<(Point2<f64>, Point2<f64>)> {
         let on_board =

@@ -4,10 +4,10 @@ use thiserror::Error;
 
 use super::{
     board::Board,
-    checkerboard::Checkerboard,
     laser_finder::{Light, LitCenterline},
     pose::{self, BoardPose},
     stripe_line::{self, LineRejected, Placed, StripeLine},
+    target::Target,
 };
 use crate::{scanner::camera::Camera, statistics::median};
 
@@ -84,10 +84,10 @@ impl LaserLines {
     pub fn find(
         camera: &Camera,
         views: &[BoardView<'_>],
-        target: &Checkerboard,
+        target: &Target,
         border_squares: f64,
     ) -> Self {
-        let square_m = target.square_m;
+        let square_m = target.unit_m();
         let (poses, mut rejected) = poses(camera, views, square_m);
         let find = |wanted: Light| {
             let lines = poses.iter().map(|(index, pose)| {

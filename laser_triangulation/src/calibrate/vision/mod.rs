@@ -6,6 +6,9 @@ mod board;
 mod board_axis;
 mod bundle;
 mod camera;
+mod charuco;
+mod charuco_detector;
+mod charuco_diagnosis;
 mod checkerboard;
 mod components;
 mod homography;
@@ -20,6 +23,8 @@ mod positions;
 mod quads;
 mod revolute;
 mod stripe_line;
+mod target;
+mod target_detector;
 mod view_variety;
 
 pub use axis::{
@@ -33,6 +38,8 @@ pub use camera::{
     CameraError, CameraFit, CameraUncertainty, CameraViews, LensModel, OutlierView, UsedView,
     calibrate_camera,
 };
+pub use charuco::Charuco;
+pub use charuco_diagnosis::CharucoRejected;
 pub use checkerboard::{Checkerboard, CheckerboardError};
 pub use laser_finder::{LaserFinder, LaserFinderError, Light, LitCenterline};
 pub use laser_lines::{BoardLine, BoardRejection, BoardView, LaserLines, RejectedBoard};
@@ -44,4 +51,6 @@ pub use positions::{Agreement, PositionError};
 pub use quads::Quad;
 pub use revolute::RevoluteError;
 pub use stripe_line::{LineRejected, StripeLine};
+pub use target::{Target, TargetError};
+pub use target_detector::{TargetDetector, TargetDetectorError};
 pub use view_variety::MissingViews;

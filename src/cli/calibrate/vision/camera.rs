@@ -35,13 +35,13 @@ pub(in crate::cli::calibrate) fn run(
     file::refuse_existing(&args.output)?;
     let settings = Settings::load(&args.settings, ros)?;
     let pictures = Pictures::open(&args.inputs, &settings)?;
-    let mut boards = boards::find(&pictures, target, MIN_CORNERS, |_| Ok(()))?;
+    let mut boards = boards::find(&pictures, &target, MIN_CORNERS, |_| Ok(()))?;
     let model = match args.model.as_str() {
         "plumb_bob" => LensModel::PlumbBob,
         _ => LensModel::RationalPolynomial,
     };
     let [width_px, height_px] = boards.size_px;
-    let square_m = target.square_m;
+    let square_m = target.unit_m();
     let seen = CameraViews { boards: &boards.found, width_px, height_px, square_m };
     let fit = calibrate_camera(&seen, model).with_context(|| boards.summary())?;
     for outlier in &fit.outliers {

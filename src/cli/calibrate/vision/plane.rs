@@ -36,7 +36,7 @@ pub(in crate::cli::calibrate) fn run(
     let settings = Settings::load(&chosen, ros)?;
     let pictures = Pictures::open(&args.inputs, &settings)?;
     let finder = stripes::finder(&settings, &pictures.params);
-    let mut boards = boards::find(&pictures, target, MIN_CORNERS, |image| {
+    let mut boards = boards::find(&pictures, &target, MIN_CORNERS, |image| {
         finder.find(image).map_err(|error| error.to_string())
     })?;
     let expected = [camera.camera.width_px, camera.camera.height_px];
