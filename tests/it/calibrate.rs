@@ -4,6 +4,7 @@
 mod axis;
 mod camera;
 mod charuco;
+mod circles;
 mod plane;
 mod real;
 mod render;

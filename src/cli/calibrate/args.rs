@@ -12,10 +12,14 @@ Targets, lengths in metres:
   checkerboard:COLUMNSxROWS:SQUARE                 counts inner corners: 8x6 has 9 x 7 squares
   charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY]  counts squares, as OpenCV; MARKER is the side of a marker's black square;
                                                    4x4_50 if left out. May be partly hidden: its corners are numbered
+  circles:COLUMNSxROWS:PITCH                       counts circles; PITCH is the distance of their centres
+  asymmetric-circles:COLUMNSxROWS:PITCH            circles of a row and rows, as OpenCV: 4x11; PITCH is the distance of
+                                                   neighbouring rows, half of that between the circles of a row
 
 Examples:
   laser_profiler calibrate camera board_recording --target checkerboard:8x6:0.040 -o camera.yaml --report camera.png
   laser_profiler calibrate camera pictures --target charuco:10x7:0.030:0.022:5x5_100 -o camera.yaml
+  laser_profiler calibrate camera pictures --target asymmetric-circles:4x11:0.020 -o camera.yaml
   laser_profiler calibrate camera pictures/*.png --target checkerboard:8x6:0.040 -o camera.yaml --json
   laser_profiler calibrate camera recording --target checkerboard:8x6:0.040 -o camera.yaml \\
       --ros-args -r image_raw:=/camera/image_raw";
@@ -27,7 +31,7 @@ pub(super) struct CameraArgs {
     /// Recordings, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted patterns, or videos.
     #[arg(value_name = "BAG|PICTURE", required = true)]
     pub(super) inputs: Vec<PathBuf>,
-    /// The target: checkerboard:COLUMNSxROWS:SQUARE or charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY], see below.
+    /// The target: checkerboard, charuco, circles or asymmetric-circles with its sizes, see below.
     #[arg(long)]
     pub(super) target: String,
     /// Distortion model, as ROS names it. `rational_polynomial` suits wide-angle lenses.
@@ -59,7 +63,7 @@ pub(super) struct PlaneArgs {
     /// Recordings, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted patterns, or videos.
     #[arg(value_name = "BAG|PICTURE", required = true)]
     pub(super) inputs: Vec<PathBuf>,
-    /// The target: checkerboard:COLUMNSxROWS:SQUARE or charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY], as for
+    /// The target: checkerboard, charuco, circles or asymmetric-circles with its sizes, as for
     /// `calibrate camera`.
     #[arg(long)]
     pub(super) target: String,

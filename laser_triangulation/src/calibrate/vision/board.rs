@@ -8,16 +8,20 @@ use chess_corners::ImageRefiner;
 use nalgebra::Point2;
 use thiserror::Error;
 
-use super::{charuco_diagnosis::CharucoRejected, checkerboard::Checkerboard, picture::GrayPicture};
+use super::{
+    charuco_diagnosis::CharucoRejected, checkerboard::Checkerboard,
+    circle_detector::CirclesRejected, picture::GrayPicture,
+};
 
 /// Root mean square distance of corners from the positions that their neighbours predict, beyond which a picture counts
 /// as blurred, pixels.
 const MAX_SCATTER_PX: f32 = 0.6;
 
-/// One inner corner.
+/// One inner corner, or a circle's centroid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// Its position on the board, squares from the first corner found: columns run to the right, rows downwards.
+    /// Its position on the board, squares (pitches of a grid of circles) from the first one found: columns run to the
+    /// right, rows downwards.
     pub place: (u32, u32),
     /// Its position in the picture, pixels.
     pub seen: Point2<f64>,
@@ -36,6 +40,8 @@ pub struct Board {
     pub rows: u32,
     /// The corners, row by row.
     pub corners: Vec<Corner>,
+    /// Radius of the circles, units of the places; `None` for corners of squares, or if it was not measured.
+    pub circle_radius: Option<f64>,
 }
 
 /// The reason why a picture shows no usable board.
@@ -70,6 +76,9 @@ pub enum BoardRejected {
         /// Root mean square distance, pixels.
         scatter_px: f32,
     },
+    /// There is no usable grid of circles.
+    #[error(transparent)]
+    Circles(#[from] CirclesRejected),
     /// The squares are not those of the `ChArUco` board.
     #[error(transparent)]
     Charuco(#[from] CharucoRejected),
@@ -146,11 +155,17 @@ impl From<&ChessboardDetection> for Board {
             columns: span(corners.iter().map(|corner| corner.place.0).max()),
             rows: span(corners.iter().map(|corner| corner.place.1).max()),
             corners,
+            circle_radius: None,
         }
     }
 }
 
 impl Board {
+    /// Returns true if every inner corner of the target was found.
+    pub fn is_whole(&self, target: &Checkerboard) -> bool {
+        self.corners.len() == target.num_corners()
+    }
+
     /// Returns each corner on the board, metres, and in the picture, pixels.
     pub fn pairs(&self, square_m: f64) -> Vec<(Point2<f64>, Point2<f64>)> {
         let on_board =

@@ -1,10 +1,11 @@
 //! A `ChArUco` board's inner corners in a picture.
 
-use std::sync::OnceLock;
+use std::{collections::BTreeMap, sync::OnceLock};
 
 use calib_targets_aruco::{Dictionary, builtins};
 use calib_targets_charuco::{
-    CharucoBoardSpec, CharucoDetection, CharucoDetector as Detector, CharucoParams, GrayImageView,
+    CharucoAdvancedTuning, CharucoBoardSpec, CharucoDetection, CharucoDetector as Detector,
+    CharucoParams, GrayImageView,
 };
 use calib_targets_chessboard::default_chess_config;
 use chess_corners::ImageRefiner;
@@ -21,6 +22,9 @@ use super::{
 
 /// Fewest markers that must be read on a board.
 const MIN_MARKERS: usize = 3;
+/// How much a row of three corners may bend, squares. A bit of a marker is found in place of a corner that cannot be seen,
+/// at least a tenth of a square away.
+const MAX_BEND: f64 = 0.15;
 /// Largest number of wrong bits of a marker that counts.
 const MAX_WRONG_BITS: u8 = 1;
 
@@ -83,10 +87,33 @@ impl CharucoDetector {
             let seen = Point2::new(corner.position.x.into(), corner.position.y.into());
             (row < rows).then_some(Corner { place: (corner.id % columns, row), seen })
         };
-        let mut corners: Vec<_> = found.corners.iter().filter_map(corner).collect();
+        let corners: Vec<_> = found.corners.iter().filter_map(corner).collect();
+        let mut corners = without_strays(&corners);
         corners.sort_by_key(|corner| (corner.place.1, corner.place.0));
-        Board { columns, rows, corners }
+        Board { columns, rows, corners, circle_radius: None }
     }
+}
+
+/// Leaves out corners that bend every row of three neighbours in which they lie, and those that lie in none.
+fn without_strays(corners: &[Corner]) -> Vec<Corner> {
+    let seen: BTreeMap<_, _> = corners.iter().map(|corner| (corner.place, corner.seen)).collect();
+    let at = |(column, row): (u32, u32), [x, y]: [i32; 2], steps: i32| {
+        let column = column.checked_add_signed(x * steps)?;
+        seen.get(&(column, row.checked_add_signed(y * steps)?))
+    };
+    let bend = |place: (u32, u32), along: [i32; 2], first: i32| {
+        let [a, b, c] = [0, 1, 2].map(|step| at(place, along, first + step));
+        let (a, b, c) = (a?, b?, c?);
+        Some(((a - b) - (b - c)).norm() / (0.5 * (a - c).norm()))
+    };
+    let rows =
+        [[1, 0], [0, 1]].into_iter().flat_map(|along| [-2, -1, 0].map(|first| (along, first)));
+    let rows: Vec<_> = rows.collect();
+    let is_straight = |corner: &&Corner| {
+        let bends = rows.iter().filter_map(|&(along, first)| bend(corner.place, along, first));
+        bends.fold(f64::MAX, f64::min) < MAX_BEND
+    };
+    corners.iter().filter(is_straight).copied().collect()
 }
 
 fn detector(
@@ -100,7 +127,11 @@ fn detector(
     let mut params = CharucoParams::for_board(spec);
     // As for checkerboards: a third more accurate than the default.
     params.chess = default_chess_config().with_refiner(ImageRefiner::saddle_point());
-    Ok(Detector::new(params)?)
+    let mut tuning = CharucoAdvancedTuning::default();
+    // A wide-angle lens bends the rows of a near board: corners must not be pulled to where a pinhole would see them.
+    tuning.grid_smoothness_threshold_rel = MAX_BEND as f32;
+    tuning.corner_validation_threshold_rel = f32::INFINITY;
+    Ok(Detector::new(params.with_advanced(tuning))?)
 }
 
 /// Codes of each dictionary, after a number of codes that no marker has.

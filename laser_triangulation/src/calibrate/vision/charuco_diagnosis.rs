@@ -77,6 +77,14 @@ pub enum CharucoRejected {
         /// Dictionary of the target.
         dictionary: String,
     },
+    /// The board, but not surely enough.
+    #[error(
+        "{read} markers of the board can be read, which leave it open where it lies: too few, or blurred"
+    )]
+    Unsure {
+        /// Markers read.
+        read: usize,
+    },
     /// Squares without markers.
     #[error(
         "{corners} corners of squares, but too few markers that can be read: a plain checkerboard, or markers too small or \
@@ -159,6 +167,9 @@ impl Diagnosis {
         let sizes = (2..=MAX_SIDE).flat_map(|columns| [(columns, 0), (columns, 1)]);
         let fits = sizes.filter_map(|(columns, first)| Some((columns, rows(own, columns, first)?)));
         if let Some((columns, rows)) = fits.max_by_key(|(columns, _)| *columns == target.columns) {
+            if columns == target.columns && rows <= target.rows {
+                return CharucoRejected::Unsure { read: own.len() };
+            }
             let target = format!("{} x {}", target.columns, target.rows);
             return CharucoRejected::Size { columns, rows, target };
         }

@@ -4,7 +4,12 @@ use std::{fmt, str::FromStr};
 
 use thiserror::Error;
 
-use super::{board::Board, charuco::Charuco, checkerboard::Checkerboard};
+use super::{
+    board::Board,
+    charuco::Charuco,
+    checkerboard::Checkerboard,
+    circle_grid::{CircleArrangement, CircleGrid},
+};
 
 /// Most points or squares a side of a target may have.
 pub(super) const MAX_SIDE: u32 = 100;
@@ -16,6 +21,8 @@ pub enum Target {
     Checkerboard(Checkerboard),
     /// A checkerboard with numbered markers in its white squares.
     Charuco(Charuco),
+    /// A grid of circles.
+    Circles(CircleGrid),
 }
 
 /// A target that cannot be read.
@@ -25,7 +32,9 @@ pub enum Target {
      checkerboard:8x6:0.040 (COLUMNSxROWS of inner corners, 3 or more; side of a square): 9 x 7 squares of 40 mm\n  \
      charuco:7x5:0.040:0.030:4x4_50 (COLUMNSxROWS of squares, as OpenCV counts, 4 or more; side of a square, side of a marker, \
      dictionary): dictionaries are 4x4_50 to 7x7_1000, apriltag_16h5 to apriltag_36h11, aruco_original and aruco_mip_36h12; \
-     it must have enough markers for the board"
+     it must have enough markers for the board\n  \
+     circles:8x6:0.030 (COLUMNSxROWS of circles, 3 or more; distance of their centres)\n  \
+     asymmetric-circles:4x11:0.020 (circles of a row, rows; distance of neighbouring rows, half of that in a row)"
 )]
 pub struct TargetError {
     /// Text that cannot be parsed.
@@ -39,6 +48,12 @@ impl FromStr for Target {
         let parse = || match text.split_once(':')? {
             ("checkerboard", _) => text.parse().ok().map(Self::Checkerboard),
             ("charuco", numbers) => Charuco::parse(numbers).map(Self::Charuco),
+            ("circles", numbers) => {
+                CircleGrid::parse(CircleArrangement::Symmetric, numbers).map(Self::Circles)
+            }
+            ("asymmetric-circles", numbers) => {
+                CircleGrid::parse(CircleArrangement::Asymmetric, numbers).map(Self::Circles)
+            }
             _ => None,
         };
         parse().ok_or_else(|| TargetError { text: text.to_owned() })
@@ -50,17 +65,19 @@ impl fmt::Display for Target {
         match self {
             Self::Checkerboard(board) => board.fmt(formatter),
             Self::Charuco(board) => board.fmt(formatter),
+            Self::Circles(grid) => grid.fmt(formatter),
         }
     }
 }
 
 impl Target {
-    /// Returns the unit of [`Corner::place`](super::Corner::place), metres: the side of a square.
+    /// Returns the unit of [`Corner::place`](super::Corner::place), metres: the side of a square, or the pitch of a grid of circles.
     #[must_use]
     pub const fn unit_m(&self) -> f64 {
         match self {
             Self::Checkerboard(board) => board.square_m,
             Self::Charuco(board) => board.square_m,
+            Self::Circles(grid) => grid.pitch_m,
         }
     }
 
@@ -70,6 +87,7 @@ impl Target {
         match self {
             Self::Checkerboard(board) => board.num_corners(),
             Self::Charuco(board) => board.num_corners(),
+            Self::Circles(grid) => grid.num_circles(),
         }
     }
 
@@ -77,7 +95,11 @@ impl Target {
     /// found, or if they are numbered.
     #[must_use]
     pub fn is_identified(&self, board: &Board) -> bool {
-        matches!(self, Self::Charuco(_)) || board.corners.len() == self.num_points()
+        match self {
+            Self::Checkerboard(target) => board.is_whole(target),
+            Self::Charuco(_) => true,
+            Self::Circles(grid) => board.corners.len() == grid.num_circles(),
+        }
     }
 }
 
@@ -103,6 +125,8 @@ mod tests {
             "checkerboard:8x6:0.04",
             "charuco:7x5:0.04:0.03:4x4_50",
             "charuco:10x14:0.02:0.015:apriltag_36h11",
+            "circles:8x6:0.03",
+            "asymmetric-circles:4x11:0.02",
         ] {
             let target: Target = text.parse().unwrap();
             assert_eq!(target.to_string(), text);
@@ -119,6 +143,8 @@ mod tests {
             "chess:8x6:0.04",
             "checkerboard:8x6",
             "charuco:7x5:0.04",
+            "circles:2x6:0.03",
+            "asymmetric-circles:4x11",
             "charuco:7x5:0.03:0.04:4x4_50",
             "charuco:7x5:0.04:0.03:8x8_50",
             "charuco:7x5:0.04:0.03:4x4_50:1",

@@ -7,6 +7,7 @@ use thiserror::Error;
 use super::{
     board::{Board, BoardDetector, BoardRejected},
     charuco_detector::CharucoDetector,
+    circle_detector::{self, CircleDetector},
     picture::GrayPicture,
     target::Target,
 };
@@ -32,6 +33,7 @@ pub struct TargetDetector(Detector);
 enum Detector {
     Checkerboard(BoardDetector),
     Charuco(CharucoDetector),
+    Circles(CircleDetector),
 }
 
 impl TargetDetector {
@@ -45,6 +47,7 @@ impl TargetDetector {
                 Detector::Checkerboard(BoardDetector::new(*board, min_points)?)
             }
             Target::Charuco(board) => Detector::Charuco(CharucoDetector::new(*board, min_points)?),
+            Target::Circles(grid) => Detector::Circles(CircleDetector::new(*grid, min_points)?),
         }))
     }
 
@@ -54,8 +57,12 @@ impl TargetDetector {
     /// No target, too few points of it, another one, or a blurred one.
     pub fn detect(&self, picture: &GrayPicture) -> Result<Board, BoardRejected> {
         match &self.0 {
-            Detector::Checkerboard(detector) => detector.detect(picture),
+            Detector::Checkerboard(detector) => match detector.detect(picture) {
+                Err(BoardRejected::None) => Err(circle_detector::instead_of_squares(picture)),
+                found => found,
+            },
             Detector::Charuco(detector) => detector.detect(picture),
+            Detector::Circles(detector) => detector.detect(picture),
         }
     }
 }

@@ -126,10 +126,18 @@ impl<T> Boards<T> {
         }
         if self.found.iter().all(|board| !target.is_identified(board)) {
             let largest = self.found.iter().max_by_key(|board| board.corners.len());
-            let (columns, rows) = largest.map_or((0, 0), |board| (board.columns, board.rows));
+            let part = match (target, largest) {
+                (Target::Circles(_), Some(board)) => {
+                    format!("{} of {} circles", board.corners.len(), target.num_points())
+                }
+                (_, Some(board)) => format!(
+                    "{} x {} corners (it counts inner corners, one less than squares)",
+                    board.columns, board.rows
+                ),
+                (_, None) => "nothing".to_owned(),
+            };
             bail!(
-                "no picture shows the whole board {target}: the largest part has {columns} x {rows} corners. Is the \
-                 target right? It counts inner corners, one less than squares\n{}",
+                "no picture shows the whole board {target}: the largest part has {part}. Is the target right?\n{}",
                 self.summary()
             );
         }
