@@ -5,6 +5,7 @@ mod axis;
 mod camera;
 mod charuco;
 mod circles;
+mod fisheye;
 mod plane;
 mod real;
 mod render;

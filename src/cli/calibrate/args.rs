@@ -19,7 +19,7 @@ Targets, lengths in metres:
 Examples:
   laser_profiler calibrate camera board_recording --target checkerboard:8x6:0.040 -o camera.yaml --report camera.png
   laser_profiler calibrate camera pictures --target charuco:10x7:0.030:0.022:5x5_100 -o camera.yaml
-  laser_profiler calibrate camera pictures --target asymmetric-circles:4x11:0.020 -o camera.yaml
+  laser_profiler calibrate camera pictures --target asymmetric-circles:4x11:0.020 --model equidistant -o camera.yaml
   laser_profiler calibrate camera pictures/*.png --target checkerboard:8x6:0.040 -o camera.yaml --json
   laser_profiler calibrate camera recording --target checkerboard:8x6:0.040 -o camera.yaml \\
       --ros-args -r image_raw:=/camera/image_raw";
@@ -34,8 +34,9 @@ pub(super) struct CameraArgs {
     /// The target: checkerboard, charuco, circles or asymmetric-circles with its sizes, see below.
     #[arg(long)]
     pub(super) target: String,
-    /// Distortion model, as ROS names it. `rational_polynomial` suits wide-angle lenses.
-    #[arg(long, default_value = "plumb_bob", value_parser = ["plumb_bob", "rational_polynomial"])]
+    /// Distortion model, as ROS names it. `rational_polynomial` suits wide-angle lenses, `equidistant` fisheyes
+    /// (k1 to k4, as in OpenCV's fisheye).
+    #[arg(long, default_value = "plumb_bob", value_parser = ["plumb_bob", "rational_polynomial", "equidistant"])]
     pub(super) model: String,
     /// Name of the camera in the file.
     #[arg(long, default_value = "camera")]

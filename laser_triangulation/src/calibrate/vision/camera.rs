@@ -36,6 +36,8 @@ pub enum LensModel {
     PlumbBob,
     /// k1, k2, p1, p2, k3 to k6.
     RationalPolynomial,
+    /// Fisheye: k1 to k4 of a polynomial in the angle from the optical axis (Kannala and Brandt 2006).
+    Equidistant,
 }
 
 /// The views of a board from which a camera is calibrated.
@@ -266,6 +268,14 @@ impl CameraFit {
         ];
         let names = camera.distortion.coefficient_names().iter().copied();
         pinhole.into_iter().chain(names.zip(camera.distortion.coefficients())).collect()
+    }
+
+    /// Returns the views, of so many, that are neither used nor outliers: the camera cannot see all of their corners.
+    #[must_use]
+    pub fn unseen(&self, num_views: usize) -> Vec<usize> {
+        let is_used = |index: &usize| self.used.iter().any(|view| view.index == *index);
+        let is_outlier = |index: &usize| self.outliers.iter().any(|view| view.index == *index);
+        (0..num_views).filter(|index| !is_used(index) && !is_outlier(index)).collect()
     }
 
     /// Returns the radial coefficients whose standard deviation exceeds their value: the views do not determine them.

@@ -16,6 +16,7 @@ mod circle_grid;
 mod circle_lattice;
 mod components;
 mod ellipses;
+mod fisheye_start;
 mod homography;
 mod laser_finder;
 mod laser_lines;

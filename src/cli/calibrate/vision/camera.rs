@@ -38,6 +38,7 @@ pub(in crate::cli::calibrate) fn run(
     let mut boards = boards::find(&pictures, &target, MIN_CORNERS, |_| Ok(()))?;
     let model = match args.model.as_str() {
         "plumb_bob" => LensModel::PlumbBob,
+        "equidistant" => LensModel::Equidistant,
         _ => LensModel::RationalPolynomial,
     };
     let [width_px, height_px] = boards.size_px;
@@ -46,6 +47,12 @@ pub(in crate::cli::calibrate) fn run(
     let fit = calibrate_camera(&seen, model).with_context(|| boards.summary())?;
     for outlier in &fit.outliers {
         boards.reject(outlier.index, outlier.to_string());
+    }
+    for index in fit.unseen(boards.found.len()) {
+        boards.reject(
+            index,
+            "corners beyond the lens's field of view, 83 degrees from its axis at most",
+        );
     }
     let mut calibration = fit.calibration(&args.camera_name, boards.rejected.len());
     calibration.calibrated_at = Some(file::now());
