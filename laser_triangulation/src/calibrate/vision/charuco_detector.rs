@@ -148,6 +148,5 @@ fn after_a_row(target: &Charuco) -> Result<Dictionary, TargetDetectorError> {
     let kept = kept.ok_or(TargetDetectorError::Dictionary)?;
     let codes = kept.get_or_init(|| [vec![0; in_row].as_slice(), dictionary.codes()].concat());
     let (size, wrong) = (dictionary.marker_size(), dictionary.max_correction_bits());
-    Dictionary::from_static_codes(dictionary.name(), size, wrong, codes)
-        .map_err(|_| TargetDetectorError::Dictionary)
+    Ok(Dictionary::from_static_codes(dictionary.name(), size, wrong, codes)?)
 }

@@ -113,7 +113,7 @@ impl CircleDetector {
         if found < MIN_CIRCLES.min(self.min_circles) {
             return Err(CirclesRejected::None);
         }
-        let Some(places) = lattice.places(&self.target) else {
+        let Some(mut corners) = lattice.places(&self.target) else {
             let (found, target) = (lattice.describe(), self.target.to_string());
             return Err(CirclesRejected::Another { found, target });
         };
@@ -121,8 +121,6 @@ impl CircleDetector {
             return Err(CirclesRejected::Few { found, needed: self.min_circles });
         }
         let circle_radius = lattice.radius(self.target.arrangement);
-        let mut corners: Vec<_> =
-            places.into_iter().map(|(place, seen)| Corner { place, seen }).collect();
         corners.sort_by_key(|corner| (corner.place.1, corner.place.0));
         let span = |along: &dyn Fn(&Corner) -> u32| {
             corners.iter().map(along).max().map_or(0, |last| last + 1)

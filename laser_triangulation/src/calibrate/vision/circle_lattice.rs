@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::Vector2;
 
 use super::{
+    board::Corner,
     circle_grid::{CircleArrangement, CircleGrid},
     ellipses::Ellipse,
 };
@@ -108,7 +109,7 @@ impl Lattice {
 
     /// Returns the circles with their places on a grid, pitches; `None` if they do not fit onto it. Of several ways to
     /// place them, the one with the smallest area.
-    pub(super) fn places(&self, grid: &CircleGrid) -> Option<Vec<((u32, u32), Point2<f64>)>> {
+    pub(super) fn places(&self, grid: &CircleGrid) -> Option<Vec<Corner>> {
         let [columns, rows] = grid.span();
         let fits = |&(_, [x, y]): &(Map, [u32; 2])| x <= columns && y <= rows;
         let placed = self.placed(grid.arrangement).into_iter().filter(fits);
@@ -116,7 +117,9 @@ impl Lattice {
         let at = self.mapped(&map);
         let first = [0, 1].map(|axis| at.iter().map(|place| place[axis]).min().unwrap_or(0));
         let place = |at: &[i32; 2]| ((at[0] - first[0]) as u32, (at[1] - first[1]) as u32);
-        Some(at.iter().zip(self.0.values()).map(|(at, one)| (place(at), one.centre)).collect())
+        let corner =
+            |(at, one): (&[i32; 2], &Ellipse)| Corner { place: place(at), seen: one.centre };
+        Some(at.iter().zip(self.0.values()).map(corner).collect())
     }
 
     /// Describes the grid in a few words.

@@ -1,5 +1,6 @@
 //! Finds a target of any kind in pictures.
 
+use calib_targets_aruco::DictionaryError;
 use calib_targets_charuco::CharucoBoardError;
 use calib_targets_chessboard::ChessboardParamsError;
 use thiserror::Error;
@@ -21,6 +22,9 @@ pub enum TargetDetectorError {
     /// The `ChArUco` board is none.
     #[error(transparent)]
     Charuco(#[from] CharucoBoardError),
+    /// The markers are none.
+    #[error(transparent)]
+    Markers(#[from] DictionaryError),
     /// The dictionary is unknown.
     #[error("the dictionary of the markers is unknown")]
     Dictionary,
