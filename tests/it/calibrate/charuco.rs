@@ -134,13 +134,13 @@ fn the_numbered_corners_are_found_whatever_part_is_visible() {
         (Charuco { is_legacy: true, ..BOARD }, TARGET),
         (Charuco { columns: 7, rows: 5, ..BOARD }, "charuco:7x5:0.03:0.0225:4X4_50"),
         (Charuco { columns: 7, rows: 6, is_legacy: true, ..BOARD }, "charuco:7x6:0.03:0.0225"),
-        (Charuco { hidden_from_m: 0.08, ..BOARD }, TARGET),
+        (Charuco { hidden_from_m: 0.125, ..BOARD }, TARGET),
     ] {
         for (middle, turned) in [
             ([0.0, 0.0, 0.45], [35.0, 10.0, 0.0]),
             ([0.1, 0.05, 0.4], [0.0, -30.0, 10.0]),
             ([-0.1, -0.08, 0.4], [10.0, 10.0, 170.0]),
-            ([0.0, 0.0, 0.75], [20.0, 0.0, 0.0]),
+            ([0.0, 0.0, 0.5], [20.0, 0.0, 100.0]),
         ] {
             let pose = board.pose(middle, turned);
             let picture = renderer.render(&board, &pose, None);

@@ -1,6 +1,9 @@
 //! A `ChArUco` board's inner corners in a picture.
 
-use std::{collections::BTreeMap, sync::OnceLock};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::OnceLock,
+};
 
 use calib_targets_aruco::{Dictionary, builtins};
 use calib_targets_charuco::{
@@ -22,6 +25,8 @@ use super::{
 
 /// Fewest markers that must be read on a board.
 const MIN_MARKERS: usize = 3;
+/// Least share of the markers between the corners that must be read: at a wrong place, every other row may agree.
+const MIN_READ: f64 = 0.6;
 /// How much a row of three corners may bend, squares. A bit of a marker is found in place of a corner that cannot be seen,
 /// at least a tenth of a square away.
 const MAX_BEND: f64 = 0.15;
@@ -65,13 +70,12 @@ impl CharucoDetector {
             let found = detector.detect(&view).ok()?;
             let is_read = |wrong_bits: u8| wrong_bits <= MAX_WRONG_BITS;
             let num_read = found.markers.iter().filter(|marker| is_read(marker.hamming)).count();
-            // Most markers must be those of the board: chance reads one or two.
-            (num_read >= MIN_MARKERS.max(found.markers.len() / 2)).then_some((found, *rows_above))
+            let board = self.board(&found, *rows_above);
+            let enough = MIN_READ * num_markers(&board, *rows_above) as f64;
+            (num_read >= MIN_MARKERS && num_read as f64 >= enough).then_some((num_read, board))
         };
-        let Some((found, rows_above)) = self.layouts.iter().find_map(read) else {
-            return Err(self.diagnosis.of(&view));
-        };
-        let board = self.board(&found, rows_above);
+        let found = self.layouts.iter().filter_map(read).max_by_key(|(num_read, _)| *num_read);
+        let Some((_, board)) = found else { return Err(self.diagnosis.of(&view)) };
         let (found_corners, needed) = (board.corners.len(), self.min_corners);
         if found_corners < needed {
             return Err(BoardRejected::Few { found: found_corners, needed });
@@ -92,6 +96,16 @@ impl CharucoDetector {
         corners.sort_by_key(|corner| (corner.place.1, corner.place.0));
         Board { columns, rows, corners, circle_radius: None }
     }
+}
+
+/// Returns the number of markers between the corners of a board, which has `rows_above` more rows on top in the new layout.
+fn num_markers(board: &Board, rows_above: u32) -> usize {
+    let places: BTreeSet<_> = board.corners.iter().map(|corner| corner.place).collect();
+    let has_marker = |&&(column, row): &&(u32, u32)| {
+        let others = [(column + 1, row), (column, row + 1), (column + 1, row + 1)];
+        (column + row + rows_above) % 2 == 1 && others.iter().all(|place| places.contains(place))
+    };
+    places.iter().filter(has_marker).count()
 }
 
 /// Leaves out corners that bend every row of three neighbours in which they lie, and those that lie in none.
