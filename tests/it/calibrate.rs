@@ -3,6 +3,9 @@
 
 mod axis;
 mod camera;
+mod charuco;
+mod circles;
+mod fisheye;
 mod hard_boards;
 mod plane;
 mod real;

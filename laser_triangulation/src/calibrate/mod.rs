@@ -6,7 +6,7 @@
 //! |---|---|---|
 #![cfg_attr(
     feature = "calibrate",
-    doc = "| [`calibrate_camera`] | views of a [`Checkerboard`] | the camera and its lens |"
+    doc = "| [`calibrate_camera`] | views of a [`Target`] | the camera and its lens |"
 )]
 #![cfg_attr(
     feature = "calibrate",

@@ -8,24 +8,35 @@ const CAMERA_HELP: &str = "\
 Hold the board into every part of the image, near and far, and tilt it by 20 to 40 degrees each way; 20 views are good.
 Rejected views are reported, each with its reason.
 
+Targets, lengths in metres:
+  checkerboard:COLUMNSxROWS:SQUARE                 counts inner corners: 8x6 has 9 x 7 squares
+  charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY]  counts squares, as OpenCV; MARKER is the side of a marker's black square;
+                                                   4x4_50 if left out. May be partly hidden: its corners are numbered
+  circles:COLUMNSxROWS:PITCH                       counts circles; PITCH is the distance of their centres
+  asymmetric-circles:COLUMNSxROWS:PITCH            circles of a row and rows, as OpenCV: 4x11; PITCH is the distance of
+                                                   neighbouring rows, half of that between the circles of a row
+
 Examples:
   laser_profiler calibrate camera board_recording --target checkerboard:8x6:0.040 -o camera.yaml --report camera.png
+  laser_profiler calibrate camera pictures --target charuco:10x7:0.030:0.022:5x5_100 -o camera.yaml
+  laser_profiler calibrate camera pictures --target asymmetric-circles:4x11:0.020 --model equidistant -o camera.yaml
   laser_profiler calibrate camera pictures/*.png --target checkerboard:8x6:0.040 -o camera.yaml --json
   laser_profiler calibrate camera recording --target checkerboard:8x6:0.040 -o camera.yaml \\
       --ros-args -r image_raw:=/camera/image_raw";
 
-/// Calibrates a camera, its lens included, from views of a checkerboard.
+/// Calibrates a camera, its lens included, from views of a target.
 #[derive(Debug, clap::Args)]
 #[command(after_help = CAMERA_HELP)]
 pub(super) struct CameraArgs {
     /// Recordings, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted patterns, or videos.
     #[arg(value_name = "BAG|PICTURE", required = true)]
     pub(super) inputs: Vec<PathBuf>,
-    /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres. checkerboard:8x6:0.040 has 9 x 7 squares.
+    /// The target: checkerboard, charuco, circles or asymmetric-circles with its sizes, see below.
     #[arg(long)]
     pub(super) target: String,
-    /// Distortion model, as ROS names it. `rational_polynomial` suits wide-angle lenses.
-    #[arg(long, default_value = "plumb_bob", value_parser = ["plumb_bob", "rational_polynomial"])]
+    /// Distortion model, as ROS names it. `rational_polynomial` suits wide-angle lenses, `equidistant` fisheyes
+    /// (k1 to k4, as in OpenCV's fisheye).
+    #[arg(long, default_value = "plumb_bob", value_parser = ["plumb_bob", "rational_polynomial", "equidistant"])]
     pub(super) model: String,
     /// Name of the camera in the file.
     #[arg(long, default_value = "camera")]
@@ -46,14 +57,15 @@ Examples:
       --ros-args -p stripe_direction:=vertical
   laser_profiler calibrate plane pictures --target checkerboard:8x6:0.040 --camera camera.yaml -o rig.yaml --json";
 
-/// Calibrates the plane of the laser from views of a checkerboard with the line on it.
+/// Calibrates the plane of the laser from views of a target with the line on it.
 #[derive(Debug, clap::Args)]
 #[command(after_help = PLANE_HELP)]
 pub(super) struct PlaneArgs {
     /// Recordings, folders of pictures, pictures (PNG, JPEG, TIFF, BMP, PGM), quoted patterns, or videos.
     #[arg(value_name = "BAG|PICTURE", required = true)]
     pub(super) inputs: Vec<PathBuf>,
-    /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres. checkerboard:8x6:0.040 has 9 x 7 squares.
+    /// The target: checkerboard, charuco, circles or asymmetric-circles with its sizes, as for
+    /// `calibrate camera`.
     #[arg(long)]
     pub(super) target: String,
     /// The camera: a file of `calibrate camera`, of ROS's `camera_calibration`, OpenCV or Kalibr, or a printed `camera_info`.

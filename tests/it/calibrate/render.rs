@@ -8,6 +8,9 @@ use laser_profiler::scanner::{
     laser_plane::LaserPlane,
 };
 use nalgebra::{Isometry3, Point2, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
 
 /// Rays a side of a pixel.
 const FINE: u32 = 3;
@@ -102,7 +105,10 @@ pub(super) struct Renderer {
 
 impl Renderer {
     pub(super) fn new() -> Self {
-        let camera = camera();
+        Self::of(camera())
+    }
+
+    pub(super) fn of(camera: Camera) -> Self {
         let mut rays = Vec::new();
         for v in 0..camera.height_px * FINE {
             for u in 0..camera.width_px * FINE {
@@ -167,12 +173,33 @@ pub(super) fn pose(
     middle_m: [f64; 3],
     turned_deg: [f64; 3],
 ) -> Isometry3<f64> {
+    let half = |corners: u32| f64::from(corners - 1) * board.square_m / 2.0;
+    pose_of([half(board.columns), half(board.rows)], middle_m, turned_deg)
+}
+
+/// The pose of a surface: its point `middle_on_it` at a place, turned about x, y and z, degrees.
+pub(super) fn pose_of(
+    middle_on_it: [f64; 2],
+    middle_m: [f64; 3],
+    turned_deg: [f64; 3],
+) -> Isometry3<f64> {
     let [x, y, z] = turned_deg.map(f64::to_radians);
     let rotation = UnitQuaternion::from_euler_angles(x, y, z);
-    let half = |corners: u32| f64::from(corners - 1) * board.square_m / 2.0;
-    let middle = Vector3::new(half(board.columns), half(board.rows), 0.0);
+    let middle = Vector3::new(middle_on_it[0], middle_on_it[1], 0.0);
     let shift = Vector3::from(middle_m) - rotation * middle;
     Isometry3::from_parts(Translation3::from(shift), rotation)
+}
+
+/// A picture out of focus and with noise of a standard deviation of some grey levels.
+pub(super) fn blurred(picture: &RgbImage, sigma_px: f32, noise: f64, seed: u64) -> RgbImage {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let noise = Normal::new(0.0, noise).unwrap();
+    let mut picture = image::imageops::blur(picture, sigma_px);
+    for Rgb(pixel) in picture.pixels_mut() {
+        let more = noise.sample(&mut random);
+        *pixel = pixel.map(|level| (f64::from(level) + more).clamp(0.0, 255.0).round() as u8);
+    }
+    picture
 }
 
 /// Writes a picture.

@@ -11,7 +11,9 @@ use thiserror::Error;
 use super::{
     board_parts::{self, Labelled},
     board_shape::BoardShape,
+    charuco_diagnosis::CharucoRejected,
     checkerboard::Checkerboard,
+    circle_detector::CirclesRejected,
     corner_deviations,
     picture::GrayPicture,
 };
@@ -26,10 +28,11 @@ const MIN_OFF_PX: f64 = 0.4;
 /// Largest share of corners that may be left out: a line along a column of a board with four.
 const MAX_LEFT_OUT: f64 = 0.25;
 
-/// One inner corner.
+/// One inner corner, or a circle's centroid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// Its position on the board, squares from the first corner found: columns run to the right, rows downwards.
+    /// Its position on the board, squares (pitches of a grid of circles) from the first one found: columns run to the
+    /// right, rows downwards.
     pub place: (u32, u32),
     /// Its position in the picture, pixels.
     pub seen: Point2<f64>,
@@ -38,8 +41,9 @@ pub struct Corner {
 /// The corners found in one picture.
 ///
 /// A checkerboard has no distinct first corner: the orientation of the grid on the board and the visible part of it are
-/// unknown. Results computed from a board's pose alone do not depend on them.
-#[derive(Clone, Debug, PartialEq)]
+/// unknown. Results computed from a board's pose alone do not depend on them. The corners of a `ChArUco` board are numbered:
+/// its columns and rows are the whole board's, and places count from the board's first corner.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Board {
     /// Columns that the corners span.
     pub columns: u32,
@@ -51,6 +55,8 @@ pub struct Board {
     pub left_out: usize,
     /// True if the board's rows are the target's columns: it was found turned by a quarter.
     pub is_turned: bool,
+    /// Radius of the circles, units of the places; `None` for corners of squares, or if it was not measured.
+    pub circle_radius: Option<f64>,
 }
 
 /// The reason why a picture shows no usable board.
@@ -96,6 +102,12 @@ pub enum BoardRejected {
         /// Corners found.
         found: usize,
     },
+    /// There is no usable grid of circles.
+    #[error(transparent)]
+    Circles(#[from] CirclesRejected),
+    /// The squares are not those of the `ChArUco` board.
+    #[error(transparent)]
+    Charuco(#[from] CharucoRejected),
 }
 
 /// Finds one kind of board.
@@ -161,8 +173,7 @@ impl Board {
             columns: span(corners.iter().map(|corner| corner.place.0).max()),
             rows: span(corners.iter().map(|corner| corner.place.1).max()),
             corners,
-            left_out: 0,
-            is_turned: false,
+            ..Self::default()
         }
     }
 

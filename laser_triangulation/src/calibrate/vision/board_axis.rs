@@ -219,7 +219,7 @@ mod tests {
     const TARGET: Checkerboard = Checkerboard { columns: 8, rows: 6, square_m: 0.02 };
 
     fn board() -> Board {
-        Board { columns: 8, rows: 6, corners: Vec::new(), left_out: 0, is_turned: false }
+        Board { columns: 8, rows: 6, ..Board::default() }
     }
 
     fn fitted(poses: &[Isometry3<f64>]) -> Result<BoardAxisFit, BoardAxisError> {

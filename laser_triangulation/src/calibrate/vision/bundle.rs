@@ -1,10 +1,10 @@
-//! Bundle adjustment of one camera: Zhang's closed form, then all corners of all views at once (Zhang 2000, sections 3.1
+//! Bundle adjustment of one camera: Zhang's closed form, or the best of some fisheye lenses, then all corners of all views at once (Zhang 2000, sections 3.1
 //! to 3.3), by `vision-calibration`.
 
 use vision_calibration_core::{
     BrownConrady5, CameraFix, CameraParams, CorrespondenceView, DistortionParams, Error, FxFyCxCy,
-    NoMeta, PlanarDataset, ProjectionParams, Pt2, Pt3, RationalPolynomial, SensorParams,
-    Uncertainty, View, pinhole_camera_params,
+    KannalaBrandt4, NoMeta, PlanarDataset, ProjectionParams, Pt2, Pt3, RationalPolynomial,
+    SensorParams, Uncertainty, View, pinhole_camera_params,
 };
 use vision_calibration_linear::prelude::{
     IterativeIntrinsicsOptions, dlt_homography, estimate_intrinsics_iterative,
@@ -18,8 +18,9 @@ use vision_calibration_optim::{
 use super::{
     board::Board,
     camera::{CameraError, CameraViews, LensModel},
+    fisheye_start,
 };
-use crate::scanner::camera::{Camera, Distortion};
+use crate::scanner::camera::{Camera, DistortedPixel, Distortion};
 
 /// Fits the camera to the selected views, with the uncertainty of its parameters.
 ///
@@ -35,7 +36,11 @@ pub(super) fn adjust(
     let data = kept.iter().map(|&index| view(&views.boards[index], views.square_m));
     let data: Result<Vec<_>, _> = data.collect();
     let data = data.and_then(PlanarDataset::new).map_err(|error| unsolved(&error))?;
-    let start = start(views, &data, model).map_err(|error| unsolved(&error))?;
+    let start = match model {
+        LensModel::Equidistant => fisheye(views, kept),
+        _ => start(views, &data, model),
+    };
+    let start = start.map_err(|error| unsolved(&error))?;
     let options = PlanarIntrinsicsSolveOptions {
         robust_loss,
         // No parameter is fixed, not even k3.
@@ -81,6 +86,34 @@ fn start(
     Ok(PlanarIntrinsicsParams::new(camera, poses)?)
 }
 
+/// Returns an initial guess of a fisheye lens: the best of some focal lengths, poses from homographies of rays.
+fn fisheye(
+    views: &CameraViews<'_>,
+    kept: &[usize],
+) -> Result<PlanarIntrinsicsParams, Box<dyn std::error::Error>> {
+    let guess = fisheye_start::guess(views, kept).ok_or("no fisheye lens shows all of them")?;
+    let pinhole = FxFyCxCy { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 }.k_matrix();
+    let mut poses = Vec::with_capacity(kept.len());
+    for &index in kept {
+        let pairs = views.boards[index].pairs(views.square_m);
+        let plane: Vec<_> = pairs.iter().map(|(on, _)| Pt2::new(on.x, on.y)).collect();
+        let ray = |(_, seen): &(_, _)| guess.ray(DistortedPixel(*seen));
+        let rays = pairs.iter().map(|pair| ray(pair).map(|ray| Pt2::new(ray.x, ray.y)));
+        let rays: Option<Vec<_>> = rays.collect();
+        let rays = rays.ok_or("a board lies beyond the view of a fisheye lens")?;
+        poses.push(estimate_planar_pose_from_h(&pinhole, &dlt_homography(&plane, &rays)?)?);
+    }
+    let params = KannalaBrandt4 { k1: 0.0, k2: 0.0, k3: 0.0, k4: 0.0, iters: 0 };
+    let Camera { fx_px: fx, fy_px: fy, cx_px: cx, cy_px: cy, .. } = guess;
+    let camera = CameraParams {
+        projection: ProjectionParams::Equidistant,
+        distortion: DistortionParams::KannalaBrandt4 { params },
+        sensor: SensorParams::Identity,
+        intrinsics: FxFyCxCy { fx, fy, cx, cy },
+    };
+    Ok(PlanarIntrinsicsParams::new(camera, poses)?)
+}
+
 fn guess(views: &CameraViews<'_>) -> CameraParams {
     let long_side = f64::from(views.width_px.max(views.height_px));
     CameraParams {
@@ -121,6 +154,9 @@ fn camera(views: &CameraViews<'_>, params: &CameraParams) -> Result<Camera, Came
             k5: r.k5,
             k6: r.k6,
         },
+        DistortionParams::KannalaBrandt4 { params: f } => {
+            Distortion::Equidistant { k1: f.k1, k2: f.k2, k3: f.k3, k4: f.k4 }
+        }
         _ => return Err(CameraError::Unsolved("another lens came back".to_owned())),
     };
     let FxFyCxCy { fx, fy, cx, cy } = params.intrinsics;

@@ -4,10 +4,10 @@ use std::{fmt, str::FromStr};
 
 use thiserror::Error;
 
+use super::target::{self, MAX_SIDE};
+
 /// Fewest inner corners a side of a board may have.
 const MIN_SIDE: u32 = 3;
-/// Most inner corners a side of a board may have.
-const MAX_SIDE: u32 = 100;
 
 /// A checkerboard, defined by its inner corners, where four squares meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,10 +41,8 @@ impl FromStr for Checkerboard {
 
 fn parse(text: &str) -> Option<Checkerboard> {
     let (sides, square) = text.strip_prefix("checkerboard:")?.split_once(':')?;
-    let (columns, rows) = sides.split_once('x')?;
-    let side = |text: &str| text.parse().ok().filter(|side| (MIN_SIDE..=MAX_SIDE).contains(side));
-    let square_m = square.parse().ok().filter(|&metres: &f64| metres > 1e-6 && metres < 10.0)?;
-    Some(Checkerboard { columns: side(columns)?, rows: side(rows)?, square_m })
+    let [columns, rows] = target::sides(sides, MIN_SIDE)?;
+    Some(Checkerboard { columns, rows, square_m: target::metres(square)? })
 }
 
 impl Checkerboard {

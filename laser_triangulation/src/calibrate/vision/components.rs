@@ -13,8 +13,13 @@ const MIN_PIXELS: usize = 60;
 
 /// Returns the outline of every dark region: the first and last pixel of each of its rows.
 pub(super) fn dark_outlines(picture: &GrayPicture) -> Vec<Vec<Point2<f64>>> {
+    dark_outlines_within(picture, RADIUS)
+}
+
+/// Returns the outlines of regions that are darker than a square about each pixel, half of whose side is `radius`.
+pub(super) fn dark_outlines_within(picture: &GrayPicture, radius: usize) -> Vec<Vec<Point2<f64>>> {
     let (width, height) = (picture.width as usize, picture.height as usize);
-    let mut is_dark = dark(picture);
+    let mut is_dark = dark(picture, radius);
     let mut outlines = Vec::new();
     let mut open = Vec::new();
     for start in 0..width * height {
@@ -60,7 +65,7 @@ pub(super) fn dark_outlines(picture: &GrayPicture) -> Vec<Vec<Point2<f64>>> {
 }
 
 /// Marks pixels darker than their surroundings.
-fn dark(picture: &GrayPicture) -> Vec<bool> {
+fn dark(picture: &GrayPicture, radius: usize) -> Vec<bool> {
     let (width, height) = (picture.width as usize, picture.height as usize);
     // Integral image: sums of everything above and to the left.
     let mut sums = vec![0_u64; (width + 1) * (height + 1)];
@@ -74,8 +79,8 @@ fn dark(picture: &GrayPicture) -> Vec<bool> {
     let sum = |x: usize, y: usize| sums[y * (width + 1) + x];
     let is_dark = |at: usize| {
         let (x, y) = (at % width, at / width);
-        let (left, top) = (x.saturating_sub(RADIUS), y.saturating_sub(RADIUS));
-        let (right, bottom) = ((x + RADIUS + 1).min(width), (y + RADIUS + 1).min(height));
+        let (left, top) = (x.saturating_sub(radius), y.saturating_sub(radius));
+        let (right, bottom) = ((x + radius + 1).min(width), (y + radius + 1).min(height));
         let total = sum(right, bottom) + sum(left, top) - sum(right, top) - sum(left, bottom);
         let mean = total as f64 / ((right - left) * (bottom - top)) as f64;
         f64::from(picture.levels[at]) < DARK * mean

@@ -6,10 +6,10 @@ use super::{
     board::Board,
     board_bend::{self, BoardBend},
     board_shape::BoardShape,
-    checkerboard::Checkerboard,
     laser_finder::{Light, LitCenterline},
     pose::{self, BoardPose},
     stripe_line::{self, LineRejected, Placed, StripeLine},
+    target::Target,
 };
 use crate::{scanner::camera::Camera, statistics::median};
 
@@ -89,10 +89,10 @@ impl LaserLines {
     pub fn find(
         camera: &Camera,
         views: &[BoardView<'_>],
-        target: &Checkerboard,
+        target: &Target,
         border_squares: f64,
     ) -> Self {
-        let square_m = target.square_m;
+        let square_m = target.unit_m();
         let (poses, mut rejected) = poses(camera, views, square_m);
         let (poses, bend) = with_bend(camera, views, square_m, poses);
         let shared = bend.filter(|bend| bend.is_shared);

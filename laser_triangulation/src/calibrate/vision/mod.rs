@@ -9,10 +9,19 @@ mod board_parts;
 mod board_shape;
 mod bundle;
 mod camera;
+mod charuco;
+mod charuco_detector;
+mod charuco_diagnosis;
 mod checkerboard;
-mod fields;
+mod circle_centres;
+mod circle_detector;
+mod circle_grid;
+mod circle_lattice;
 mod components;
 mod corner_deviations;
+mod ellipses;
+mod fields;
+mod fisheye_start;
 mod homography;
 mod joint_fit;
 mod laser_finder;
@@ -26,6 +35,8 @@ mod positions;
 mod quads;
 mod revolute;
 mod stripe_line;
+mod target;
+mod target_detector;
 mod view_variety;
 
 pub use axis::{
@@ -40,7 +51,12 @@ pub use camera::{
     CameraError, CameraFit, CameraUncertainty, CameraViews, LensModel, OutlierView, UsedView,
     calibrate_camera,
 };
+pub use charuco::Charuco;
+pub use charuco_diagnosis::CharucoRejected;
 pub use checkerboard::{Checkerboard, CheckerboardError};
+pub use circle_centres::with_true_centres;
+pub use circle_detector::CirclesRejected;
+pub use circle_grid::{CircleArrangement, CircleGrid};
 pub use laser_finder::{LaserFinder, LaserFinderError, Light, LitCenterline};
 pub use laser_lines::{BoardLine, BoardRejection, BoardView, LaserLines, RejectedBoard};
 pub use laser_plane::{BoardResidual, LaserPlaneError, LaserPlaneFit, calibrate_plane};
@@ -51,4 +67,6 @@ pub use positions::{Agreement, PositionError};
 pub use quads::Quad;
 pub use revolute::RevoluteError;
 pub use stripe_line::{LineRejected, StripeLine};
+pub use target::{Target, TargetError};
+pub use target_detector::{TargetDetector, TargetDetectorError};
 pub use view_variety::MissingViews;

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::{Context, bail};
 
-use super::{args::AxisArgs, axis_answer, axis_pictures, boards, file, pictures::Pictures, report};
+use super::{args::AxisArgs, axis_answer, axis_pictures, file, pictures::Pictures, report};
 use crate::{
     calibrate::{AxisTarget, calibrate_axis},
     cli::{
@@ -27,7 +27,9 @@ pub(in crate::cli::calibrate) fn run(
 ) -> anyhow::Result<Outcome> {
     let target = match (&args.markers, &args.target) {
         (Some(markers), _) => AxisTarget::Markers(markers.parse().map_err(settings::usage)?),
-        (None, board) => AxisTarget::Board(boards::target(board.as_deref().unwrap_or_default())?),
+        (None, board) => AxisTarget::Board(
+            board.as_deref().unwrap_or_default().parse().map_err(settings::usage)?,
+        ),
     };
     file::refuse_existing(&args.output)?;
     let path = || args.calibration.display().to_string();

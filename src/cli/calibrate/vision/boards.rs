@@ -8,7 +8,7 @@ use super::{
     rejected::{self, Rejected},
 };
 use crate::{
-    calibrate::{Board, BoardBend, BoardDetector, BoardRejected, Checkerboard},
+    calibrate::{Board, BoardBend, BoardRejected, Target, TargetDetector},
     cli::{Outcome, settings},
     scanner::image::Image,
 };
@@ -41,7 +41,7 @@ pub(crate) struct Boards<T> {
 ///
 /// # Errors
 /// [`Usage`](crate::cli::Usage) for an invalid target.
-pub(super) fn target(text: &str) -> anyhow::Result<Checkerboard> {
+pub(super) fn target(text: &str) -> anyhow::Result<Target> {
     text.parse().map_err(settings::usage)
 }
 
@@ -51,11 +51,11 @@ pub(super) fn target(text: &str) -> anyhow::Result<Checkerboard> {
 /// No picture shows the board, or the pictures show a different board.
 pub(super) fn find<T: Send>(
     pictures: &Pictures,
-    target: Checkerboard,
+    target: &Target,
     min_corners: usize,
     beside: impl Fn(&Image<'_>) -> Result<T, String> + Sync,
 ) -> anyhow::Result<Boards<T>> {
-    let detector = BoardDetector::new(target, min_corners)?;
+    let detector = TargetDetector::new(target, min_corners)?;
     let seen = pictures.map(|image| {
         let found = match detector.detect(&pictures::gray(image, &pictures.params.scanner)) {
             Ok(board) => Ok((board, beside(image)?)),
@@ -66,7 +66,7 @@ pub(super) fn find<T: Send>(
     sort(seen, target)
 }
 
-fn sort<T>(views: Vec<View<Seen<T>>>, target: Checkerboard) -> anyhow::Result<Boards<T>> {
+fn sort<T>(views: Vec<View<Seen<T>>>, target: &Target) -> anyhow::Result<Boards<T>> {
     let sizes = || views.iter().filter_map(|view| Some(view.result.as_ref().ok()?.size_px));
     // The size of most pictures; the first such size if several are equally frequent.
     let count = |size: [u32; 2]| sizes().filter(|other| *other == size).count();
@@ -133,19 +133,27 @@ fn unread<T>(view: View<T>) -> Option<Rejected> {
 
 impl<T> Boards<T> {
     /// Rejects a board of another size, which would be mistaken for a part of this one, or this one for a part of it.
-    fn refuse_another(&self, target: Checkerboard, num_larger: usize) -> anyhow::Result<()> {
+    fn refuse_another(&self, target: &Target, num_larger: usize) -> anyhow::Result<()> {
         if num_larger > self.found.len() {
             bail!("--target is {target}, but the pictures show a larger board\n{}", self.summary());
         }
         if self.found.is_empty() {
             bail!("no picture shows the board {target}\n{}", self.summary());
         }
-        if self.found.iter().all(|board| !board.is_whole(&target)) {
+        if self.found.iter().all(|board| !target.is_identified(board)) {
             let largest = self.found.iter().max_by_key(|board| board.corners.len());
-            let (columns, rows) = largest.map_or((0, 0), |board| (board.columns, board.rows));
+            let part = match (target, largest) {
+                (Target::Circles(_), Some(board)) => {
+                    format!("{} of {} circles", board.corners.len(), target.num_points())
+                }
+                (_, Some(board)) => format!(
+                    "{} x {} corners (it counts inner corners, one less than squares)",
+                    board.columns, board.rows
+                ),
+                (_, None) => "nothing".to_owned(),
+            };
             bail!(
-                "no picture shows the whole board {target}: the largest part has {columns} x {rows} corners. Is the \
-                 target right? It counts inner corners, one less than squares\n{}",
+                "no picture shows the whole board {target}: the largest part has {part}. Is the target right?\n{}",
                 self.summary()
             );
         }

@@ -35,17 +35,24 @@ pub(in crate::cli::calibrate) fn run(
     file::refuse_existing(&args.output)?;
     let settings = Settings::load(&args.settings, ros)?;
     let pictures = Pictures::open(&args.inputs, &settings)?;
-    let mut boards = boards::find(&pictures, target, MIN_CORNERS, |_| Ok(()))?;
+    let mut boards = boards::find(&pictures, &target, MIN_CORNERS, |_| Ok(()))?;
     let model = match args.model.as_str() {
         "plumb_bob" => LensModel::PlumbBob,
+        "equidistant" => LensModel::Equidistant,
         _ => LensModel::RationalPolynomial,
     };
     let [width_px, height_px] = boards.size_px;
-    let square_m = target.square_m;
+    let square_m = target.unit_m();
     let seen = CameraViews { boards: &boards.found, width_px, height_px, square_m };
     let fit = calibrate_camera(&seen, model).with_context(|| boards.summary())?;
     for outlier in &fit.outliers {
         boards.reject(outlier.index, outlier.to_string());
+    }
+    for index in fit.unseen(boards.found.len()) {
+        boards.reject(
+            index,
+            "corners beyond the lens's field of view, 83 degrees from its axis at most",
+        );
     }
     let mut calibration = fit.calibration(&args.camera_name, boards.rejected.len());
     calibration.calibrated_at = Some(file::now());

@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 
 use super::{args::PlaneArgs, boards, file, pictures::Pictures, plane_answer, report, stripes};
 use crate::{
-    calibrate::{BoardView, LaserLines, calibrate_plane},
+    calibrate::{BoardView, LaserLines, calibrate_plane, with_true_centres},
     cli::{
         Outcome, output,
         settings::{Settings, SettingsArgs},
@@ -36,7 +36,7 @@ pub(in crate::cli::calibrate) fn run(
     let settings = Settings::load(&chosen, ros)?;
     let pictures = Pictures::open(&args.inputs, &settings)?;
     let finder = stripes::finder(&settings, &pictures.params);
-    let mut boards = boards::find(&pictures, target, MIN_CORNERS, |image| {
+    let mut boards = boards::find(&pictures, &target, MIN_CORNERS, |image| {
         finder.find(image).map_err(|error| error.to_string())
     })?;
     let expected = [camera.camera.width_px, camera.camera.height_px];
@@ -50,7 +50,8 @@ pub(in crate::cli::calibrate) fn run(
             expected[1]
         );
     }
-    let views = boards.found.iter().zip(&boards.beside);
+    let found = with_true_centres(&camera.camera, &boards.found, target.unit_m());
+    let views = found.iter().zip(&boards.beside);
     let views: Vec<_> = views.map(|(board, stripes)| BoardView { board, stripes }).collect();
     let lines = LaserLines::find(&camera.camera, &views, &target, args.border);
     for rejected in &lines.rejected {
