@@ -17,7 +17,8 @@ use vision_calibration_optim::{
 
 use super::{
     board::Board,
-    camera::{CameraError, CameraViews, LensModel},
+    camera::{CameraViews, LensModel},
+    camera_error::CameraError,
     fisheye_start,
 };
 use crate::scanner::camera::{Camera, DistortedPixel, Distortion};

@@ -6,7 +6,8 @@ use super::{
     board::Board,
     board_bend,
     board_shape::{BoardShape, ShapeTerm},
-    camera::{CameraError, CameraViews},
+    camera::CameraViews,
+    camera_error::CameraError,
     homography,
     joint_fit::{JointFit, Shared},
 };

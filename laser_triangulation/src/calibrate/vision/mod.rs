@@ -9,6 +9,7 @@ mod board_parts;
 mod board_shape;
 mod bundle;
 mod camera;
+mod camera_error;
 mod charuco;
 mod charuco_detector;
 mod charuco_diagnosis;
@@ -48,9 +49,9 @@ pub use board::{Board, BoardDetector, BoardRejected, Corner};
 pub use board_axis::BoardAxisError;
 pub use board_bend::BoardBend;
 pub use camera::{
-    CameraError, CameraFit, CameraUncertainty, CameraViews, LensModel, OutlierView, UsedView,
-    calibrate_camera,
+    CameraFit, CameraUncertainty, CameraViews, LensModel, OutlierView, UsedView, calibrate_camera,
 };
+pub use camera_error::CameraError;
 pub use charuco::Charuco;
 pub use charuco_diagnosis::CharucoRejected;
 pub use checkerboard::{Checkerboard, CheckerboardError};
