@@ -146,7 +146,8 @@ pub(crate) fn describe(path: &Path, bag: &BagReader, depth: Depth) -> Result<Bag
     if stamps_assumed {
         topics.iter_mut().for_each(TopicInfo::forget_times);
         problems.notes.push(format!(
-            "{}: the pictures have no stamps, so their times are those of an assumed rate of {ASSUMED_RATE_HZ} Hz;              --frame-rate of `replay` and `import` states the rate",
+            "{}: the pictures have no stamps, so their times are those of an assumed rate of {ASSUMED_RATE_HZ} Hz; \
+             --frame-rate of `replay` and `import` states the rate",
             path.display()
         ));
     }
