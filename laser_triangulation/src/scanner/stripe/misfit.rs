@@ -6,9 +6,9 @@
 
 use super::{
     Centerline,
-    elementary::in_quadrature,
+    elementary::{bounded, in_quadrature},
     flag,
-    lanes::{append, each},
+    lanes::{LANES, Lane, append, each},
     shape::Shape,
 };
 use crate::statistics::{MAD_TO_SIGMA, median};
@@ -88,18 +88,76 @@ impl Shapes {
         let limits = Limits::of(self, distance);
         let Centerline { flags, sigma_px, .. } = centerline;
         let num_pools = (flags.len() / POOL).max(1);
-        for at in 0..num_pools {
-            let [from, to] = [at, at + 1].map(|at| at * flags.len() / num_pools);
-            let pool = from..to;
-            let mean = limits.mean(pool.clone().map(|at| (self.at(at), flags[at])));
-            for at in pool {
+        for pool in 0..num_pools {
+            let [from, to] = [pool, pool + 1].map(|pool| pool * flags.len() / num_pools);
+            let sums = self.sums(&limits, &flags[from..to], from);
+            let mean = limits.mean(&sums);
+            if mean.fits() && sums.fitting.iter().sum::<f32>() >= (to - from) as f32 {
+                continue;
+            }
+            for at in from..to {
                 limits.judge(&self.at(at), mean, &mut flags[at], &mut sigma_px[at]);
             }
         }
     }
 
+    /// Adds up the points with these flags, the first of which has the index `from`.
+    fn sums(&self, limits: &Limits, flags: &[u8], from: usize) -> Sums {
+        let to = from + flags.len();
+        let (flags, last_flags) = flags.as_chunks::<LANES>();
+        let (bends, last_bends) = self.bend_px[from..to].as_chunks::<LANES>();
+        let (widths, last_widths) = self.width_px[from..to].as_chunks::<LANES>();
+        let (tops, last_tops) = self.top[from..to].as_chunks::<LANES>();
+        let mut sums = Sums::default();
+        for (((bends, widths), tops), flags) in bends.iter().zip(widths).zip(tops).zip(flags) {
+            for lane in 0..LANES {
+                let (bend_px, width_px, top) = (bends[lane], widths[lane], tops[lane]);
+                sums.add(lane, limits, &PointShape { bend_px, width_px, top }, flags[lane]);
+            }
+        }
+        for (lane, &flags) in last_flags.iter().enumerate() {
+            let (bend_px, width_px, top) = (last_bends[lane], last_widths[lane], last_tops[lane]);
+            sums.add(lane, limits, &PointShape { bend_px, width_px, top }, flags);
+        }
+        sums
+    }
+
     fn at(&self, at: usize) -> PointShape {
         PointShape { bend_px: self.bend_px[at], width_px: self.width_px[at], top: self.top[at] }
+    }
+}
+
+/// Sums over the points of a pool, every sixteenth point in the same lane: the compiler makes vectors of them. Points whose
+/// shape is hidden do not count.
+#[derive(Default)]
+struct Sums {
+    /// Each point's share is limited.
+    bend_px: Lane,
+    width_px: Lane,
+    num_bent: Lane,
+    /// By which tops are broader than a Gaussian's, without saturated ones; each point's share is limited.
+    excess: Lane,
+    num_tops: Lane,
+    /// Points that fit by themselves.
+    fitting: Lane,
+}
+
+impl Sums {
+    #[inline(always)]
+    fn add(&mut self, lane: usize, limits: &Limits, shape: &PointShape, flags: u8) {
+        let &PointShape { bend_px, width_px, top } = shape;
+        let most_px = limits.most_bend_px(width_px);
+        let is_known = bend_px.abs() < f32::INFINITY && width_px < f32::INFINITY;
+        let is_top = is_known && flags & flag::SATURATED == 0;
+        let one_if = |is: bool| if is { 1.0 } else { 0.0 };
+        let most_excess = limits.broadest() - GAUSSIAN_TOP;
+        let excess = bounded(top - GAUSSIAN_TOP, -most_excess, most_excess);
+        self.bend_px[lane] += if is_known { bounded(bend_px, -most_px, most_px) } else { 0.0 };
+        self.width_px[lane] += if is_known { width_px } else { 0.0 };
+        self.num_bent[lane] += one_if(is_known);
+        self.excess[lane] += if is_top { excess } else { 0.0 };
+        self.num_tops[lane] += one_if(is_top);
+        self.fitting[lane] += one_if(limits.fits(shape));
     }
 }
 
@@ -109,6 +167,12 @@ struct PoolShape {
     /// Bend of the bisector, pixels.
     bend_px: f32,
     is_broad: bool,
+}
+
+impl PoolShape {
+    const fn fits(self) -> bool {
+        self.bend_px <= 0.0 && !self.is_broad
+    }
 }
 
 /// Limits of a frame.
@@ -142,24 +206,21 @@ impl Limits {
         GAUSSIAN_TOP + BROADEST.max(self.top_noise)
     }
 
-    /// Returns what the mean shape of points with these flags shows. Each point's share of it is limited.
-    fn mean(&self, points: impl Iterator<Item = (PointShape, u8)>) -> PoolShape {
-        let (mut bend_px, mut width_px, mut num_bent) = (0.0, 0.0, 0.0_f32);
-        let (mut excess, mut num_tops) = (0.0, 0.0_f32);
-        let most_excess = self.broadest() - GAUSSIAN_TOP;
-        for (point, flags) in points {
-            if !point.bend_px.is_finite() || !point.width_px.is_finite() {
-                continue;
-            }
-            let most_px = self.most_bend_px(point.width_px);
-            bend_px += point.bend_px.clamp(-most_px, most_px);
-            width_px += point.width_px;
-            num_bent += 1.0;
-            if flags & flag::SATURATED == 0 {
-                excess += (point.top - GAUSSIAN_TOP).clamp(-most_excess, most_excess);
-                num_tops += 1.0;
-            }
-        }
+    /// True if a point fits by itself, false where an edge is hidden.
+    #[inline(always)]
+    fn fits(&self, shape: &PointShape) -> bool {
+        let &PointShape { bend_px, width_px, top } = shape;
+        (bend_px.abs() <= self.most_bend_px(width_px))
+            & (top <= self.broadest())
+            & (top * width_px <= WIDEST_CLIPPED_PX)
+    }
+
+    /// Returns what the mean shape of points shows.
+    fn mean(&self, sums: &Sums) -> PoolShape {
+        let sum = |lanes: &Lane| lanes.iter().sum::<f32>();
+        let [bend_px, width_px, num_bent] =
+            [&sums.bend_px, &sums.width_px, &sums.num_bent].map(sum);
+        let [excess, num_tops] = [&sums.excess, &sums.num_tops].map(sum);
         // Independent points among n are n / distance.
         let noise = |of_one: f32, num: f32| of_one * (self.distance / num).sqrt();
         let least_px = noise(self.bend_noise_px, num_bent)
@@ -176,13 +237,10 @@ impl Limits {
 
     fn judge(&self, shape: &PointShape, pool: PoolShape, flags: &mut u8, sigma_px: &mut f32) {
         let &PointShape { bend_px, width_px, top } = shape;
-        let most_px = self.most_bend_px(width_px);
-        let broadest = self.broadest();
-        let is_fit = bend_px.abs() <= most_px && top <= broadest && pool.bend_px <= 0.0;
-        // False where an edge is hidden.
-        if is_fit && !pool.is_broad && top * width_px <= WIDEST_CLIPPED_PX {
+        if self.fits(shape) && pool.fits() {
             return;
         }
+        let most_px = self.most_bend_px(width_px);
         let has = |flag: u8, flags: u8| flags & flag != 0;
         let mut widen = |error_px: f32| {
             // An unknown width adds nothing.
@@ -205,7 +263,7 @@ impl Limits {
         let is_broad = if has(flag::SATURATED, *flags) {
             top * width_px > WIDEST_CLIPPED_PX
         } else {
-            top > broadest || pool.is_broad
+            top > self.broadest() || pool.is_broad
         };
         if is_hidden || is_broad {
             *flags |= flag::MISFIT;

@@ -24,6 +24,8 @@ const LEAST: usize = 32;
 /// curve through their neighbours. Of normal errors 2 % do, and a few narrow structures of the surface must not count.
 const FAR_SIGMAS: f32 = 3.0;
 const LONG_TAILS: f64 = 0.07;
+/// Approximate number of points for which that is tested.
+const DEVIATIONS: usize = 256;
 /// With long tails, points farther off than this many standard deviations are outliers.
 const OFF_SIGMAS: f32 = 2.0;
 /// Scatter above the stated one by up to this share plus this many standard errors is chance.
@@ -95,20 +97,17 @@ impl TextureEstimator {
             StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
             StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
         };
-        let deviations = &mut self.quotients;
-        deviations.clear();
-        #[expect(clippy::float_cmp, reason = "numbers of lines are integers")]
-        for run in along.chunk_by(|here, next| next - here == 1.0) {
-            let from = deviations.len();
-            push_deviations(&across[from..from + run.len()], self.distance, deviations);
-        }
         let sigmas = &mut centerline.sigma_px;
-        let pairs = deviations.iter().zip(&*sigmas);
-        let num = pairs.filter(|(deviation, sigma)| **deviation > FAR_SIGMAS * **sigma).count();
-        if sigmas.len() < LEAST || (num as f64) < LONG_TAILS * sigmas.len() as f64 {
+        let num = sigmas.len();
+        let step = num / DEVIATIONS + 1;
+        let is_far =
+            |&at: &usize| deviation_px(along, across, at, self.distance) > FAR_SIGMAS * sigmas[at];
+        let num_far = (0..num).step_by(step).filter(is_far).count();
+        if num < LEAST || ((num_far * step) as f64) < LONG_TAILS * num as f64 {
             return;
         }
-        for (sigma, &deviation) in sigmas.iter_mut().zip(&*deviations) {
+        for (at, sigma) in sigmas.iter_mut().enumerate() {
+            let deviation = deviation_px(along, across, at, self.distance);
             if deviation > OFF_SIGMAS * *sigma {
                 *sigma = in_quadrature(*sigma, deviation);
             }
@@ -157,43 +156,38 @@ impl TextureEstimator {
     }
 }
 
-/// Adds the deviation of each centre of a run without gaps from the curve through its neighbours at a distance: a parabola
-/// through three before it or three behind it, or a cubic through two on either side, whichever is closest. 0 without
-/// neighbours.
-fn push_deviations(across_px: &[f32], distance: usize, deviations: &mut Vec<f32>) {
-    let one_sided =
-        |[here, near, middle, far]: [f32; 4]| (here - 3.0 * (near - middle) - far).abs();
-    let two_sided = |[far_before, before, here, behind, far_behind]: [f32; 5]| {
-        (here - (4.0 * (before + behind) - (far_before + far_behind)) / 6.0).abs()
+/// Returns the deviation of a centre from the curve through its neighbours at a distance: a parabola through three before
+/// it or three behind it, or a cubic through two on either side, whichever is closest. 0 without such neighbours.
+fn deviation_px(along: &[f32], across: &[f32], at: usize, distance: usize) -> f32 {
+    let here = across[at];
+    // NaN where there is no such neighbour.
+    let before = |steps: usize| {
+        let offset = steps * distance;
+        if at < offset || !is_apart(along[at - offset], along[at], offset) {
+            return f32::NAN;
+        }
+        across[at - offset]
     };
-    let num = across_px.len();
-    let num_inner = num.saturating_sub(6 * distance);
-    let first_inner = if num_inner > 0 { 3 * distance } else { num };
-    // Near the ends of the run some neighbours are missing.
-    let at_end = |at: usize| {
-        let px = |steps: isize| {
-            let at = at.checked_add_signed(steps * distance as isize)?;
-            across_px.get(at).copied()
-        };
-        let before = all([px(0), px(-1), px(-2), px(-3)]).map(one_sided);
-        let behind = all([px(0), px(1), px(2), px(3)]).map(one_sided);
-        let between = all([px(-2), px(-1), px(0), px(1), px(2)]).map(two_sided);
-        [before, behind, between].into_iter().flatten().reduce(f32::min).unwrap_or(0.0)
+    let behind = |steps: usize| {
+        let offset = steps * distance;
+        if at + offset >= along.len() || !is_apart(along[at], along[at + offset], offset) {
+            return f32::NAN;
+        }
+        across[at + offset]
     };
-    deviations.extend((0..first_inner).map(at_end));
-    let inner: [&[f32]; 7] =
-        std::array::from_fn(|i| &across_px[(i * distance).min(num - num_inner)..][..num_inner]);
-    for i in 0..num_inner {
-        let [c, b, a, here, d, e, f] = inner.map(|px| px[i]);
-        let one_sided = one_sided([here, a, b, c]).min(one_sided([here, d, e, f]));
-        deviations.push(one_sided.min(two_sided([b, a, here, d, e])));
-    }
-    deviations.extend((first_inner + num_inner..num).map(at_end));
+    let (a, b, c) = (before(1), before(2), before(3));
+    let (d, e, f) = (behind(1), behind(2), behind(3));
+    let before_it = (here - 3.0 * (a - b) - c).abs();
+    let behind_it = (here - 3.0 * (d - e) - f).abs();
+    let between = (here - (4.0 * (a + d) - (b + e)) / 6.0).abs();
+    // `min` ignores NaN.
+    let closest = before_it.min(behind_it).min(between);
+    if closest.is_nan() { 0.0 } else { closest }
 }
 
-/// Returns the numbers if none is missing.
-fn all<const N: usize>(numbers: [Option<f32>; N]) -> Option<[f32; N]> {
-    numbers.iter().all(Option::is_some).then(|| numbers.map(Option::unwrap_or_default))
+#[expect(clippy::float_cmp, reason = "numbers of lines are integers")]
+fn is_apart(first: f32, second: f32, distance: usize) -> bool {
+    second - first == distance as f32
 }
 
 #[cfg(test)]
@@ -260,24 +254,27 @@ mod tests {
 
     #[test]
     fn a_deviation_is_the_smallest_of_three() {
-        let mut deviations = Vec::new();
         // A parabola, and a step: every place has a side that continues it.
         let smooth = |at: usize| {
             let along = at as f32;
             0.25 * along + 0.125 * along * along + if at >= 13 { 5.0 } else { 0.0 }
         };
-        let mut run: Vec<f32> = (0..27).map(smooth).collect();
-        push_deviations(&run, 2, &mut deviations);
-        assert_eq!(deviations, [0.0; 27]);
-        run[6] += 1.0;
-        run[26] -= 2.0;
-        deviations.clear();
-        push_deviations(&run, 2, &mut deviations);
-        assert_eq!((deviations.len(), deviations[6], deviations[26]), (27, 1.0, 2.0));
-        deviations.clear();
-        push_deviations(&[1.0, 9.0], 2, &mut deviations);
-        push_deviations(&[], 2, &mut deviations);
-        assert_eq!(deviations, [0.0; 2]);
+        let along: Vec<f32> = (0..27).map(|at| at as f32).collect();
+        let mut across: Vec<f32> = (0..27).map(smooth).collect();
+        let deviations = |across: &[f32]| -> Vec<f32> {
+            (0..across.len()).map(|at| deviation_px(&along, across, at, 2)).collect()
+        };
+        assert_eq!(deviations(&across), [0.0; 27]);
+        across[6] += 1.0;
+        across[26] -= 2.0;
+        let found = deviations(&across);
+        assert_eq!((found[6], found[26]), (1.0, 2.0));
+        assert_eq!(deviations(&[1.0, 9.0]), [0.0; 2]);
+        // Beyond a gap are no neighbours.
+        let gap = [0.0, 1.0, 2.0, 9.0, 10.0, 11.0, 12.0, 13.0];
+        assert_eq!(deviation_px(&gap, &[0.0; 8], 2, 1), 0.0);
+        let across = [0.0, 0.0, 3.0, 7.0, 7.0, 7.0, 7.0, 7.0];
+        assert_eq!(deviation_px(&gap, &across, 2, 1), 0.0);
     }
 
     #[test]
