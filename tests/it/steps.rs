@@ -180,6 +180,25 @@ fn one_picture_of_a_stair_gauge_gives_heights_and_scale() {
     assert!((lateral_m * FOCAL_PX / OBJECT_DISTANCE_M - 1.0).abs() < 0.01, "{lateral_m}");
 }
 
+/// A stripe in the other direction is named, in a picture and in a recording.
+#[test]
+fn a_stripe_in_the_other_direction_is_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let stair = picture(&[(0.0, 200), (0.002, 400), (0.005, WIDTH)], 1);
+    let turned = image::imageops::rotate90(&stair);
+    let file = save(directory.path(), "turned.png", &turned);
+    let recording = directory.path().join("turned");
+    record_images(&recording, &[image_of_file(&file, 0)]);
+    for source in [file, recording] {
+        let source = format!("{}=0mm,2mm,5mm", source.display());
+        let vertical = ["--gauge-sigma", "1um", "--ros-args", "-p", "stripe_direction:=vertical"];
+        json(&calibrate(std::slice::from_ref(&source), &[&["--json"], &vertical[..]].concat()));
+        let ended = calibrate(&[source], &["--gauge-sigma", "1um"]);
+        assert_eq!(ended.code, Some(1), "{ended:?}");
+        assert!(ended.stderr.contains("set stripe_direction: vertical"), "{ended:?}");
+    }
+}
+
 #[test]
 fn unsuitable_heights_are_errors() {
     let directory = tempfile::tempdir().unwrap();

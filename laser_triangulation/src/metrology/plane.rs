@@ -17,6 +17,8 @@ const MAX_ROUNDS: usize = 20;
 /// Rotation below which the iteration has converged, radians.
 const STANDSTILL_RAD: f64 = 1e-9;
 const MIN_POINTS: usize = 20;
+/// Largest inclination of a plane that a profiler can see, radians.
+const STEEPEST_RAD: f64 = 1.4;
 
 /// A fitted plane with its uncertainty.
 #[derive(Clone, Debug)]
@@ -59,6 +61,15 @@ pub enum FormError {
     /// The points are no surface.
     #[error(transparent)]
     NoSurface(#[from] NoSurface),
+    /// The plane through the points stands upright: they extend further in height than across.
+    #[error(
+        "a plane through the {found} points stands upright: they differ more in height than they extend across; choose a wider \
+         region, or more profiles"
+    )]
+    Upright {
+        /// Points found.
+        found: usize,
+    },
     /// The points do not determine the form.
     #[error("the {found} points lie so that {what} through them is not determined")]
     Degenerate {
@@ -115,7 +126,8 @@ pub fn fit_where(surface: &Surface, is_used: &[bool]) -> Result<PlaneFit, FormEr
 /// Uncertainties account for the correlation of neighbouring points' errors.
 ///
 /// # Errors
-/// Too few points, points that are no surface ([`Surface::check`]), or points on one line within their noise.
+/// Too few points, points that are no surface ([`Surface::check`]), points on one line within their noise, or a plane
+/// steeper than 80°.
 pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
     let points: Vec<Point3<f64>> = surface.measured().map(|(_, point)| *point).collect();
     let found = points.len();
@@ -147,6 +159,9 @@ pub fn fit(surface: &Surface) -> Result<PlaneFit, FormError> {
             let [about_x, about_y] = fit.tilt_sigma_rad;
             if turn_rad >= STANDSTILL_RAD.max(about_x.hypot(about_y)) {
                 return Err(degenerate());
+            }
+            if fit.tilt_rad() > STEEPEST_RAD {
+                return Err(FormError::Upright { found });
             }
             if surface.is_laser_plane(&normal) {
                 return Err(NoSurface::OnePlace { profiles: surface.num_profiles() }.into());

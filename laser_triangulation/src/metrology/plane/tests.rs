@@ -77,3 +77,13 @@ fn too_few_points_and_lines_are_errors() {
     line.points.truncate(60);
     assert_eq!(fit(&line).unwrap_err(), NoSurface::OneProfile.into());
 }
+
+#[test]
+fn a_strip_narrower_than_its_relief_has_no_plane() {
+    for relief_m in [1e-3, 3e-3] {
+        let mut strip = surface(|x, _| relief_m * (2e3 * x).cos(), SIGMA_M, 1, 3);
+        strip.points.truncate(240);
+        assert_eq!(strip.check(), Ok(()));
+        assert_eq!(fit(&strip).unwrap_err(), FormError::Upright { found: 240 });
+    }
+}
