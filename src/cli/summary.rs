@@ -252,10 +252,10 @@ fn write_stripes(out: &mut String, counts: &Counts) {
         _ = writeln!(out, "sigma, median: {noise:.3} px from noise, {texture:.3} px from texture");
     }
     if 2 * counts.saturated > counts.points {
-        _ = writeln!(
-            out,
-            "most points are saturated: shorten the exposure; a colour camera may hold the line in another channel"
-        );
+        let has_chosen = counts.chosen.named().next().is_some();
+        // Without a choice, the images are grey or the parameter names a channel.
+        let remedy = if has_chosen { ", or name another channel than the chosen one" } else { "" };
+        _ = writeln!(out, "most points are saturated: shorten the exposure{remedy}");
     }
 }
 

@@ -38,8 +38,8 @@ pub(super) fn read(document: &Node) -> Result<RawCamera, String> {
         (Some(model), _) => model,
         (None, _) if is_fisheye => "equidistant",
         (None, 4) if find(document, &["fisheyemodel"]).is_none() => {
-            return Err("four coefficients are those of a common lens or of a fisheye: add a line `distortion_model: plumb_bob` \
-                        (k1, k2, p1, p2) or `distortion_model: equidistant` (k1, k2, k3, k4)"
+            return Err("four coefficients are those of a common lens or of a fisheye: add the key `distortion_model` \
+                        with `plumb_bob` (k1, k2, p1, p2) or `equidistant` (k1, k2, k3, k4)"
                 .to_owned());
         }
         (None, 0..=5) => "plumb_bob",
@@ -102,7 +102,7 @@ fn size(document: &Node) -> Result<(u32, u32), String> {
     if let Some([width, height]) = both {
         return Ok((size_px("image_size", width)?, size_px("image_size", height)?));
     }
-    Err("the image size is missing: add lines `image_width: …` and `image_height: …`, in pixels, of the \
+    Err("the image size is missing: add the keys `image_width` and `image_height`, in pixels, of the \
          pictures that it was calibrated with"
         .to_owned())
 }
