@@ -253,8 +253,8 @@ fn write_stripes(out: &mut String, counts: &Counts) {
     }
     if 2 * counts.saturated > counts.points {
         let has_chosen = counts.chosen.named().next().is_some();
-        // Without a choice, the images are grey or the parameter names a channel.
-        let remedy = if has_chosen { ", or name another channel than the chosen one" } else { "" };
+        // Without a choice, images are grey or the parameter names the channel.
+        let remedy = if has_chosen { ", or set channel to a colour that clips less" } else { "" };
         _ = writeln!(out, "most points are saturated: shorten the exposure{remedy}");
     }
 }
