@@ -31,7 +31,8 @@ fn with_causes(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
         if !text.contains(&cause) {
-            text.push_str(": ");
+            // A list ends with a line of its own.
+            text.push_str(if text.ends_with('\n') { "" } else { ": " });
             text.push_str(&cause);
         }
     }

@@ -85,8 +85,12 @@ impl Levels {
             if self.others > LevelFilter::WARN { self.others } else { LevelFilter::ERROR };
         // A viewer that disconnects without closing the connection is not an error.
         let viewers = if self.others > LevelFilter::WARN { self.others } else { LevelFilter::OFF };
+        // The detectors of boards explain in their own terms what our errors say, once for each picture.
+        let detectors =
+            ["calib_targets", "chess_corners", "projective_grid"].map(|name| (name, viewers));
         Targets::new()
             .with_default(self.others)
+            .with_targets(detectors)
             .with_target("rustdds", rustdds)
             .with_target("foxglove", viewers)
             .with_target(VIEWERS, self.others)

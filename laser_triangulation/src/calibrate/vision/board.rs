@@ -20,7 +20,7 @@ use super::{
 
 /// Root mean square distance of corners from where perspective and a lens put them, beyond which a picture is not used,
 /// pixels.
-const MAX_SCATTER_PX: f64 = 0.6;
+pub(super) const MAX_SCATTER_PX: f64 = 0.6;
 /// A corner that lies farther from there is left out: this many standard deviations of the picture's corners,
 const MAX_SIGMAS: f64 = 6.0;
 /// and this many pixels.

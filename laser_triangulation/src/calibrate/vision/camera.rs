@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
-use vision_calibration_core::Uncertainty;
+use vision_calibration_core::{Uncertainty, UncertaintyUnavailable};
 use vision_calibration_optim::RobustLoss;
 
 use super::{
@@ -278,10 +278,22 @@ fn find_outliers(used: &[UsedView]) -> Vec<OutlierView> {
     used.iter().filter_map(outlier).collect()
 }
 
+/// Returns the names of the parameters that a solution without uncertainty leaves open.
+fn undetermined(found: &Uncertainty) -> String {
+    match found {
+        Uncertainty::Unavailable {
+            reason: UncertaintyUnavailable::RankDeficient { unobservable },
+        } => unobservable.join(", "),
+        Uncertainty::Unavailable { reason: UncertaintyUnavailable::AtBound { labels } } => {
+            labels.join(", ")
+        }
+        _ => "the camera".to_owned(),
+    }
+}
+
 fn checked(found: &Uncertainty, camera: &Camera) -> Result<CameraUncertainty, CameraError> {
     let Uncertainty::Available(found) = found else {
-        let parameters = format!("the camera ({found:?})");
-        return Err(CameraError::Vague { parameters });
+        return Err(CameraError::Vague { parameters: undetermined(found) });
     };
     let size = found.labels.len();
     let covariance = DMatrix::from_fn(size, size, |i, j| found.covariance[i][j]);

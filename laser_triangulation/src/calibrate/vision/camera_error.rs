@@ -40,7 +40,7 @@ pub enum CameraError {
     /// The parameters are not determined.
     #[error(
         "the views do not determine {parameters}: more views are needed with the board tilted by 20 to 40 degrees each way \
-         and in all parts of the image"
+         and in all parts of the image, or a lens model with fewer coefficients"
     )]
     Vague {
         /// Names of the parameters that are not determined.

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::{
-    board::Board,
+    board::{Board, MAX_SCATTER_PX},
     board_bend::{self, BoardBend},
     board_shape::BoardShape,
     laser_finder::{Light, LitCenterline},
@@ -75,6 +75,15 @@ pub enum BoardRejection {
         /// Median over all views, pixels.
         median_px: f64,
     },
+    /// The corners are not those of the target under this camera.
+    #[error(
+        "corners lie {rms_px:.2} px from where this camera sees the board, allowed is {MAX_SCATTER_PX}: covered by the line, blurred or \
+         bent, or of another camera or target"
+    )]
+    Elsewhere {
+        /// Root mean square reprojection error, pixels.
+        rms_px: f64,
+    },
     /// The stripe on the board is not a line.
     #[error(transparent)]
     Line(#[from] LineRejected),
@@ -95,6 +104,12 @@ impl LaserLines {
         let square_m = target.unit_m();
         let (poses, mut rejected) = poses(camera, views, square_m);
         let (poses, bend) = with_bend(camera, views, square_m, poses);
+        let (poses, elsewhere): (Vec<_>, Vec<_>) =
+            poses.into_iter().partition(|(_, pose)| pose.rms_px() <= MAX_SCATTER_PX);
+        rejected.extend(elsewhere.into_iter().map(|(index, pose)| RejectedBoard {
+            index,
+            reason: BoardRejection::Elsewhere { rms_px: pose.rms_px() },
+        }));
         let shared = bend.filter(|bend| bend.is_shared);
         let shape = shared.map_or_else(BoardShape::default, |bend| bend.shape);
         let find = |wanted: Light| {

@@ -68,13 +68,20 @@ pub enum LineRejected {
         /// Points on it.
         points: usize,
     },
-    /// The points form no single straight line.
+    /// The points form no straight line.
     #[error(
-        "the bright pixels on the board form no straight line: {rms_px:.2} px RMS, {filled:.0} % of its length seen"
+        "the bright pixels on the board form no straight line: {rms_px:.2} px RMS, allowed is {MAX_RMS_PX}"
     )]
     Crooked {
         /// Root mean square distance from the line, pixels.
         rms_px: f64,
+    },
+    /// The points fill too little of their line.
+    #[error(
+        "no line of laser light on the board: the bright pixels fill {filled:.0} % of a line's length, at least {} % are needed",
+        100.0 * MIN_FILLED
+    )]
+    Sparse {
         /// Share of the length with points on it, percent.
         filled: f64,
     },
@@ -119,8 +126,11 @@ pub(super) fn find(
     // One point per row or column: a line at 45 degrees has 0.7 points per pixel.
     let steps = line.direction.amax() * length_px;
     let filled = points as f64 / steps;
-    if rms_px > MAX_RMS_PX || filled < MIN_FILLED {
-        return Err(LineRejected::Crooked { rms_px, filled: 100.0 * filled });
+    if rms_px > MAX_RMS_PX {
+        return Err(LineRejected::Crooked { rms_px });
+    }
+    if filled < MIN_FILLED {
+        return Err(LineRejected::Sparse { filled: 100.0 * filled });
     }
     Ok(StripeLine { points: close.iter().map(|point| point.point).collect(), rms_px, length_px })
 }
