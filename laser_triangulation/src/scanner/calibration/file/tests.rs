@@ -74,7 +74,7 @@ fn files_of_opencv_are_read() {
     check(&read(script), PLUMB_BOB);
 
     for (text, word) in [
-        (yaml(&d(4, "[ 0.1, -0.2, 0.001, -0.002 ]")), "distortion_model: equidistant"),
+        (yaml(&d(4, "[ 0.1, -0.2, 0.001, -0.002 ]")), "`distortion_model` with `plumb_bob`"),
         (yaml(&five).replace("image_width: 1920\n", ""), "image_width"),
         (yaml(&five).replace("rows: 5", "rows: 4"), "rows x cols"),
         (yaml(""), "distortion_coefficients is missing"),
