@@ -12,11 +12,18 @@ mod real;
 mod render;
 mod warped_boards;
 
-use std::path::Path;
+use std::{fs, path::Path};
 
+use image::{DynamicImage, RgbImage};
+use laser_profiler::{
+    calibrate::{Board, GrayPicture, Target, TargetDetector},
+    scanner::camera::Camera,
+};
+use nalgebra::Isometry3;
 use serde_json::Value as Json;
 
 use crate::program::{Ended, end, laser_profiler};
+use render::{Renderer, Surface, save, save_camera};
 
 /// Runs `calibrate` with `--json`; it must succeed.
 fn calibrate(arguments: &[&str], input: &Path, output: &Path) -> Json {
@@ -48,6 +55,62 @@ fn number(json: &Json, key: &str) -> f64 {
 
 fn vector(json: &Json, key: &str) -> nalgebra::Vector3<f64> {
     nalgebra::Vector3::from_fn(|i, _| json[key][i].as_f64().unwrap())
+}
+
+/// The focal lengths lie within two stated standard deviations of the truth, the principal point within three, and no
+/// standard deviation exceeds `most_px`.
+fn assert_holds(found: &Json, truth: &Camera, most_px: f64) {
+    for (name, wanted, sigmas) in [
+        ("fx", truth.fx_px, 2.0),
+        ("fy", truth.fy_px, 2.0),
+        ("cx", truth.cx_px, 3.0),
+        ("cy", truth.cy_px, 3.0),
+    ] {
+        let off = number(&found["intrinsics"], name) - wanted;
+        let sigma = number(&found["uncertainties"], name);
+        eprintln!("{name}: {off:.3} ± {sigma:.3}");
+        let holds = off.abs() < sigmas * sigma && sigma < most_px;
+        assert!(holds, "{name}: {off} ± {sigma}: {found}");
+    }
+}
+
+/// Calibrates the plane of the rendered laser with the true camera, from pictures of a surface in these poses.
+fn rendered_plane(
+    surface: &dyn Surface,
+    poses: impl IntoIterator<Item = Isometry3<f64>>,
+    target: &str,
+) -> Json {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    fs::create_dir(at("pictures")).unwrap();
+    let renderer = Renderer::new();
+    for (i, pose) in poses.into_iter().enumerate() {
+        let picture = renderer.render(surface, &pose, Some(&render::laser()));
+        save(&picture, &at("pictures"), &format!("view_{i:02}.png"));
+    }
+    save_camera(render::camera(), &at("camera.yaml"));
+    let camera = at("camera.yaml").display().to_string();
+    let plane = ["plane", "--target", target, "--camera", &camera];
+    let vertical = ["--ros-args", "-p", "stripe_direction:=vertical"];
+    calibrate(&[&plane[..], &vertical].concat(), &at("pictures"), &at("rig.yaml"))
+}
+
+/// Returns the angle between the found plane of the rendered laser and the true one, degrees, and the difference of their
+/// distances, metres.
+fn off_plane(found: &Json) -> [f64; 2] {
+    let truth = render::laser();
+    let off_deg = vector(found, "normal").angle(&truth.normal).to_degrees();
+    [off_deg, (number(found, "distance_m") - truth.distance_m).abs()]
+}
+
+/// Detects a target in a picture.
+fn found_in(picture: &RgbImage, target: &str) -> Result<Board, String> {
+    let target: Target = target.parse().unwrap();
+    let picture = DynamicImage::from(picture.clone()).into_luma8();
+    let (width, height) = picture.dimensions();
+    let picture = GrayPicture { width, height, levels: picture.into_raw() };
+    let detector = TargetDetector::new(&target, 12).unwrap();
+    detector.detect(&picture).map_err(|error| error.to_string())
 }
 
 /// Returns the reason why the view whose name contains `view` was not used.

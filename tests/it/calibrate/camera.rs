@@ -8,34 +8,18 @@ use tempfile::TempDir;
 
 use super::{
     calibrate, number, reason, refused,
-    render::{self, Checkerboard, Renderer, pose, save},
+    render::{self, Checkerboard, Renderer, VIEWS, pose, save},
     run,
 };
 
 const BOARD: Checkerboard = Checkerboard { columns: 8, rows: 5, square_m: 0.03 };
 const CAMERA: [&str; 3] = ["camera", "--target", "checkerboard:8x5:0.030"];
 
-/// Middle and turns of boards in all parts of the image, tilted each way.
-const VIEWS: [([f64; 3], [f64; 3]); 12] = [
-    ([0.0, 0.0, 0.45], [0.0, 0.0, 0.0]),
-    ([-0.06, -0.04, 0.45], [25.0, 0.0, 5.0]),
-    ([0.06, -0.04, 0.45], [-25.0, 5.0, -5.0]),
-    ([-0.06, 0.04, 0.45], [0.0, 28.0, 3.0]),
-    ([0.06, 0.04, 0.45], [3.0, -28.0, 0.0]),
-    ([0.0, 0.03, 0.42], [20.0, 20.0, 10.0]),
-    ([0.0, -0.03, 0.42], [-20.0, 22.0, -10.0]),
-    ([0.05, 0.0, 0.5], [22.0, -20.0, 20.0]),
-    ([-0.05, 0.0, 0.5], [-22.0, -20.0, -20.0]),
-    ([-0.09, 0.06, 0.55], [-30.0, 8.0, 2.0]),
-    ([0.09, -0.06, 0.55], [30.0, -8.0, -2.0]),
-    ([0.08, 0.06, 0.5], [10.0, 30.0, 0.0]),
-];
-
-fn rendered(views: &[([f64; 3], [f64; 3])]) -> TempDir {
+fn rendered(views: &[[[f64; 3]; 2]]) -> TempDir {
     let directory = tempfile::tempdir().unwrap();
     let renderer = Renderer::new();
-    for (i, (middle, turned)) in views.iter().enumerate() {
-        let picture = renderer.render(&BOARD, &pose(&BOARD, *middle, *turned), None);
+    for (i, &[middle, turned]) in views.iter().enumerate() {
+        let picture = renderer.render(&BOARD, &pose(&BOARD, middle, turned), None);
         save(&picture, directory.path(), &format!("view_{i:02}.png"));
     }
     directory
@@ -130,7 +114,7 @@ fn damaged_pictures_are_data_lost() {
     assert!(ended.stdout.contains("cut.png"), "{ended:?}");
 }
 
-fn refused_views(views: &[([f64; 3], [f64; 3])], reported: &[&str]) {
+fn refused_views(views: &[[[f64; 3]; 2]], reported: &[&str]) {
     let pictures = rendered(views);
     refused(&CAMERA, pictures.path(), &pictures.path().join("camera.yaml"), reported);
 }
@@ -142,19 +126,19 @@ fn too_few_views_are_refused() {
 
 #[test]
 fn parallel_boards_are_refused() {
-    let flat = VIEWS.map(|(middle, [_, _, z])| (middle, [12.0, 8.0, z]));
+    let flat = VIEWS.map(|[middle, [_, _, z]]| [middle, [12.0, 8.0, z]]);
     refused_views(&flat, &["parallel", "tilt the board by 20 to 40 degrees"]);
 }
 
 #[test]
 fn boards_tilted_about_one_axis_only_are_refused() {
-    let one_way = VIEWS.map(|(middle, [_, y, z])| (middle, [0.0, 1.3 * y, 0.2 * z]));
+    let one_way = VIEWS.map(|[middle, [_, y, z]]| [middle, [0.0, 1.3 * y, 0.2 * z]]);
     refused_views(&one_way, &["horizontal axis", "forwards and backwards"]);
 }
 
 #[test]
 fn boards_in_one_part_of_the_image_are_refused() {
-    let corner = VIEWS.map(|([x, y, _], turned)| ([-0.5 + x, -0.38 + y, 1.5], turned));
+    let corner = VIEWS.map(|[[x, y, _], turned]| [[-0.5 + x, -0.38 + y, 1.5], turned]);
     refused_views(&corner, &["no view has corners of the board in these parts", "bottom right"]);
 }
 

@@ -3,8 +3,8 @@
 use std::{fs, path::PathBuf};
 
 use laser_profiler::scanner::{
-    calibration::{Calibration, CameraCalibration},
-    camera::Camera,
+    calibration::Calibration,
+    camera::{Camera, Distortion},
     laser_plane::LaserPlane,
 };
 use nalgebra::Vector3;
@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use super::{
     calibrate, number, reason, refused,
-    render::{self, Checkerboard, Renderer, pose, save},
+    render::{self, Checkerboard, Renderer, pose, save, save_camera},
     vector,
 };
 
@@ -54,13 +54,7 @@ impl Scene {
     }
 
     fn write_camera(&self, camera: Camera) {
-        let file = CameraCalibration {
-            camera_name: "rendered".to_owned(),
-            camera,
-            quality: None,
-            calibrated_at: None,
-        };
-        fs::write(self.directory.path().join("camera.yaml"), file.to_yaml()).unwrap();
+        save_camera(camera, &self.directory.path().join("camera.yaml"));
     }
 
     fn add(&self, name: &str, [middle, turned]: [[f64; 3]; 2], laser: Option<&LaserPlane>) {
@@ -123,6 +117,15 @@ fn a_camera_of_another_size_is_refused() {
     let scene = Scene::with(&VIEWS);
     scene.write_camera(Camera { width_px: 640, height_px: 480, ..render::camera() });
     scene.refused(&["480 x 360", "640 x 480"]);
+}
+
+/// Its lens bends the other way: the corners lie a pixel and more from where this camera sees them, in every view.
+#[test]
+fn the_camera_of_another_lens_is_refused() {
+    let scene = Scene::with(&VIEWS);
+    let distortion = Distortion::PlumbBob { k1: 0.6, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
+    scene.write_camera(Camera { distortion, ..render::camera() });
+    scene.refused(&["6 not used", "px from where this camera sees the board"]);
 }
 
 #[test]

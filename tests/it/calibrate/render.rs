@@ -4,6 +4,7 @@ use std::path::Path;
 
 use image::{Rgb, RgbImage};
 use laser_profiler::scanner::{
+    calibration::CameraCalibration,
     camera::{Camera, DistortedPixel, Distortion},
     laser_plane::LaserPlane,
 };
@@ -29,6 +30,33 @@ pub(super) fn camera() -> Camera {
         distortion: Distortion::PlumbBob { k1: -0.12, k2: 0.08, p1: 0.001, p2: -0.0005, k3: 0.0 },
         tilt_rad: [0.0; 2],
     }
+}
+
+/// Middle and turns, degrees, of boards in all parts of the image, tilted each way.
+pub(super) const VIEWS: [[[f64; 3]; 2]; 12] = [
+    [[0.0, 0.0, 0.45], [0.0, 0.0, 0.0]],
+    [[-0.06, -0.04, 0.45], [25.0, 0.0, 5.0]],
+    [[0.06, -0.04, 0.45], [-25.0, 5.0, -5.0]],
+    [[-0.06, 0.04, 0.45], [0.0, 28.0, 3.0]],
+    [[0.06, 0.04, 0.45], [3.0, -28.0, 0.0]],
+    [[0.0, 0.03, 0.42], [20.0, 20.0, 10.0]],
+    [[0.0, -0.03, 0.42], [-20.0, 22.0, -10.0]],
+    [[0.05, 0.0, 0.5], [22.0, -20.0, 20.0]],
+    [[-0.05, 0.0, 0.5], [-22.0, -20.0, -20.0]],
+    [[-0.09, 0.06, 0.55], [-30.0, 8.0, 2.0]],
+    [[0.09, -0.06, 0.55], [30.0, -8.0, -2.0]],
+    [[0.08, 0.06, 0.5], [10.0, 30.0, 0.0]],
+];
+
+/// Writes the calibration of a camera alone.
+pub(super) fn save_camera(camera: Camera, file: &Path) {
+    let calibration = CameraCalibration {
+        camera_name: "rendered".to_owned(),
+        camera,
+        quality: None,
+        calibrated_at: None,
+    };
+    std::fs::write(file, calibration.to_yaml()).unwrap();
 }
 
 /// The laser of all pictures: a steep plane half a metre before the camera.

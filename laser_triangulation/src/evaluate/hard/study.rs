@@ -140,29 +140,16 @@ fn figures(method: Method, classes: &[Tally]) -> MethodFigures {
 }
 
 fn described(scene: &HardScene, methods: Vec<MethodOnScene>) -> SceneFigures {
-    let HardScene {
-        number,
-        class,
-        direction,
-        saturation,
-        sigma_px,
-        glow,
-        halo,
-        second,
-        texture,
-        ..
-    } = *scene;
-    let (class, direction) = (class.name(), direction.name());
     SceneFigures {
-        number,
-        class,
-        direction,
-        saturation,
-        sigma_px,
-        glow,
-        halo,
-        second,
-        texture,
+        number: scene.number,
+        class: scene.class.name(),
+        direction: scene.direction.name(),
+        saturation: scene.saturation,
+        sigma_px: scene.sigma_px,
+        glow: scene.glow,
+        halo: scene.halo,
+        second: scene.second,
+        texture: scene.texture,
         methods,
     }
 }

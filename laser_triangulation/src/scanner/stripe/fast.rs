@@ -174,7 +174,7 @@ impl<S: Sample> FastExtractor<S> {
             assembler.push(batch, &points, levels);
         }
         texture.add_to(centerline);
-        shapes.judge(centerline, kernel.weights().len());
+        shapes.judge(centerline, *direction, kernel.weights().len());
     }
 
     /// Finds all candidates, sorted by line and position; returns the segment threshold, blurred units.

@@ -11,7 +11,10 @@ use super::{
     lanes::{LANES, Lane, append, each},
     shape::Shape,
 };
-use crate::statistics::{MAD_TO_SIGMA, median};
+use crate::{
+    scanner::params::StripeDirection,
+    statistics::{MAD_TO_SIGMA, median},
+};
 
 /// Width of a Gaussian near its top divided by that at half its peak: √(ln(1/0.7) / ln 2).
 const GAUSSIAN_TOP: f32 = 0.717_34;
@@ -84,19 +87,41 @@ impl Shapes {
 
     /// Widens sigma and sets [`flag::MISFIT`] where the cross-section does not fit its model. Points closer than
     /// `distance` share pixels.
-    pub(super) fn judge(&mut self, centerline: &mut Centerline, distance: usize) {
+    pub(super) fn judge(
+        &mut self,
+        centerline: &mut Centerline,
+        direction: StripeDirection,
+        distance: usize,
+    ) {
         let limits = Limits::of(self, distance);
-        let Centerline { flags, sigma_px, .. } = centerline;
+        let Centerline { u_px, v_px, stripe_start, flags, sigma_px, .. } = centerline;
+        let along = match direction {
+            StripeDirection::Horizontal => u_px,
+            StripeDirection::Vertical => v_px,
+        };
+        // A further stripe begins again at the first lines: its shape is another one.
+        let is_further = |at: &usize| *at > 0 && along[*at] < along[*at - 1];
+        let starts = stripe_start.iter().map(|&at| at as usize).filter(is_further);
+        let mut from = 0;
+        for to in starts.chain([flags.len()]) {
+            let stripe = from..to;
+            self.judge_stripe(&limits, from, &mut flags[stripe.clone()], &mut sigma_px[stripe]);
+            from = to;
+        }
+    }
+
+    /// Judges the points of one stripe, the first of which has the index `first`.
+    fn judge_stripe(&self, limits: &Limits, first: usize, flags: &mut [u8], sigma_px: &mut [f32]) {
         let num_pools = (flags.len() / POOL).max(1);
         for pool in 0..num_pools {
             let [from, to] = [pool, pool + 1].map(|pool| pool * flags.len() / num_pools);
-            let sums = self.sums(&limits, &flags[from..to], from);
+            let sums = self.sums(limits, &flags[from..to], first + from);
             let mean = limits.mean(&sums);
             if mean.fits() && sums.fitting.iter().sum::<f32>() >= (to - from) as f32 {
                 continue;
             }
             for at in from..to {
-                limits.judge(&self.at(at), mean, &mut flags[at], &mut sigma_px[at]);
+                limits.judge(&self.at(first + at), mean, &mut flags[at], &mut sigma_px[at]);
             }
         }
     }

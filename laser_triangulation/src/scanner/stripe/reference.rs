@@ -126,7 +126,7 @@ pub(super) fn extract_next<S: Sample>(
         assembler.push(&[found], &points, &levels);
     }
     TextureEstimator::new(params, direction).add_to(&mut centerline);
-    shapes.judge(&mut centerline, kernel.weights().len());
+    shapes.judge(&mut centerline, direction, kernel.weights().len());
     centerline
 }
 

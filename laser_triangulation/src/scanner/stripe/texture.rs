@@ -7,6 +7,8 @@
 //! magnitude of the quotients, 0.6745 for normal errors of the stated size, is robust against steps, gaps and outliers.
 //!
 //! Structures of the surface that are as fine as the distance count as texture, too.
+//!
+//! In strong speckle errors have longer tails than normal ones. Where that shows, the outliers' own sigma is widened.
 
 use super::{Centerline, correlation::Correlation, elementary::in_quadrature};
 use crate::{
@@ -59,8 +61,8 @@ impl TextureEstimator {
         }
     }
 
-    /// Returns the standard deviation of the centres from texture, pixels, and adds it to every sigma. Returns 0 if the
-    /// stated noise explains the scatter, or if the stripe is too short.
+    /// Returns the standard deviation of the centres from texture, pixels, and adds it to every sigma; then widens the sigma
+    /// of outliers. Returns 0 if the stated noise explains the scatter, or if the stripe is too short.
     pub(super) fn add_to(&mut self, centerline: &mut Centerline) -> f32 {
         self.last_px = self.add(centerline);
         self.widen_outliers(centerline);

@@ -160,3 +160,28 @@ fn two_lines_without_a_valley_do_not_fit_in_speckle_either() {
         assert!(doubt < 0.05, "{method:?} alone: {doubt}");
     }
 }
+
+/// A good line beside a merged pair, both shorter than a pool: each is judged by its own shapes.
+#[test]
+fn a_second_stripe_does_not_put_the_first_in_doubt() {
+    for method in METHODS {
+        let light = |d: f64| {
+            let pair = gaussian(d - 40.0, 2.2) + 0.6 * gaussian(d - 43.3, 2.2);
+            150.0 * gaussian(d, 2.2) + 100.0 * pair
+        };
+        let params = ExtractionParams { max_stripes: 2, min_segment_area: 100, ..with(method) };
+        let picture = render(light, 0.0);
+        let columns = 60;
+        let narrow: Vec<u8> =
+            picture.chunks_exact(WIDTH).flat_map(|row| &row[..columns]).copied().collect();
+        let image =
+            Image::packed(columns as u32, HEIGHT as u32, PixelFormat::Mono8, &narrow).unwrap();
+        let mut extractor = Extractor::new(params, StripeDirection::Horizontal);
+        let line = extractor.extract(&image);
+        assert_eq!(line.len(), 2 * columns, "{method:?}");
+        let doubted = |points: &[u8]| points.iter().filter(|f| **f & flag::MISFIT != 0).count();
+        let (first, second) = line.flags.split_at(columns);
+        assert!(doubted(first) <= 3, "{method:?}: {}", doubted(first));
+        assert!(doubted(second) >= columns - 3, "{method:?}: {}", doubted(second));
+    }
+}
