@@ -153,8 +153,9 @@ fn detector(
 }
 
 /// Codes of each dictionary, after a number of codes that no marker has.
-static AFTER: [[OnceLock<Vec<u64>>; MAX_SIDE as usize / 2 + 1]; 22] =
-    [const { [const { OnceLock::new() }; MAX_SIDE as usize / 2 + 1] }; 22];
+static AFTER: [[OnceLock<Vec<u64>>; MAX_SIDE as usize / 2 + 1]; NUM_DICTIONARIES] =
+    [const { [const { OnceLock::new() }; MAX_SIDE as usize / 2 + 1] }; NUM_DICTIONARIES];
+const NUM_DICTIONARIES: usize = builtins::BUILTIN_DICTIONARY_NAMES.len();
 
 /// Returns the markers for the old layout. With an even number of rows, it is the new layout of a board with one more row
 /// on top, whose markers have the numbers before 0.
