@@ -159,7 +159,7 @@ fn copy_topics(
         let profiles = qos::parse(&topic.qos).filter(|profiles| !profiles.is_empty());
         if profiles.is_some_and(|profiles| qos::to_yaml(&profiles) != topic.qos) {
             notes.insert(format!(
-                "{}: its quality of service is written in the words of version 9 of rosbag2",
+                "{}: its quality of service is written as names, as version 9 of rosbag2 does, not as numbers",
                 topic.name
             ));
         }

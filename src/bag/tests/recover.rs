@@ -92,7 +92,7 @@ fn what_is_rewritten_is_told() {
     let notes = recovery.notes.join("\n");
     for told in [
         "/a: messages of foxglove_msgs are rewritten as sensor_msgs/msg/CompressedImage",
-        "/a: its quality of service is written in the words of version 9 of rosbag2",
+        "/a: its quality of service is written as names, as version 9 of rosbag2 does, not as numbers",
     ] {
         assert!(notes.contains(told), "{told}: {notes}");
     }
