@@ -2,7 +2,7 @@
 //! bit.
 
 use super::{
-    Centerline,
+    Centerline, SigmaParts,
     assemble::Assembler,
     background::BackgroundFilter,
     blur::{Kernel, Sample, blurred_at},
@@ -94,19 +94,15 @@ impl<S: Sample> FastExtractor<S> {
         self.selector.reset();
     }
 
-    /// Standard deviation of the last frame's centres from texture, pixels.
-    pub(super) const fn texture_px(&self) -> f32 {
-        self.texture.last_px()
-    }
-
-    /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` in the image.
+    /// Replaces `centerline` by that of a plane whose top-left sample lies at `offset` in the image. Returns what its
+    /// standard deviations consist of; `None` without points.
     pub(super) fn extract(
         &mut self,
         plane: &Plane<'_, S>,
         offset: Offset,
         full_scale: u32,
         centerline: &mut Centerline,
-    ) {
+    ) -> Option<SigmaParts> {
         let threshold = self.find(plane, full_scale);
         let Self {
             kernel,
@@ -173,8 +169,9 @@ impl<S: Sample> FastExtractor<S> {
             });
             assembler.push(batch, &points, levels);
         }
-        texture.add_to(centerline);
+        let sigma_parts = texture.add_to(centerline);
         shapes.judge(centerline, *direction, kernel.weights().len());
+        sigma_parts
     }
 
     /// Finds all candidates, sorted by line and position; returns the segment threshold, blurred units.

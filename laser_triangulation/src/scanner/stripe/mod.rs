@@ -70,7 +70,6 @@ use super::{
     image::Image,
     params::{Channel, ExtractionParams, StripeDirection},
 };
-use crate::statistics::median;
 use fast::FastExtractor;
 use smooth::Smoother;
 
@@ -157,7 +156,8 @@ impl Centerline {
     }
 }
 
-/// What the standard deviation of a frame's centres consists of: the medians over its points, before smoothing.
+/// What the standard deviation of a frame's centres consists of: medians along the stripe, before smoothing, without what
+/// [`flag::MISFIT`] adds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SigmaParts {
     /// Standard deviation from the noise of the pixels, pixels.
@@ -209,7 +209,6 @@ pub struct Extractor {
     decoder: Decoder,
     centerline: Centerline,
     sigma_parts: Option<SigmaParts>,
-    sigmas_px: Vec<f32>,
 }
 
 impl Default for Extractor {
@@ -235,7 +234,6 @@ impl Extractor {
             decoder: Decoder::default(),
             centerline: Centerline::default(),
             sigma_parts: None,
-            sigmas_px: Vec::new(),
         }
     }
 
@@ -301,21 +299,10 @@ impl Extractor {
         full_scale: u32,
         centerline: &mut Centerline,
     ) {
-        let texture_px = match plane {
-            AnyPlane::Eight(plane) => {
-                self.eight.extract(plane, offset, full_scale, centerline);
-                self.eight.texture_px()
-            }
-            AnyPlane::Sixteen(plane) => {
-                self.sixteen.extract(plane, offset, full_scale, centerline);
-                self.sixteen.texture_px()
-            }
+        self.sigma_parts = match plane {
+            AnyPlane::Eight(plane) => self.eight.extract(plane, offset, full_scale, centerline),
+            AnyPlane::Sixteen(plane) => self.sixteen.extract(plane, offset, full_scale, centerline),
         };
-        self.sigmas_px.clone_from(&centerline.sigma_px);
-        self.sigma_parts = median(&mut self.sigmas_px).map(|sigma_px| SigmaParts {
-            noise_px: (sigma_px.powi(2) - texture_px.powi(2)).max(0.0).sqrt(),
-            texture_px,
-        });
         self.smoother.smooth(centerline);
     }
 
