@@ -6,6 +6,8 @@ use crate::scanner::{
     stripe::{Centerline, elementary::in_quadrature},
 };
 
+/// Neighbours at this distance share neither pixels nor speckles, lines.
+const DISTANCE: usize = 7;
 /// Errors have long tails if this share of the points lies farther than so many of their standard deviations from the
 /// curve through their neighbours. Of normal errors 2 % do, and a few narrow structures of the surface must not count.
 const FAR_SIGMAS: f32 = 3.0;
@@ -16,9 +18,9 @@ const LEAST: usize = 32;
 /// With long tails, points farther off than this many standard deviations are outliers.
 const OFF_SIGMAS: f32 = 2.0;
 
-/// Widens the sigma of points that lie far from the curve through their neighbours at a distance, if so many do that the
+/// Widens the sigma of points that lie far from the curve through their neighbours at [`DISTANCE`], if so many do that the
 /// errors have long tails.
-pub(super) fn widen(centerline: &mut Centerline, direction: StripeDirection, distance: usize) {
+pub(super) fn widen(centerline: &mut Centerline, direction: StripeDirection) {
     let (along, across) = match direction {
         StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
         StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
@@ -26,13 +28,13 @@ pub(super) fn widen(centerline: &mut Centerline, direction: StripeDirection, dis
     let sigmas = &mut centerline.sigma_px;
     let num = sigmas.len();
     let step = num / DEVIATIONS + 1;
-    let is_far = |&at: &usize| deviation_px(along, across, at, distance) > FAR_SIGMAS * sigmas[at];
+    let is_far = |&at: &usize| deviation_px(along, across, at, DISTANCE) > FAR_SIGMAS * sigmas[at];
     let num_far = (0..num).step_by(step).filter(is_far).count();
     if num < LEAST || ((num_far * step) as f64) < LONG_TAILS * num as f64 {
         return;
     }
     for (at, sigma) in sigmas.iter_mut().enumerate() {
-        let deviation = deviation_px(along, across, at, distance);
+        let deviation = deviation_px(along, across, at, DISTANCE);
         if deviation > OFF_SIGMAS * *sigma {
             *sigma = in_quadrature(*sigma, deviation);
         }
@@ -82,7 +84,7 @@ mod tests {
                 line.v_px[at] += deviation_px;
             }
             let before = line.clone();
-            widen(&mut line, StripeDirection::Horizontal, 7);
+            widen(&mut line, StripeDirection::Horizontal);
             let wide: Vec<usize> =
                 (0..2000).filter(|&at| line.sigma_px[at] > 3.0 * before.sigma_px[at]).collect();
             let right: Vec<_> = wide.iter().filter(|at| structures.contains(at)).collect();
