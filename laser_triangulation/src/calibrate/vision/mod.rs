@@ -31,6 +31,7 @@ mod laser_plane;
 mod least_squares;
 mod markers;
 mod picture;
+mod plane_response;
 mod pose;
 mod positions;
 mod quads;

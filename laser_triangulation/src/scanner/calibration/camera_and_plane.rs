@@ -82,8 +82,24 @@ impl CameraAndPlane {
                 "a plane that the optical axis meets before the lens: normal with a third value of 0.05 or more",
             ));
         }
+        self.check_response()?;
         let [of_camera, of_plane] = self.volumes();
         CalibratedVolume::check(of_camera, "camera_quality.volume")?;
         CalibratedVolume::check(of_plane, "plane_quality.volume")
+    }
+
+    /// Checks that the plane's response refers to the camera's parameters.
+    fn check_response(&self) -> Result<(), CalibrationError> {
+        let response = self.plane_quality.as_ref().and_then(|of| of.camera_response.as_ref());
+        let Some(response) = response else { return Ok(()) };
+        let num = self.camera_quality.as_ref().map_or(0, |quality| quality.parameters.len());
+        if response.len() == 3 * num && response.iter().all(|value| value.is_finite()) {
+            return Ok(());
+        }
+        Err(CalibrationError::value(
+            "plane_quality.camera_response",
+            format!("{response:?}"),
+            "3 rows with one finite number for each of camera_quality.parameters, or no such line",
+        ))
     }
 }

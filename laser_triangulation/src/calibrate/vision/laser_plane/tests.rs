@@ -1,0 +1,107 @@
+//! Whether the uncertainty that a calibration states is true: simulated calibrations, each with its own noise, measure
+//! surfaces that are known.
+//!
+//! Camera and plane of each are estimated from noisy corners and stripes, by the functions behind `calibrate camera` and
+//! `calibrate plane`. The surfaces are seen without noise: what is off is off because of the calibration.
+
+mod boards;
+mod rig;
+mod surfaces;
+
+use super::*;
+use crate::{
+    calibrate::{BoardBend, Target},
+    simulate::noise::frame_rng,
+};
+use rig::SimulatedRig;
+use surfaces::{FIGURES, Figures};
+
+/// Calibrations of each rig.
+const TRIALS: u64 = 40;
+/// Root mean square of errors over their standard deviations, which is 1 if these are true: with 40 calibrations it
+/// scatters by 0.11.
+const TRUE_RMS: std::ops::RangeInclusive<f64> = 0.7..=1.3;
+/// About 95 % of the errors are within that many standard deviations.
+const WITHIN: f64 = 2.2;
+/// Fewest of 40 within it: fewer happen once in a hundred draws of 95 %.
+const MIN_WITHIN: usize = 35;
+
+/// Errors over stated standard deviations.
+struct Trial {
+    /// As stated.
+    stated: Figures,
+    /// If errors of camera and plane were independent.
+    independent: Figures,
+}
+
+fn trial(rig: &SimulatedRig, number: u64) -> Trial {
+    let random = &mut frame_rng(2029, number);
+    let target: Target = rig.target().parse().unwrap();
+    let camera = rig.calibrated_camera(random);
+    let lines = rig.lines(&camera.camera, &target, random);
+    let fit = calibrate_plane(&lines, camera.quality.as_ref()).unwrap();
+    let found = fit.calibration(camera, "laser_plane");
+    let mut independent = found.clone();
+    independent.plane_quality.as_mut().unwrap().camera_response = None;
+    Trial { stated: rig.judged(&found), independent: rig.judged(&independent) }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+/// The stated uncertainty of every figure is true, and that of the slope along the stripe would not be if errors of
+/// camera and plane were independent.
+fn assert_true(name: &str, rig: &SimulatedRig) {
+    let trials: Vec<_> = (0..TRIALS).map(|number| trial(rig, number)).collect();
+    for (at, figure) in FIGURES.into_iter().enumerate() {
+        let stated: Vec<_> = trials.iter().map(|trial| trial.stated[at]).collect();
+        let independent: Vec<_> = trials.iter().map(|trial| trial.independent[at]).collect();
+        let within = stated.iter().filter(|error| error.abs() <= WITHIN).count();
+        let [size, other] = [&stated, &independent].map(|errors| rms(errors));
+        eprintln!("{name}, {figure}: {size:.2}, {within} within {WITHIN}; independent: {other:.2}");
+        assert!(TRUE_RMS.contains(&size), "{name}, {figure}: {size}");
+        assert!(within >= MIN_WITHIN, "{name}, {figure}: {within}");
+        if figure == FIGURES[0] {
+            assert!(other > 1.8, "{name}, {figure}: {other}");
+        }
+    }
+}
+
+#[test]
+fn the_stated_uncertainty_is_true() {
+    assert_true("few views", &SimulatedRig::with_few_views());
+}
+
+#[test]
+fn with_a_wide_lens_and_a_vertical_stripe_too() {
+    assert_true("wide", &SimulatedRig::wide());
+}
+
+#[test]
+fn with_a_long_lens_and_noise_too() {
+    assert_true("long", &SimulatedRig::long());
+}
+
+#[test]
+fn with_a_bent_board_too() {
+    assert_true("bent", &SimulatedRig::with_a_bent_board());
+}
+
+#[test]
+fn the_bend_widens_the_planes_uncertainty() {
+    let random = &mut frame_rng(2030, 0);
+    let rig = SimulatedRig::with_a_bent_board();
+    let camera = rig.calibrated_camera(random);
+    let lines = rig.lines(&camera.camera, &rig.target().parse().unwrap(), random);
+    let bend = lines.bend.unwrap();
+    assert!(bend.is_shared, "{bend:?}");
+    let covariance =
+        |bend| calibrate_plane(&LaserLines { bend, ..lines.clone() }, None).unwrap().covariance;
+    let without = covariance(None);
+    let shared = covariance(Some(bend)) - without;
+    // All of the bend in place of its uncertainty.
+    let own = covariance(Some(BoardBend { is_shared: false, ..bend })) - without;
+    assert!(shared.diagonal().min() > 0.0, "{shared}");
+    assert!(own.trace() > 0.0 && own.determinant().abs() < 1e-9 * own.trace().powi(3), "{own}");
+}
