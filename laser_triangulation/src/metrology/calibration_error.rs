@@ -46,9 +46,9 @@ pub fn needs_positions(calibration: &Calibration) -> bool {
 }
 
 /// Returns the calibration shifted by one standard deviation along each of its independent directions, the principal
-/// axes of its covariance. Their effects on any result add in quadrature. The plane follows the camera as the calibration
-/// states, or is assumed independent of it; the axis is assumed independent of both, and varies in direction, position
-/// and scale.
+/// axes of its covariance. Their effects on any result add in quadrature. Plane and axis follow the camera as
+/// the calibration states; where it does not, they are assumed independent of it. The axis varies in direction,
+/// position and scale.
 ///
 /// # Errors
 /// The file states no covariance.
@@ -98,29 +98,22 @@ fn others(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static str
     Ok(others)
 }
 
-/// Returns the rigs whose camera is off by one standard deviation, each with the plane that this camera would have
-/// measured; none if the camera's covariance is unknown.
+/// Returns the rigs whose camera is off by one standard deviation, each with the plane and the axis that this camera
+/// would have measured; none if the camera's covariance is unknown.
 fn other_cameras(geometry: &CameraAndPlane) -> Vec<CameraAndPlane> {
     let stated = geometry.camera_quality.as_ref().filter(|quality| quality.has_covariance());
     let Some(quality) = stated else { return Vec::new() };
-    let num = quality.parameters.len();
-    let response = geometry.plane_quality.as_ref().and_then(|of| of.camera_response.as_deref());
-    let response = response.filter(|response| response.len() == 3 * num);
-    let other = |axis: Vec<f64>| {
+    let other = |by: Vec<f64>| {
         let mut camera = geometry.camera;
-        for (name, by) in quality.parameters.iter().zip(&axis) {
+        for (name, by) in quality.parameters.iter().zip(&by) {
             if let Some(value) = camera.value_mut(name) {
                 *value += by;
             }
         }
-        let along = |row: &[f64]| row.iter().zip(&axis).map(|(slope, by)| slope * by).sum();
-        let plane = response.map_or(geometry.plane, |response| {
-            let [a, b, c] = [0, 1, 2].map(|row| along(&response[num * row..num * (row + 1)]));
-            geometry.plane.moved([a, b, c])
-        });
-        CameraAndPlane { camera, plane, ..geometry.clone() }
+        let (plane, axis) = (geometry.plane_seen_by(&by), geometry.axis_seen_by(&by));
+        CameraAndPlane { camera, plane, axis, ..geometry.clone() }
     };
-    axes(num, &quality.covariance).into_iter().map(other).collect()
+    axes(quality.parameters.len(), &quality.covariance).into_iter().map(other).collect()
 }
 
 /// Returns the rigs whose axis is off by one standard deviation.

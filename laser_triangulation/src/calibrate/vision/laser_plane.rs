@@ -4,8 +4,9 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::{
+    camera_response::CameraResponse,
     laser_lines::{BoardLine, LaserLines},
-    plane_response::{CameraResponse, Source},
+    plane_response::Source,
 };
 use crate::{
     scanner::{
@@ -59,7 +60,7 @@ pub struct LaserPlaneFit {
     /// the board's bend. The camera's own share is [`camera_covariance`](Self::camera_covariance).
     pub covariance: Matrix3<f64>,
     /// How the plane follows the camera; `None` if the camera's covariance is unknown.
-    camera_response: Option<CameraResponse>,
+    camera_response: Option<CameraResponse<3>>,
     /// Both ends of every line that was used, in the camera's frame, metres.
     pub ends_m: Vec<Point3<f64>>,
 }
@@ -181,9 +182,6 @@ impl LaserPlaneFit {
     #[must_use]
     pub fn calibration(&self, camera: CameraCalibration, frame_id: &str) -> CameraAndPlane {
         let covariance = std::array::from_fn(|i| self.covariance[(i / 3, i % 3)]);
-        // By rows, as the covariances.
-        let rows =
-            |response: &CameraResponse| response.per_parameter.transpose().as_slice().to_vec();
         CameraAndPlane {
             frame_id: frame_id.to_owned(),
             camera_name: camera.camera_name,
@@ -194,7 +192,7 @@ impl LaserPlaneFit {
                 rms_m: self.rms_m,
                 boards_used: self.used.len() as u32,
                 covariance: Some(covariance),
-                camera_response: self.camera_response.as_ref().map(rows),
+                camera_response: self.camera_response.as_ref().map(CameraResponse::rows),
                 volume: self.volume(&camera.camera),
             }),
             alignment: None,
@@ -308,7 +306,8 @@ pub(super) fn offset(plane: &LaserPlane, other: &LaserPlane) -> Vector3<f64> {
     Vector3::new(a, b, other.distance_m - plane.distance_m)
 }
 
-/// The jackknife (Efron and Stein 1981): `(n - 1) / n · Σ (θᵢ - θ̄)²`, θᵢ without board i.
+/// The jackknife (Efron and Stein 1981): `(n - 1) / n · Σ (θᵢ - θ̄)²`, θᵢ without board i; times `(n - 1) / (n - 3)`, the
+/// variance of Student's t with n - 1 degrees of freedom, because few boards know their own scatter badly.
 fn leave_one_out(
     boards: &[&BoardLine],
     plane: &LaserPlane,
@@ -322,7 +321,8 @@ fn leave_one_out(
     let count = found.len() as f64;
     let mean = found.iter().sum::<Vector3<f64>>() / count;
     let squares = found.iter().map(|one| (one - mean) * (one - mean).transpose());
-    Ok(squares.sum::<Matrix3<f64>>() * ((count - 1.0) / count))
+    let few = (count - 1.0) / (count - 3.0);
+    Ok(squares.sum::<Matrix3<f64>>() * (few * (count - 1.0) / count))
 }
 
 #[cfg(test)]

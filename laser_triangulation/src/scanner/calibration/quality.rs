@@ -77,6 +77,12 @@ pub struct AxisQuality {
     /// One standard deviation of the scale, in its unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale_sigma: Option<f64>,
+    /// How the axis follows the camera with which it was measured: the change of two tilts of its direction, along the
+    /// `perpendicular_basis` of it, radians, of its place along the same, metres, and of its scale, for one unit of each of
+    /// the camera's parameters; row-major, 5 rows with as many columns as [`CameraQuality::parameters`]. `None` if unknown:
+    /// errors of axis and camera then count as independent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_response: Option<Vec<f64>>,
 }
 
 /// Quality of a homography or of formula 6, from known heights.

@@ -83,6 +83,7 @@ fn full() -> CameraAndPlane {
         axis_quality: Some(AxisQuality {
             rms_px: Some(0.37),
             positions_used: 40,
+            camera_response: Some(vec![0.25; 10]),
             ..AxisQuality::default()
         }),
         calibrated_at: Some("2026-11-22T12:00:00Z".into()),
@@ -204,6 +205,7 @@ fn wrong_values_are_refused_by_name() {
         ("\"fx\"", "\"focus\"", "focus"),
         ("\"covariance\":[1.0,", "\"covariance\":[", "camera_quality.covariance"),
         ("_response\":[0.0001,", "_response\":[", "plane_quality.camera_response"),
+        ("_response\":[0.25,", "_response\":[", "axis_quality.camera_response"),
         ("tilt_rad: [0.01,", "tilt_rad: [1.5,", "tilt_rad"),
         ("laser_plane: {normal: [0.9", "laser_plane: {normal: [9.9", "laser_plane.normal"),
         (", 0.387", ", -0.387", "laser_plane.normal"),

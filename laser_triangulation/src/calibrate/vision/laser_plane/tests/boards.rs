@@ -6,8 +6,12 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::{rig::SimulatedRig, *};
 use crate::{
-    calibrate::{Board, BoardView, CameraViews, Corner, Light, LitCenterline, calibrate_camera},
+    calibrate::{
+        AxisTarget, AxisView, Board, BoardView, CameraViews, Checkerboard, Corner, Light,
+        LitCenterline, SeenTarget, calibrate_axis, calibrate_camera,
+    },
     scanner::{
+        axis::{AxisKind, RawPosition},
         params::{Channel, StripeDirection},
         stripe::Centerline,
     },
@@ -19,9 +23,12 @@ const CORNERS: [u32; 2] = [9, 6];
 const MIN_CORNERS: usize = 30;
 /// Points of a line at least.
 const MIN_POINTS: usize = 100;
+/// Pictures of a board on an axis at least.
+const MIN_MOVED: usize = 12;
 /// Places on a board that are tried as points of its line, which become one a pixel.
 const PLACES: u32 = 4000;
 
+#[derive(Clone)]
 struct PosedBoard {
     /// Pose of its middle in the camera's frame.
     pose: Isometry3<f64>,
@@ -106,6 +113,39 @@ impl SimulatedRig {
         LaserLines::find(camera, &views, target, 0.5)
     }
 
+    /// Adds the axis to a calibration, from whole boards that move on it.
+    pub(super) fn with_axis(
+        &self,
+        mut found: CameraAndPlane,
+        random: &mut impl Rng,
+    ) -> CameraAndPlane {
+        let Some(axis) = &self.axis else { return found };
+        let step = match axis.kind {
+            AxisKind::Prismatic => 0.005,
+            AxisKind::Revolute => 0.08,
+        };
+        let views = loop {
+            let Some(first) = self.board(random) else { continue };
+            let views = (0..25).filter_map(|place| {
+                let stated = step * f64::from(place);
+                let pose = axis.pose(RawPosition(stated)) * first.pose;
+                let board = self.seen(&PosedBoard { pose, ..first.clone() }, random);
+                let is_whole = board.corners.len() == (CORNERS[0] * CORNERS[1]) as usize;
+                let (size_px, target) = (self.size_px, SeenTarget::Board(board));
+                is_whole.then_some(AxisView { size_px, stated, target, stripes: Vec::new() })
+            });
+            let views: Vec<_> = views.collect();
+            if views.len() >= MIN_MOVED {
+                break views;
+            }
+        };
+        let [columns, rows] = CORNERS;
+        let board = Checkerboard { columns, rows, square_m: self.square_m };
+        let fit = calibrate_axis(&found, &AxisTarget::Board(board), &views).unwrap();
+        fit.apply_to(&mut found);
+        found
+    }
+
     /// Returns a board, its middle anywhere in the image, tilted by up to 40 degrees each way.
     fn board(&self, random: &mut impl Rng) -> Option<PosedBoard> {
         let mut between = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
@@ -119,6 +159,12 @@ impl SimulatedRig {
         let middle = Translation3::from(Vector3::new(x, y, depth_m));
         let pose = Isometry3::from_parts(middle, rotation);
         let mut posed = PosedBoard { pose, bend_per_m: self.bend_per_m, board: Board::default() };
+        posed.board = self.seen(&posed, random);
+        (posed.board.corners.len() >= MIN_CORNERS).then_some(posed)
+    }
+
+    /// Returns the corners of a board that the image shows.
+    fn seen(&self, posed: &PosedBoard, random: &mut impl Rng) -> Board {
         let [columns, rows] = CORNERS;
         let mut corners = Vec::new();
         for place in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
@@ -128,8 +174,7 @@ impl SimulatedRig {
             let noise = Vector2::new(normal(random), normal(random)) * self.noise_px[0];
             corners.push(Corner { place, seen: seen + noise });
         }
-        posed.board = Board { columns, rows, corners, ..Board::default() };
-        (posed.board.corners.len() >= MIN_CORNERS).then_some(posed)
+        Board { columns, rows, corners, ..Board::default() }
     }
 
     /// Returns the laser's line on a board, about one point a pixel.

@@ -3,7 +3,14 @@
 use nalgebra::{Point2, Point3, Unit, Vector3};
 
 use super::*;
-use crate::{calibrate::LensModel, scanner::params::StripeDirection, simulate::rig::Lens};
+use crate::{
+    calibrate::LensModel,
+    scanner::{
+        axis::{Axis, AxisKind},
+        params::StripeDirection,
+    },
+    simulate::rig::Lens,
+};
 
 /// A rig, and how it is calibrated.
 #[derive(Clone)]
@@ -30,6 +37,8 @@ pub(super) struct SimulatedRig {
     pub(super) noise_px: [f64; 2],
     /// Coefficients of the bend of all boards, 1/m.
     pub(super) bend_per_m: [f64; 3],
+    /// The axis that moves the part; `None`: along the laser plane's normal, exactly.
+    pub(super) axis: Option<Axis>,
 }
 
 impl SimulatedRig {
@@ -53,6 +62,7 @@ impl SimulatedRig {
             views: [12, 9],
             noise_px: [0.08, 0.1],
             bend_per_m: [0.0; 3],
+            axis: None,
         }
     }
 
@@ -102,7 +112,14 @@ impl SimulatedRig {
 
     /// Boards with a bow of a millimetre.
     pub(super) fn with_a_bent_board() -> Self {
-        Self { bend_per_m: [0.1, 0.03, -0.05], ..Self::new() }
+        Self { bend_per_m: [0.1, 0.03, -0.05], views: [20, 20], ..Self::new() }
+    }
+
+    /// A turntable whose axis is calibrated from a board on it.
+    pub(super) fn with_a_turntable() -> Self {
+        let direction = Unit::new_normalize(Vector3::new(0.0, -0.6, -0.75));
+        let (kind, point_m) = (AxisKind::Revolute, Point3::new(0.0, 0.05, 0.4));
+        Self { axis: Some(Axis { kind, point_m, direction, scale: 1.0 }), ..Self::new() }
     }
 
     /// The true laser plane.
