@@ -209,6 +209,7 @@ fn off(random: &mut impl Rng, camera: &[f64], plane: &LaserPlane, axis: &Axis) -
             rms_m: 3e-4,
             boards_used: 20,
             covariance: of_plane.as_slice().try_into().ok(),
+            camera_response: None,
             volume: None,
         }),
         alignment: None,

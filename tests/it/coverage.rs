@@ -156,6 +156,7 @@ fn plane(random: &mut impl Rng) -> (LaserPlane, LaserPlane, PlaneQuality) {
         rms_m: PLANE_SIGMA_M,
         boards_used: 10,
         covariance: covariance.as_slice().try_into().ok(),
+        camera_response: None,
         volume: None,
     };
     (truth, found, quality)

@@ -1,19 +1,17 @@
 //! The effect of a calibration's uncertainty on measured points.
 
-mod axes;
 mod outside;
 mod rig;
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
-use super::surface::Surface;
+use super::{principal_axes::axes, surface::Surface};
 use crate::scanner::{
     axis::{Axis, AxisKind},
     calibration::{AxisQuality, Calibration, CameraAndPlane, VerticalIncidence},
     params::StripeDirection,
     pose::perpendicular_basis,
 };
-use axes::axes;
 pub use outside::num_outside;
 use rig::Rig;
 
@@ -48,8 +46,9 @@ pub fn needs_positions(calibration: &Calibration) -> bool {
 }
 
 /// Returns the calibration shifted by one standard deviation along each of its independent directions, the principal
-/// axes of its covariance. Their effects on any result add in quadrature. Camera, plane and axis are assumed
-/// independent; the axis varies in direction, position and scale.
+/// axes of its covariance. Their effects on any result add in quadrature. Plane and axis follow the camera as
+/// the calibration states; where it does not, they are assumed independent of it. The axis varies in direction,
+/// position and scale.
 ///
 /// # Errors
 /// The file states no covariance.
@@ -89,32 +88,32 @@ pub fn perturbations(
 fn others(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static str> {
     let plane = geometry.plane_quality.as_ref().and_then(|quality| quality.covariance);
     let plane = plane.ok_or("the file states no covariance of its laser plane")?;
-    let mut others = Vec::new();
-    let tangents = geometry.plane.tangents();
-    for axis in axes(3, &plane) {
-        let mut other = geometry.clone();
-        let turned =
-            other.plane.normal.into_inner() + axis[0] * tangents[0] + axis[1] * tangents[1];
-        other.plane.normal = Unit::new_normalize(turned);
-        other.plane.distance_m += axis[2];
-        others.push(other);
-    }
-    if let Some(quality) = &geometry.camera_quality {
-        let num = quality.parameters.len();
-        if num > 0 && quality.covariance.len() == num * num {
-            for axis in axes(num, &quality.covariance) {
-                let mut other = geometry.clone();
-                for (name, by) in quality.parameters.iter().zip(axis) {
-                    if let Some(value) = other.camera.value_mut(name) {
-                        *value += by;
-                    }
-                }
-                others.push(other);
-            }
-        }
-    }
+    let planes = axes(3, &plane).into_iter().map(|axis| {
+        let plane = geometry.plane.moved([axis[0], axis[1], axis[2]]);
+        CameraAndPlane { plane, ..geometry.clone() }
+    });
+    let mut others: Vec<_> = planes.collect();
+    others.extend(other_cameras(geometry));
     others.extend(other_axes(geometry)?);
     Ok(others)
+}
+
+/// Returns the rigs whose camera is off by one standard deviation, each with the plane and the axis that this camera
+/// would have measured; none if the camera's covariance is unknown.
+fn other_cameras(geometry: &CameraAndPlane) -> Vec<CameraAndPlane> {
+    let stated = geometry.camera_quality.as_ref().filter(|quality| quality.has_covariance());
+    let Some(quality) = stated else { return Vec::new() };
+    let other = |by: Vec<f64>| {
+        let mut camera = geometry.camera;
+        for (name, by) in quality.parameters.iter().zip(&by) {
+            if let Some(value) = camera.value_mut(name) {
+                *value += by;
+            }
+        }
+        let (plane, axis) = (geometry.plane_seen_by(&by), geometry.axis_seen_by(&by));
+        CameraAndPlane { camera, plane, axis, ..geometry.clone() }
+    };
+    axes(quality.parameters.len(), &quality.covariance).into_iter().map(other).collect()
 }
 
 /// Returns the rigs whose axis is off by one standard deviation.

@@ -2,6 +2,8 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
+use super::pose::perpendicular_basis;
+
 /// Kind of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AxisKind {
@@ -83,6 +85,19 @@ impl Axis {
         match self.kind {
             AxisKind::Prismatic => AxisTravel::Metres(travel),
             AxisKind::Revolute => AxisTravel::Radians(travel),
+        }
+    }
+
+    /// Returns the axis with its direction tilted along its `perpendicular_basis` by the first two numbers, radians, moved
+    /// along the same by the next two, metres, and its scale larger by the last.
+    pub(crate) fn moved(&self, by: [f64; 5]) -> Self {
+        let [first, second] = perpendicular_basis(&self.direction);
+        let tilted = self.direction.into_inner() + by[0] * first + by[1] * second;
+        Self {
+            direction: Unit::new_normalize(tilted),
+            point_m: self.point_m + by[2] * first + by[3] * second,
+            scale: self.scale + by[4],
+            ..*self
         }
     }
 

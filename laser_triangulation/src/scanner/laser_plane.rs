@@ -19,6 +19,14 @@ impl LaserPlane {
         perpendicular_basis(&self.normal)
     }
 
+    /// Returns the plane with its normal tilted along the tangents by the first two numbers, radians, and its distance
+    /// larger by the third, metres.
+    pub(crate) fn moved(&self, by: [f64; 3]) -> Self {
+        let [first, second] = self.tangents();
+        let tilted = self.normal.into_inner() + by[0] * first + by[1] * second;
+        Self { normal: Unit::new_normalize(tilted), distance_m: self.distance_m + by[2] }
+    }
+
     /// Intersection of a ray from the lens with the plane, metres; `None` if there is none in front of the lens.
     pub fn meet(&self, ray: Vector3<f64>) -> Option<Point3<f64>> {
         let scale = self.distance_m / self.normal.dot(&ray);

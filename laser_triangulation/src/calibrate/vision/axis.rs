@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::{
     axis_distance::{self, DistanceError, TableDistance},
+    axis_response,
     board::{Board, BoardDetector, BoardRejected},
     board_axis::{self, BoardAxisError},
     board_shape::BoardShape,
@@ -199,8 +200,23 @@ pub fn calibrate_axis(
     if let Some(view) = views.iter().find(|view| view.size_px != camera) {
         return Err(AxisError::Size { pictures: view.size_px, camera });
     }
+    let mut fit = fitted(geometry, target, views, None)?;
+    let axis = fit.axis;
+    fit.quality.camera_response = axis_response::find(geometry, &axis, |other| {
+        Some(fitted(other, target, views, Some(axis.direction)).ok()?.axis)
+    });
+    Ok(fit)
+}
+
+/// Fits the axis; `near` is its direction, if it is known roughly.
+fn fitted(
+    geometry: &CameraAndPlane,
+    target: &AxisTarget,
+    views: &[AxisView],
+    near: Option<Unit<Vector3<f64>>>,
+) -> Result<AxisFit, AxisError> {
     match target {
-        AxisTarget::Markers(kind) => of_markers(geometry, views, kind),
+        AxisTarget::Markers(kind) => of_markers(geometry, views, kind, near),
         AxisTarget::Board(board) => of_board(&geometry.camera, views, board),
     }
 }
@@ -218,10 +234,11 @@ fn of_markers(
     geometry: &CameraAndPlane,
     views: &[AxisView],
     kind: &MarkerKind,
+    near: Option<Unit<Vector3<f64>>>,
 ) -> Result<AxisFit, AxisError> {
     let camera = &geometry.camera;
     let ids = ids(views);
-    let fit = revolute::fit(camera, &sightings(camera, views, &ids))?;
+    let fit = revolute::fit(camera, &sightings(camera, views, &ids), near)?;
     let distance = match kind.side_m {
         Some(side_m) => axis_distance::from_side(camera, views, &fit, side_m),
         None => axis_distance::from_stripe(geometry, views, &fit),

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Matrix3};
 
 use super::{
     board::Board,
@@ -25,6 +25,8 @@ const MAX_SCATTER: f64 = 2.0;
 pub struct BoardBend {
     /// Its surface.
     pub(super) shape: BoardShape,
+    /// Covariance of the coefficients of [`BEND`].
+    pub(super) covariance: Matrix3<f64>,
     /// Difference between the highest and the lowest point of its squares, the outermost included, metres.
     pub bow_m: f64,
     /// One standard deviation of that, metres.
@@ -32,6 +34,13 @@ pub struct BoardBend {
     /// True if all views show this bend, and results account for it. Otherwise a lens or a board that changes its
     /// shape may look like it: results are those of a flat board.
     pub is_shared: bool,
+}
+
+impl BoardBend {
+    /// Returns the shape that results account for.
+    pub(super) fn accounted(self) -> BoardShape {
+        if self.is_shared { self.shape } else { BoardShape::default() }
+    }
 }
 
 impl fmt::Display for BoardBend {
@@ -72,10 +81,12 @@ pub(super) fn find(
         (other.bow_m(size_m) - bow_m) / step
     };
     let slopes = DVector::from_fn(BEND.len(), |at, _| slope(at));
-    let sigma_m = slopes.dot(&(covariance * &slopes)).sqrt();
+    let sigma_m = slopes.dot(&(&covariance * &slopes)).sqrt();
+    let covariance = Matrix3::from_fn(|i, j| covariance[(i, j)]);
     let is_shared = fit.rms_px.powi(2) < (1.0 - MIN_EXPLAINED) * fit.start_rms_px.powi(2)
         || fit.view_scatter < MAX_SCATTER;
-    (size > SIGNIFICANT).then_some((BoardBend { shape, bow_m, sigma_m, is_shared }, fit))
+    let bend = BoardBend { shape, covariance, bow_m, sigma_m, is_shared };
+    (size > SIGNIFICANT).then_some((bend, fit))
 }
 
 /// Fits what is shared, from poses under the given camera.

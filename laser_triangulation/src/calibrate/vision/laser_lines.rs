@@ -48,6 +48,12 @@ pub struct LaserLines {
     pub bend: Option<BoardBend>,
     /// Views without a usable line.
     pub rejected: Vec<RejectedBoard>,
+    /// The camera.
+    pub(super) camera: Camera,
+    /// Side of a square, metres.
+    pub(super) square_m: f64,
+    /// Boards from which the bend was estimated, by the index of their view: those of all lines, and more.
+    pub(super) boards: Vec<(usize, Board)>,
 }
 
 /// A view that is not used.
@@ -104,23 +110,23 @@ impl LaserLines {
         let square_m = target.unit_m();
         let (poses, mut rejected) = poses(camera, views, square_m);
         let (poses, bend) = with_bend(camera, views, square_m, poses);
+        let boards = poses.iter().map(|(index, _)| (*index, views[*index].board.clone()));
+        let boards = boards.collect();
         let (poses, elsewhere): (Vec<_>, Vec<_>) =
             poses.into_iter().partition(|(_, pose)| pose.rms_px() <= MAX_SCATTER_PX);
         rejected.extend(elsewhere.into_iter().map(|(index, pose)| RejectedBoard {
             index,
             reason: BoardRejection::Elsewhere { rms_px: pose.rms_px() },
         }));
-        let shared = bend.filter(|bend| bend.is_shared);
-        let shape = shared.map_or_else(BoardShape::default, |bend| bend.shape);
+        let shape = bend.map_or_else(BoardShape::default, BoardBend::accounted);
         let find = |wanted: Light| {
             let lines = poses.iter().map(|(index, pose)| {
                 let BoardView { board, stripes } = views[*index];
                 let stripe = stripes.iter().find(|stripe| stripe.light == wanted);
-                let placed =
-                    Placed { board, pose, shape: &shape, square_m, border: border_squares };
-                let line = stripe.ok_or(LineRejected::None);
-                let line =
-                    line.and_then(|found| stripe_line::find(camera, &placed, &found.centerline));
+                let placed = Placed { board, pose, shape: &shape, square_m };
+                let line = stripe.ok_or(LineRejected::None).and_then(|found| {
+                    stripe_line::find(camera, &placed, border_squares, &found.centerline)
+                });
                 (*index, line)
             });
             (wanted, lines.collect::<Vec<_>>())
@@ -142,7 +148,8 @@ impl LaserLines {
                 Err(reason) => rejected.push(RejectedBoard { index, reason: reason.into() }),
             }
         }
-        Self { lines, light, board_rms_px, bend, rejected }
+        let camera = *camera;
+        Self { lines, light, board_rms_px, bend, rejected, camera, square_m, boards }
     }
 }
 

@@ -3,10 +3,16 @@
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use thiserror::Error;
 
-use super::laser_lines::{BoardLine, LaserLines};
+use super::{
+    camera_response::CameraResponse,
+    laser_lines::{BoardLine, LaserLines},
+    plane_response::Source,
+};
 use crate::{
     scanner::{
-        calibration::{CalibratedVolume, CameraAndPlane, CameraCalibration, PlaneQuality, range},
+        calibration::{
+            CalibratedVolume, CameraAndPlane, CameraCalibration, CameraQuality, PlaneQuality, range,
+        },
         camera::Camera,
         laser_plane::LaserPlane,
     },
@@ -49,9 +55,12 @@ pub struct LaserPlaneFit {
     pub used: Vec<BoardResidual>,
     /// Boards that contradict the others.
     pub outliers: Vec<BoardResidual>,
-    /// Covariance of two tilts of the normal along [`LaserPlane::tangents`], radians, and of the distance, metres.
-    /// Estimated by leaving out one board at a time, because all points of a board share its errors.
+    /// Covariance of two tilts of the normal along [`LaserPlane::tangents`], radians, and of the distance, metres, with this
+    /// camera: estimated by leaving out one board at a time, because all points of a board share its errors, and that of
+    /// the board's bend. The camera's own share is [`camera_covariance`](Self::camera_covariance).
     pub covariance: Matrix3<f64>,
+    /// How the plane follows the camera; `None` if the camera's covariance is unknown.
+    camera_response: Option<CameraResponse<3>>,
     /// Both ends of every line that was used, in the camera's frame, metres.
     pub ends_m: Vec<Point3<f64>>,
 }
@@ -91,13 +100,23 @@ pub enum LaserPlaneError {
         "the lines' plane passes through the lens: the laser must not shine along the camera's view"
     )]
     ThroughLens,
+    /// The boards cannot be placed with a camera, or a bend, within the uncertainty.
+    #[error(
+        "a camera (or a bend of the board) that differs by a hundredth of its stated standard deviation does not see these \
+         boards: calibrate the camera again, from more views"
+    )]
+    Loose,
 }
 
-/// Fits the plane by least squares of distances, without boards that contradict the others.
+/// Fits the plane by least squares of distances, without boards that contradict the others. `quality` is that of the
+/// camera with which the lines were found: the plane inherits its uncertainty.
 ///
 /// # Errors
-/// Too few boards, or lines that determine no plane.
-pub fn calibrate_plane(found: &LaserLines) -> Result<LaserPlaneFit, LaserPlaneError> {
+/// Too few boards, lines that determine no plane, or a camera so uncertain that the boards cannot be placed with it.
+pub fn calibrate_plane(
+    found: &LaserLines,
+    quality: Option<&CameraQuality>,
+) -> Result<LaserPlaneFit, LaserPlaneError> {
     let boards = &found.lines;
     if boards.len() < MIN_BOARDS {
         return Err(LaserPlaneError::Few { usable: boards.len() });
@@ -128,20 +147,34 @@ pub fn calibrate_plane(found: &LaserLines) -> Result<LaserPlaneFit, LaserPlaneEr
     if rms_m > MAX_RMS * distances_m.sum::<f64>() / points as f64 {
         return Err(LaserPlaneError::NoPlane { rms_mm: 1e3 * rms_m });
     }
-    let covariance = leave_one_out(&kept, &start)?;
+    let source = Source { found, kept: &kept, plane: start };
+    let of_bend = source.of_bend().ok_or(LaserPlaneError::Loose)?;
+    let covariance = leave_one_out(&kept, &start)? + of_bend;
+    let known = quality.filter(|quality| quality.has_covariance());
+    let response = |quality| source.of_camera(quality).ok_or(LaserPlaneError::Loose);
+    let camera_response = known.map(response).transpose()?;
     let ends = kept.iter().flat_map(|board| {
         let points = &board.line.points;
         [points.first(), points.last()].into_iter().flatten().copied()
     });
     let ends_m = ends.collect();
-    Ok(LaserPlaneFit { plane: start, rms_m, used, outliers, covariance, ends_m })
+    Ok(LaserPlaneFit { plane: start, rms_m, used, outliers, covariance, camera_response, ends_m })
 }
 
 impl LaserPlaneFit {
-    /// Returns one standard deviation of the two tilts of the normal, radians, and of the distance, metres.
+    /// Returns the covariance that the camera's gives the plane, in the order of [`covariance`](Self::covariance); `None` if
+    /// the camera's is unknown.
+    #[must_use]
+    pub fn camera_covariance(&self) -> Option<Matrix3<f64>> {
+        self.camera_response.as_ref().map(|response| response.covariance)
+    }
+
+    /// Returns one standard deviation of the two tilts of the normal, radians, and of the distance, metres, the camera's
+    /// share included if it is known.
     #[must_use]
     pub fn sigmas(&self) -> [f64; 3] {
-        std::array::from_fn(|i| self.covariance[(i, i)].sqrt())
+        let all = self.covariance + self.camera_covariance().unwrap_or_default();
+        std::array::from_fn(|i| all[(i, i)].sqrt())
     }
 
     /// Returns the calibration of camera and plane, without an axis and without a date. `frame_id` names the frame of the
@@ -159,6 +192,7 @@ impl LaserPlaneFit {
                 rms_m: self.rms_m,
                 boards_used: self.used.len() as u32,
                 covariance: Some(covariance),
+                camera_response: self.camera_response.as_ref().map(CameraResponse::rows),
                 volume: self.volume(&camera.camera),
             }),
             alignment: None,
@@ -230,12 +264,21 @@ fn residual(board: &BoardLine, plane: &LaserPlane) -> BoardResidual {
     }
 }
 
-/// Fits the plane with equal weights for all points.
 fn least_squares(boards: &[&BoardLine]) -> Result<LaserPlane, LaserPlaneError> {
-    let points = || boards.iter().flat_map(|board| &board.line.points);
-    let count = points().count() as f64;
-    let middle: Vector3<f64> = points().map(|point| point.coords).sum::<Vector3<f64>>() / count;
-    let spread: Matrix3<f64> = points()
+    plane_through(boards.iter().flat_map(|board| &board.line.points))
+}
+
+/// Fits the plane with equal weights for all points.
+///
+/// # Errors
+/// Points that determine no plane.
+pub(super) fn plane_through<'a>(
+    points: impl Iterator<Item = &'a Point3<f64>> + Clone,
+) -> Result<LaserPlane, LaserPlaneError> {
+    let count = points.clone().count() as f64;
+    let sum = points.clone().map(|point| point.coords).sum::<Vector3<f64>>();
+    let middle = sum / count;
+    let spread: Matrix3<f64> = points
         .map(|point| {
             let off = point.coords - middle;
             off * off.transpose()
@@ -257,22 +300,30 @@ fn least_squares(boards: &[&BoardLine]) -> Result<LaserPlane, LaserPlaneError> {
     Ok(LaserPlane { normal: Unit::new_normalize(normal), distance_m })
 }
 
-/// The jackknife (Efron and Stein 1981): `(n - 1) / n · Σ (θᵢ - θ̄)²`, θᵢ without board i.
+/// Returns the two tilts, radians, and the growth of the distance, metres, from one plane to another nearby.
+pub(super) fn offset(plane: &LaserPlane, other: &LaserPlane) -> Vector3<f64> {
+    let [a, b] = plane.tangents().map(|tangent| tangent.dot(&other.normal));
+    Vector3::new(a, b, other.distance_m - plane.distance_m)
+}
+
+/// The jackknife (Efron and Stein 1981): `(n - 1) / n · Σ (θᵢ - θ̄)²`, θᵢ without board i; times `(n - 1) / (n - 3)`, the
+/// variance of Student's t with n - 1 degrees of freedom, because few boards know their own scatter badly.
 fn leave_one_out(
     boards: &[&BoardLine],
     plane: &LaserPlane,
 ) -> Result<Matrix3<f64>, LaserPlaneError> {
-    let [first, second] = plane.tangents();
     let mut found = Vec::with_capacity(boards.len());
     for left_out in 0..boards.len() {
         let others: Vec<_> =
             (0..boards.len()).filter(|&i| i != left_out).map(|i| boards[i]).collect();
-        let other = least_squares(&others)?;
-        let (a, b) = (first.dot(&other.normal), second.dot(&other.normal));
-        found.push(Vector3::new(a, b, other.distance_m));
+        found.push(offset(plane, &least_squares(&others)?));
     }
     let count = found.len() as f64;
     let mean = found.iter().sum::<Vector3<f64>>() / count;
     let squares = found.iter().map(|one| (one - mean) * (one - mean).transpose());
-    Ok(squares.sum::<Matrix3<f64>>() * ((count - 1.0) / count))
+    let few = (count - 1.0) / (count - 3.0);
+    Ok(squares.sum::<Matrix3<f64>>() * (few * (count - 1.0) / count))
 }
+
+#[cfg(test)]
+mod tests;

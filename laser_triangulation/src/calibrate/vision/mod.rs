@@ -2,6 +2,7 @@
 
 mod axis;
 mod axis_distance;
+mod axis_response;
 mod board;
 mod board_axis;
 mod board_bend;
@@ -10,6 +11,7 @@ mod board_shape;
 mod bundle;
 mod camera;
 mod camera_error;
+mod camera_response;
 mod charuco;
 mod charuco_detector;
 mod charuco_diagnosis;
@@ -31,6 +33,7 @@ mod laser_plane;
 mod least_squares;
 mod markers;
 mod picture;
+mod plane_response;
 mod pose;
 mod positions;
 mod quads;

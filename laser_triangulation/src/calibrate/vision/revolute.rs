@@ -71,11 +71,16 @@ pub enum RevoluteError {
     NoAxis(String),
 }
 
-/// Fits the axis about which all markers move on circles.
+/// Fits the axis about which all markers move on circles. `near` is its direction, if it is known roughly: from there one
+/// start suffices.
 ///
 /// # Errors
 /// Too few pictures, too small an angle, or no common axis.
-pub(super) fn fit(camera: &Camera, sightings: &[Sighting]) -> Result<RevoluteFit, RevoluteError> {
+pub(super) fn fit(
+    camera: &Camera,
+    sightings: &[Sighting],
+    near: Option<Unit<Vector3<f64>>>,
+) -> Result<RevoluteFit, RevoluteError> {
     let frames = sightings.iter().map(|s| s.frame + 1).max().unwrap_or(0);
     let markers = sightings.iter().map(|s| s.marker + 1).max().unwrap_or(0);
     if frames < MIN_FRAMES {
@@ -86,7 +91,10 @@ pub(super) fn fit(camera: &Camera, sightings: &[Sighting]) -> Result<RevoluteFit
         RevoluteError::NoAxis("a marker lies where the lens is not known".to_owned())
     })?;
     let problem = Problem { camera, sightings, rays: &rays, frames, markers };
-    let mut starts: Vec<_> = half_sphere().filter_map(|n| Some((problem.guess(n)?, n))).collect();
+    // Away from the lens.
+    let away = |near: Unit<Vector3<f64>>| vec![near.into_inner() * near.z.signum()];
+    let tried = near.map_or_else(|| half_sphere().collect(), away).into_iter();
+    let mut starts: Vec<_> = tried.filter_map(|n| Some((problem.guess(n)?, n))).collect();
     starts.sort_by(|a, b| a.0.0.total_cmp(&b.0.0));
     let found = starts.into_iter().take(STARTS).filter_map(|((_, start), normal)| {
         let solved = least_squares::minimise(start, |x| problem.residuals(normal, x))?;

@@ -36,8 +36,6 @@ pub(super) struct Placed<'a> {
     pub(crate) shape: &'a BoardShape,
     /// Side of a square, metres.
     pub(crate) square_m: f64,
-    /// Width of the flat rim beyond the inner corners, squares: 1 for the outermost squares.
-    pub(crate) border: f64,
 }
 
 /// The line on one board.
@@ -45,6 +43,8 @@ pub(super) struct Placed<'a> {
 pub struct StripeLine {
     /// Points of the line on the board, in the camera's frame, metres.
     pub points: Vec<Point3<f64>>,
+    /// Their positions in the picture, pixels.
+    pub(super) seen: Vec<Point2<f64>>,
     /// Root mean square distance of its points from a straight line, undistorted pixels.
     pub rms_px: f64,
     /// Length from end to end, pixels.
@@ -90,21 +90,24 @@ pub enum LineRejected {
 /// A point of the stripe on the board.
 #[derive(Clone, Copy)]
 struct OnBoard {
+    seen: Point2<f64>,
     /// Its undistorted position, pixels from the principal point.
     straight: Point2<f64>,
     point: Point3<f64>,
 }
 
-/// Finds the line among a centreline's points on the board's squares.
+/// Finds the line among a centreline's points on the board's squares. `border` is the width of the flat rim beyond the
+/// inner corners, in squares: 1 for the outermost squares.
 ///
 /// # Errors
 /// No line, a line that is too short, or points that form no line.
 pub(super) fn find(
     camera: &Camera,
     placed: &Placed<'_>,
+    border: f64,
     stripe: &Centerline,
 ) -> Result<StripeLine, LineRejected> {
-    let on_board = on_board(camera, placed, stripe);
+    let on_board = on_board(camera, placed, border, stripe);
     let line = best_line(&on_board).ok_or(LineRejected::None)?;
     let close: Vec<_> = on_board
         .into_iter()
@@ -132,23 +135,48 @@ pub(super) fn find(
     if filled < MIN_FILLED {
         return Err(LineRejected::Sparse { filled: 100.0 * filled });
     }
-    Ok(StripeLine { points: close.iter().map(|point| point.point).collect(), rms_px, length_px })
+    let seen = close.iter().map(|point| point.seen).collect();
+    let points = close.iter().map(|point| point.point).collect();
+    Ok(StripeLine { points, seen, rms_px, length_px })
+}
+
+/// Returns the points of a board at these positions of the picture, in the camera's frame, metres.
+pub(super) fn points(
+    camera: &Camera,
+    placed: &Placed<'_>,
+    seen: &[Point2<f64>],
+) -> Option<Vec<Point3<f64>>> {
+    let board_from_camera = placed.pose.camera_from_board.inverse();
+    let point = |&seen: &Point2<f64>| {
+        let on = placed.meet(&board_from_camera, camera.ray(DistortedPixel(seen))?);
+        Some(placed.pose.camera_from_board * on)
+    };
+    seen.iter().map(point).collect()
 }
 
 /// Returns the points whose rays meet the board within the squares around its corners.
-fn on_board(camera: &Camera, placed: &Placed<'_>, stripe: &Centerline) -> Vec<OnBoard> {
-    let &Placed { board, pose, square_m, border, .. } = placed;
+fn on_board(
+    camera: &Camera,
+    placed: &Placed<'_>,
+    border: f64,
+    stripe: &Centerline,
+) -> Vec<OnBoard> {
+    let &Placed { board, pose, square_m, .. } = placed;
     let board_from_camera = pose.camera_from_board.inverse();
     let inside = |at: f64, corners: u32| {
         (-border..=f64::from(corners) - 1.0 + border).contains(&(at / square_m))
     };
     let points = stripe.u_px.iter().zip(&stripe.v_px).filter_map(|(&u, &v)| {
-        let ray = camera.ray(DistortedPixel(Point2::new(u.into(), v.into())))?;
+        let seen = Point2::new(u.into(), v.into());
+        let ray = camera.ray(DistortedPixel(seen))?;
         let on = placed.meet(&board_from_camera, ray);
         let point = pose.camera_from_board * on;
         let straight = Point2::new(ray.x * camera.fx_px, ray.y * camera.fy_px);
-        (inside(on.x, board.columns) && inside(on.y, board.rows))
-            .then_some(OnBoard { straight, point })
+        (inside(on.x, board.columns) && inside(on.y, board.rows)).then_some(OnBoard {
+            seen,
+            straight,
+            point,
+        })
     });
     points.collect()
 }

@@ -82,8 +82,58 @@ impl CameraAndPlane {
                 "a plane that the optical axis meets before the lens: normal with a third value of 0.05 or more",
             ));
         }
+        self.check_responses()?;
         let [of_camera, of_plane] = self.volumes();
         CalibratedVolume::check(of_camera, "camera_quality.volume")?;
         CalibratedVolume::check(of_plane, "plane_quality.volume")
     }
+
+    /// Checks that the responses refer to the camera's parameters.
+    fn check_responses(&self) -> Result<(), CalibrationError> {
+        let of_plane = self.plane_quality.as_ref().and_then(|of| of.camera_response.as_ref());
+        let of_axis = self.axis_quality.as_ref().and_then(|of| of.camera_response.as_ref());
+        let num = self.camera_quality.as_ref().map_or(0, |quality| quality.parameters.len());
+        for (key, rows, response, allowed) in [
+            (
+                "plane_quality.camera_response",
+                3,
+                of_plane,
+                "3 rows with one finite number for each of camera_quality.parameters, or no such key",
+            ),
+            (
+                "axis_quality.camera_response",
+                5,
+                of_axis,
+                "5 rows with one finite number for each of camera_quality.parameters, or no such key",
+            ),
+        ] {
+            let Some(response) = response else { continue };
+            if response.len() != rows * num || !response.iter().all(|value| value.is_finite()) {
+                return Err(CalibrationError::value(key, format!("{response:?}"), allowed));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the laser plane that a camera would have measured whose parameters are off by the given amounts: the
+    /// plane itself, if its response to the camera is unknown.
+    pub(crate) fn plane_seen_by(&self, by: &[f64]) -> LaserPlane {
+        let response = self.plane_quality.as_ref().and_then(|of| of.camera_response.as_deref());
+        response.map_or(self.plane, |rows| self.plane.moved(product(rows, by)))
+    }
+
+    /// Returns the axis that such a camera would have measured.
+    pub(crate) fn axis_seen_by(&self, by: &[f64]) -> Option<Axis> {
+        let axis = self.axis?;
+        let response = self.axis_quality.as_ref().and_then(|of| of.camera_response.as_deref());
+        Some(response.map_or(axis, |rows| axis.moved(product(rows, by))))
+    }
+}
+
+/// Returns the product of a matrix of `N` rows, row-major, with a vector.
+fn product<const N: usize>(rows: &[f64], by: &[f64]) -> [f64; N] {
+    let mut rows = rows.chunks_exact(by.len().max(1));
+    std::array::from_fn(|_| {
+        rows.next().map_or(0.0, |row| row.iter().zip(by).map(|(slope, by)| slope * by).sum())
+    })
 }

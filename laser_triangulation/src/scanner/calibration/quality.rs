@@ -25,6 +25,14 @@ pub struct CameraQuality {
     pub volume: Option<CalibratedVolume>,
 }
 
+impl CameraQuality {
+    /// Returns true if the covariance of all parameters is stated.
+    pub(crate) fn has_covariance(&self) -> bool {
+        let num = self.parameters.len();
+        num > 0 && self.covariance.len() == num * num
+    }
+}
+
 /// Quality of a laser plane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -35,9 +43,14 @@ pub struct PlaneQuality {
     pub boards_used: u32,
     /// Covariance of two tilts of the normal, along
     /// [`LaserPlane::tangents`](crate::scanner::laser_plane::LaserPlane::tangents), radians, and of the distance,
-    /// metres; 3 x 3.
+    /// metres; 3 x 3. If `camera_response` is stated, that of a camera without error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<[f64; 9]>,
+    /// How tilts and distance follow the camera with which they were measured: their change for one unit of each of the
+    /// camera's parameters; row-major, 3 rows with as many columns as [`CameraQuality::parameters`]. `None` if unknown, and
+    /// in files of older versions: errors of camera and plane then count as independent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_response: Option<Vec<f64>>,
     /// Part of the image, and depths, with the laser's lines on the boards; `None` if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume: Option<CalibratedVolume>,
@@ -64,6 +77,12 @@ pub struct AxisQuality {
     /// One standard deviation of the scale, in its unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale_sigma: Option<f64>,
+    /// How the axis follows the camera with which it was measured: the change of two tilts of its direction, along the
+    /// `perpendicular_basis` of it, radians, of its place along the same, metres, and of its scale, for one unit of each of
+    /// the camera's parameters; row-major, 5 rows with as many columns as [`CameraQuality::parameters`]. `None` if unknown:
+    /// errors of axis and camera then count as independent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_response: Option<Vec<f64>>,
 }
 
 /// Quality of a homography or of formula 6, from known heights.

@@ -69,6 +69,7 @@ fn full() -> CameraAndPlane {
             rms_m: 0.00048,
             boards_used: 22,
             covariance: Some([1e-8, 0.0, 0.0, 0.0, 1e-8, 0.0, 0.0, 0.0, 1e-9]),
+            camera_response: Some(vec![1e-4, 0.5, -2e-5, 0.25, 1e-4, -0.125]),
             volume: Some(CalibratedVolume { depths_m: Some([0.3, 0.5]), ..VOLUME }),
         }),
         alignment: Some(Alignment { origin_m: [0.01, -0.25], angle_rad: 0.1 }),
@@ -82,6 +83,7 @@ fn full() -> CameraAndPlane {
         axis_quality: Some(AxisQuality {
             rms_px: Some(0.37),
             positions_used: 40,
+            camera_response: Some(vec![0.25; 10]),
             ..AxisQuality::default()
         }),
         calibrated_at: Some("2026-11-22T12:00:00Z".into()),
@@ -202,6 +204,8 @@ fn wrong_values_are_refused_by_name() {
         ("data: [0.1277,", "data: [.nan,", "distortion_coefficients"),
         ("\"fx\"", "\"focus\"", "focus"),
         ("\"covariance\":[1.0,", "\"covariance\":[", "camera_quality.covariance"),
+        ("_response\":[0.0001,", "_response\":[", "plane_quality.camera_response"),
+        ("_response\":[0.25,", "_response\":[", "axis_quality.camera_response"),
         ("tilt_rad: [0.01,", "tilt_rad: [1.5,", "tilt_rad"),
         ("laser_plane: {normal: [0.9", "laser_plane: {normal: [9.9", "laser_plane.normal"),
         (", 0.387", ", -0.387", "laser_plane.normal"),

@@ -57,7 +57,7 @@ pub(in crate::cli::calibrate) fn run(
     for rejected in &lines.rejected {
         boards.reject(rejected.index, rejected.reason.to_string());
     }
-    let fit = calibrate_plane(&lines).with_context(|| boards.summary())?;
+    let fit = calibrate_plane(&lines, camera.quality.as_ref()).with_context(|| boards.summary())?;
     for outlier in &fit.outliers {
         boards.reject(outlier.index, fit.describe_outlier(outlier));
     }
@@ -66,9 +66,7 @@ pub(in crate::cli::calibrate) fn run(
     file::write(&args.output, &Calibration::CameraAndPlane(Box::new(geometry)).to_yaml())?;
     if let Some(bend) = lines.bend {
         let meaning = boards::describe(bend, "plane");
-        tracing::warn!(
-            "{meaning}; the uncertainty does not include it. A flat, stiff board is better"
-        );
+        tracing::warn!("{meaning}, and its uncertainty includes it. A flat, stiff board is better");
     }
     if let Some(path) = &args.output.report {
         report::plane(path, &boards, &fit)?;

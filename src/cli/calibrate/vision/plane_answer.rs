@@ -48,10 +48,11 @@ pub(super) fn print(
     )?;
     let distance_m = fit.plane.distance_m;
     writeln!(out, "  distance {:.3} ± {:.3} mm", 1e3 * distance_m, 1e3 * sigmas[2])?;
-    writeln!(
-        out,
-        "  ± one standard deviation, from leaving out one board at a time; the camera's uncertainty is not included"
-    )?;
+    let of_camera = match fit.camera_covariance() {
+        Some(_) => "and of the camera",
+        None => "without the camera's: its file states no covariance",
+    };
+    writeln!(out, "  ± one standard deviation, from leaving out one board at a time, {of_camera}")?;
     writeln!(out, "  the laser was found in {}", lines.light.name())?;
     if let Some(bend) = lines.bend {
         writeln!(out, "  {}", boards::describe(bend, "plane"))?;
@@ -67,6 +68,10 @@ pub(super) fn print(
 fn json(args: &PlaneArgs, boards: &PlaneBoards, lines: &LaserLines, fit: &LaserPlaneFit) -> Json {
     let normal = fit.plane.normal;
     let sigmas = fit.sigmas();
+    let method = match fit.camera_covariance() {
+        Some(_) => "jackknife over boards, and the camera's covariance",
+        None => "jackknife over boards, camera held fixed",
+    };
     let board = |board: &BoardResidual| {
         let line = lines.lines.iter().find(|line| line.index == board.index);
         let line_rms_px = line.map(|line| line.line.rms_px);
@@ -97,7 +102,7 @@ fn json(args: &PlaneArgs, boards: &PlaneBoards, lines: &LaserLines, fit: &LaserP
         "uncertainties": {
             "tilts_rad": [sigmas[0], sigmas[1]],
             "distance_m": sigmas[2],
-            "method": "jackknife over boards, camera held fixed",
+            "method": method,
         },
     })
 }

@@ -81,6 +81,7 @@ fn camera_and_plane(of_plane: CalibratedVolume) -> Calibration {
             rms_m: 1e-4,
             boards_used: 20,
             covariance: None,
+            camera_response: None,
             volume: Some(of_plane),
         }),
         alignment: None,

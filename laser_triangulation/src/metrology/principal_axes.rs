@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 
 /// Returns the principal axes of a covariance, each as long as one standard deviation along it, without axes of
 /// rounding errors. The values have different units, so they are first scaled to their own standard deviations.
-pub(super) fn axes(num: usize, covariance: &[f64]) -> Vec<Vec<f64>> {
+pub(crate) fn axes(num: usize, covariance: &[f64]) -> Vec<Vec<f64>> {
     let matrix = DMatrix::from_row_slice(num, num, covariance);
     let sigmas: Vec<f64> = (0..num).map(|i| matrix[(i, i)].max(0.0).sqrt()).collect();
     let scaled = DMatrix::from_fn(num, num, |i, j| {
