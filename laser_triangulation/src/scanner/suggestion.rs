@@ -63,7 +63,7 @@ pub fn suggest(pictures: &[OwnedImage]) -> Option<Suggestion> {
         let params = Params { stripe_direction, ..base };
         Params { channel: channel(&views, &params), ..params }
     });
-    let tried = bases.map(|base| Tried::all(&views, base));
+    let tried = bases.each_ref().map(|base| Tried::all(&views, base));
     let share_of_defaults = mean(&views, &default_of(&views)).share;
     let nothing = |diagnosis| Suggestion {
         params: base,
@@ -103,9 +103,9 @@ struct Tried {
 }
 
 impl Tried {
-    fn all(views: &[Image<'_>], base: Params) -> Self {
-        let simple = scored(views, candidates::simple(&base));
-        Self { base, simple, local: scored(views, candidates::local(&base)) }
+    fn all(views: &[Image<'_>], base: &Params) -> Self {
+        let simple = scored(views, candidates::simple(base));
+        Self { base: *base, simple, local: scored(views, candidates::local(base)) }
     }
 
     fn best_score(&self) -> f64 {
@@ -118,7 +118,7 @@ fn scored(views: &[Image<'_>], sets: Vec<Params>) -> Scored {
 }
 
 /// The first of the best.
-fn best(scored: &Scored) -> Option<&(Params, Found)> {
+fn best(scored: &[(Params, Found)]) -> Option<&(Params, Found)> {
     scored.iter().reduce(|best, other| if other.1.score > best.1.score { other } else { best })
 }
 
@@ -147,21 +147,24 @@ fn refined(views: &[Image<'_>], tried: &Tried) -> Option<(Params, Found)> {
     // Blur rounds edges, so more of it must be worth it.
     let [sharp, smooth] = [1, 3].map(|blur_radius| {
         let sets = candidates::all_local(&base, wide_px, blur_radius);
-        best(&scored(views, sets).into_iter().map(|set| limited(views, set)).collect()).copied()
+        let sets = scored(views, sets);
+        let sets: Scored =
+            sets.iter().map(|(params, found)| limited(views, params, found)).collect();
+        best(&sets).copied()
     });
-    let score = |set: Option<(Params, Found)>| set.map_or(0.0, |(_, found)| found.score);
-    if score(sharp) >= ENOUGH_SHARP * score(smooth) { sharp } else { smooth }
+    let score = |set: &Option<(Params, Found)>| set.as_ref().map_or(0.0, |(_, found)| found.score);
+    if score(&sharp) >= ENOUGH_SHARP * score(&smooth) { sharp } else { smooth }
 }
 
 /// The set with a limit of the width, if clutter makes it better and the line is hardly wider anywhere; else as it was.
-fn limited(views: &[Image<'_>], (params, found): (Params, Found)) -> (Params, Found) {
-    let narrow = candidates::limited(&params, found.width_px);
+fn limited(views: &[Image<'_>], params: &Params, found: &Found) -> (Params, Found) {
+    let narrow = candidates::limited(params, found.width_px);
     let of_narrow = mean(views, &narrow);
     let is_better = of_narrow.score >= LEAST_GAIN * found.score;
     if is_better && of_narrow.share >= KEPT * found.share {
         (narrow, of_narrow)
     } else {
-        (params, found)
+        (*params, *found)
     }
 }
 
