@@ -158,6 +158,7 @@ pub(crate) fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outc
     let motion = motion(args, &results, &region)?;
     let placing = Placing { region, heights_m, motion };
     let outline = results.outline(&placing)?;
+    warn_of_one_place(&formats, &results);
     let (mut files, num_lost) = clouds(args, &formats, &results, &placing, &outline)?;
     let counts = ReadCounts { rejected: outline.counts.rejected + num_lost, ..outline.counts };
     if args.picture.is_some() || formats.iter().any(|(_, format)| format.is_grid()) {
@@ -169,6 +170,16 @@ pub(crate) fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outc
     let text = report(args, &results, &outline, counts, &files);
     output::print(out, &text)?;
     Ok(Outcome::with_losses(counts.rejected))
+}
+
+/// Warns if points of a single place are written: unlike a height map they can be, but they are no surface.
+fn warn_of_one_place(formats: &[(&Path, Format)], results: &Results) {
+    let is_cloud = |(_, format): &(&Path, Format)| matches!(format, Format::Cloud(_));
+    if formats.iter().any(is_cloud)
+        && let Err(error) = results.check_surface()
+    {
+        tracing::warn!("the points are no surface: {error}");
+    }
 }
 
 /// Returns the motion that levels the scan.
@@ -228,7 +239,8 @@ fn write_whole<T>(
         file.flush()?;
         Ok(written)
     });
-    if written.is_err() {
+    // A pipe or a device is not ours to remove.
+    if written.is_err() && fs::symlink_metadata(path).is_ok_and(|path| path.is_file()) {
         // The first error is the one to report.
         drop(fs::remove_file(path));
     }

@@ -27,7 +27,8 @@ const PICTURES: [&str; 10] =
 /// Looks at some frames of a recording and writes a parameter file for them, with comments.
 ///
 /// It finds the direction of the line, the channel of colour images, the full scale of 10, 12 or 14 bits, background,
-/// threshold and region of interest. The picture beside the file shows the line that these parameters measure: look at it.
+/// threshold, limit of the width and region of interest. The picture beside the file shows the line that these parameters
+/// measure: look at it.
 #[derive(Debug, Args)]
 #[command(after_long_help = HELP)]
 pub(crate) struct SuggestArgs {

@@ -1,6 +1,14 @@
-//! The memory of a replay does not grow with the recording.
+//! The memory of a replay does not grow with the recording, nor that of the commands that read pictures with their number.
 
-use std::{fs, path::Path, process::Stdio, thread, time::Duration};
+use std::{
+    fs,
+    path::Path,
+    process::{Command, Stdio},
+    thread,
+    time::Duration,
+};
+
+use image::{GrayImage, Luma};
 
 use crate::{
     program::laser_profiler,
@@ -12,12 +20,10 @@ const HEIGHT: u32 = 96;
 /// Allowance for the index of the longer files; the long recording is 80 MB larger than the short one.
 const SLACK_KIB: u64 = 8 * 1024;
 
-/// Largest resident memory of a replay, KiB, as Linux counts it. Polled, because it is
+/// Largest resident memory of a command, KiB, as Linux counts it. Polled, because it is
 /// lost when the process ends; polling detects growth with the recording nevertheless.
-fn peak_kib(input: &Path, output: &Path) -> u64 {
-    let mut command = laser_profiler(&["replay", "-o"]);
-    let mut child =
-        command.arg(output).arg(input).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+fn peak_kib(command: &mut Command) -> u64 {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let mut peak = 0;
     while child.try_wait().unwrap().is_none() {
         let status = fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
@@ -48,8 +54,45 @@ fn a_long_recording_takes_no_more_than_a_short_one() {
             })
             .collect();
         record_images(&input, &frames);
-        peak_kib(&input, &output)
+        peak_kib(laser_profiler(&["replay", "-o"]).arg(&output).arg(&input))
     });
     eprintln!("peak of 100 frames {} KiB, of 1500 frames {} KiB", peaks[0], peaks[1]);
     assert!(peaks[1] < peaks[0] + SLACK_KIB, "{peaks:?} KiB");
+}
+
+/// Writes pictures of a line that hardly compress, 19 KB each.
+fn write_pictures(folder: &Path, num: usize) {
+    const WIDTH: u32 = 160;
+    const HEIGHT: u32 = 120;
+    fs::create_dir(folder).unwrap();
+    let mut state = 1_u32;
+    let picture = GrayImage::from_fn(WIDTH, HEIGHT, |_, row| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        Luma([if row.abs_diff(50) < 3 { 200 } else { (state >> 24) as u8 / 8 }])
+    });
+    let first = folder.join("1.png");
+    picture.save(&first).unwrap();
+    for number in 2..=num {
+        fs::hard_link(&first, folder.join(format!("{number}.png"))).unwrap();
+    }
+}
+
+#[test]
+fn many_pictures_take_no_more_than_a_few() {
+    let directory = tempfile::tempdir().unwrap();
+    let folders = [100, 3000].map(|num| {
+        let folder = directory.path().join(num.to_string());
+        write_pictures(&folder, num);
+        folder
+    });
+    let verbs: [&[&str]; 4] =
+        [&["info"], &["suggest"], &["import", "-o", "bag"], &["replay", "-o", "results"]];
+    for verb in verbs {
+        let peaks = folders.each_ref().map(|folder| {
+            let place = tempfile::tempdir().unwrap();
+            peak_kib(laser_profiler(verb).arg(folder).current_dir(place.path()))
+        });
+        eprintln!("{verb:?}: peak of 100 pictures {} KiB, of 3000 {} KiB", peaks[0], peaks[1]);
+        assert!(peaks[1] < peaks[0] + SLACK_KIB, "{verb:?}: {peaks:?} KiB");
+    }
 }

@@ -83,6 +83,7 @@ impl Recording {
         }
         let ended = self.run(&["export"], &["-o", &cloud, "--force"]);
         assert_eq!(ended.code, Some(0), "{ended:?}");
+        assert!(ended.stderr.contains("no surface") && ended.stderr.contains(reason), "{ended:?}");
     }
 }
 

@@ -1,6 +1,8 @@
 //! `suggest`: the file that it writes finds the line, in rendered pictures and in the bundled recordings, and wrong usage is
 //! refused.
 
+mod no_line;
+
 use std::{
     collections::HashMap,
     fs,

@@ -1,23 +1,34 @@
 //! Parameters for a recording, suggested from some of its pictures.
 //!
-//! The pictures are extracted with a few sets of parameters in both directions, the simplest set first. The first one that
-//! finds nearly as much of a line as the best one is suggested; its line states width, region and motion.
+//! The pictures are extracted with a few sets of parameters in both directions, the simplest set first. The first one whose
+//! line is judged nearly as good as the best one's is suggested. Where only a local background shows the line, its
+//! window, blur and threshold, the channel and a limit of the width are chosen by the same judgement. Tracking is not
+//! suggested: pictures that were not looked at may show a part that lifts the line further than any margin.
+
+mod candidates;
 
 use super::{
     auto_channel::AutoChannel,
     channel::SearchedRegion,
-    diagnosis::{Diagnosis, Found, Trials, diagnose},
+    diagnosis::{Diagnosis, Found, Reason, Trials, diagnose},
     image::{Image, OwnedImage},
-    params::{
-        Background, Channel, ExtractionParams, Params, PeakSelection, RegionOfInterest,
-        StripeDirection, Threshold,
-    },
+    params::{Channel, Params, RegionOfInterest, StripeDirection},
 };
 
-/// A simpler set needs this share of what the best one finds.
+/// A simpler set needs this share of the best one's score.
 const NEARLY: f64 = 0.97;
+/// Up to this share of saturated points, the colours of a line are true.
+const FEW_SATURATED: f64 = 0.05;
+/// A limit of the width must raise the score by this factor: it is worth something only beside clutter.
+const LEAST_GAIN: f64 = 1.01;
+/// A limit of the width must keep this share of the line.
+const KEPT: f64 = 0.98;
+/// The least blur needs this share of the score with more.
+const ENOUGH_SHARP: f64 = 0.95;
 /// Less of a line than this is none.
 const LEAST_SHARE: f64 = 0.05;
+/// Nor is it a line if more of its points do not look like one. On lines of real recordings they are up to 76 %.
+const MOST_UNLIKE: f64 = 0.9;
 /// The region extends this share of the picture beyond the line on either side, at least.
 const MARGIN: f64 = 0.1;
 /// A region that leaves out less of the picture is not worth it.
@@ -52,27 +63,25 @@ pub fn suggest(pictures: &[OwnedImage]) -> Option<Suggestion> {
         let params = Params { stripe_direction, ..base };
         Params { channel: channel(&views, &params), ..params }
     });
-    let sets = || bases.iter().flat_map(candidates);
-    let scored: Vec<(Params, Found)> =
-        sets().map(|params| (params, mean(&views, &params))).collect();
-    let best = scored.iter().map(|(_, found)| found.sound).fold(0.0, f64::max);
+    let tried = bases.each_ref().map(|base| Tried::all(&views, base));
     let share_of_defaults = mean(&views, &default_of(&views)).share;
-    if best < LEAST_SHARE {
-        return Some(Suggestion {
-            params: base,
-            share: 0.0,
-            share_of_defaults,
-            width_px: f64::NAN,
-            range_px: None,
-            diagnosis: Some(diagnose(first, &default_of(&views), None)),
-        });
+    let nothing = |diagnosis| Suggestion {
+        params: base,
+        share: 0.0,
+        share_of_defaults,
+        width_px: f64::NAN,
+        range_px: None,
+        diagnosis: Some(diagnosis),
+    };
+    let best_score = tried.iter().map(Tried::best_score).fold(0.0, f64::max);
+    if best_score <= 0.0 {
+        return Some(nothing(diagnose(first, &default_of(&views), None)));
     }
-    // The sets of both directions have the same order: the simplest of either comes first.
-    let half = scored.len() / 2;
-    let in_turn = (0..half).flat_map(|at| [at, at + half]);
-    let (params, found) =
-        in_turn.filter_map(|at| scored.get(at)).find(|(_, found)| found.sound >= NEARLY * best)?;
-    let (params, found) = (fitted(params, found, first), *found);
+    let (params, found) = chosen(&views, &tried, best_score)?;
+    if found.share < LEAST_SHARE || found.unlike > MOST_UNLIKE {
+        return Some(nothing(Diagnosis { reason: Reason::NoLine, turned: None }));
+    }
+    let params = fitted(&params, &found, first);
     Some(Suggestion {
         params,
         share: mean(&views, &params).share,
@@ -83,51 +92,120 @@ pub fn suggest(pictures: &[OwnedImage]) -> Option<Suggestion> {
     })
 }
 
+/// Sets of parameters, and what they find.
+type Scored = Vec<(Params, Found)>;
+
+/// What was tried in one direction.
+struct Tried {
+    base: Params,
+    simple: Scored,
+    local: Scored,
+}
+
+impl Tried {
+    fn all(views: &[Image<'_>], base: &Params) -> Self {
+        let simple = scored(views, candidates::simple(base));
+        Self { base: *base, simple, local: scored(views, candidates::local(base)) }
+    }
+
+    fn best_score(&self) -> f64 {
+        self.simple.iter().chain(&self.local).map(|(_, found)| found.score).fold(0.0, f64::max)
+    }
+}
+
+fn scored(views: &[Image<'_>], sets: Vec<Params>) -> Scored {
+    sets.into_iter().map(|params| (params, mean(views, &params))).collect()
+}
+
+/// The first of the best.
+fn best(scored: &[(Params, Found)]) -> Option<&(Params, Found)> {
+    scored.iter().reduce(|best, other| if other.1.score > best.1.score { other } else { best })
+}
+
+/// Chooses among what was tried, and refines it if only a local background shows the line.
+fn chosen(views: &[Image<'_>], tried: &[Tried; 2], best_score: f64) -> Option<(Params, Found)> {
+    let [first, second] = tried;
+    let mut in_turn = first.simple.iter().zip(&second.simple).flat_map(|(one, other)| [one, other]);
+    if let Some(simple) = in_turn.find(|(_, found)| found.score >= NEARLY * best_score) {
+        return Some(*simple);
+    }
+    let of_direction = if first.best_score() >= best_score { first } else { second };
+    refined(views, of_direction)
+}
+
+/// The best set with a local background, of any channel, with a limit of the width if that is better still.
+fn refined(views: &[Image<'_>], tried: &Tried) -> Option<(Params, Found)> {
+    let mut channels = vec![(tried.base, tried.local.clone())];
+    if views.first().is_some_and(|view| view.format().has_colors()) {
+        channels.extend(in_colours(views, &tried.base));
+    }
+    let score = |(_, scored): &(Params, Scored)| best(scored).map_or(0.0, |(_, found)| found.score);
+    let (base, scored_before) = channels
+        .into_iter()
+        .reduce(|best, other| if score(&other) > score(&best) { other } else { best })?;
+    let wide_px = best(&scored_before)?.1.wide_px;
+    // Blur rounds edges, so more of it must be worth it.
+    let [sharp, smooth] = [1, 3].map(|blur_radius| {
+        let sets = candidates::all_local(&base, wide_px, blur_radius);
+        let sets = scored(views, sets);
+        let sets: Scored =
+            sets.iter().map(|(params, found)| limited(views, params, found)).collect();
+        best(&sets).copied()
+    });
+    let score = |set: &Option<(Params, Found)>| set.as_ref().map_or(0.0, |(_, found)| found.score);
+    if score(&sharp) >= ENOUGH_SHARP * score(&smooth) { sharp } else { smooth }
+}
+
+/// The set with a limit of the width, if clutter makes it better and the line is hardly wider anywhere; else as it was.
+fn limited(views: &[Image<'_>], params: &Params, found: &Found) -> (Params, Found) {
+    let narrow = candidates::limited(params, found.width_px);
+    let of_narrow = mean(views, &narrow);
+    let is_better = of_narrow.score >= LEAST_GAIN * found.score;
+    if is_better && of_narrow.share >= KEPT * found.share {
+        (narrow, of_narrow)
+    } else {
+        (*params, *found)
+    }
+}
+
+/// Sets with a local background in the colours that show the line unsaturated.
+fn in_colours(views: &[Image<'_>], base: &Params) -> Vec<(Params, Scored)> {
+    let mut all = Vec::new();
+    for [colour, excess] in candidates::COLOURS {
+        let of_channel = |channel| {
+            let base = Params { channel, ..*base };
+            (base, scored(views, candidates::local(&base)))
+        };
+        let plain = of_channel(colour);
+        let saturated = best(&plain.1).map_or(1.0, |(_, found)| found.saturated);
+        if saturated <= FEW_SATURATED {
+            all.extend([plain, of_channel(excess)]);
+        }
+    }
+    all
+}
+
 /// The default parameters, with the channel that they stand for.
 fn default_of(views: &[Image<'_>]) -> Params {
     let params = Params::default();
     Params { channel: channel(views, &params), ..params }
 }
 
-/// Sets of parameters, the simplest first.
-fn candidates(params: &Params) -> Vec<Params> {
-    let plain = params.extraction;
-    let small = ExtractionParams { min_segment_area: 100, ..plain };
-    let adaptive = ExtractionParams { threshold: Threshold::Adaptive, ..small };
-    let local = |background_window_px, blur_radius, threshold_sigmas| ExtractionParams {
-        background: Background::Local,
-        background_window_px,
-        blur_radius,
-        threshold_sigmas,
-        min_segment_area: 20,
-        peak_selection: PeakSelection::Continuity,
-        max_step_px: 6.0,
-        ..adaptive
-    };
-    let sets = [
-        plain,
-        small,
-        adaptive,
-        ExtractionParams { peak_selection: PeakSelection::Continuity, ..adaptive },
-        local(31, 1, 8.0),
-        local(31, 3, 4.0),
-        local(13, 1, 4.0),
-    ];
-    sets.into_iter().map(|extraction| Params { extraction, ..*params }).collect()
-}
-
 /// Mean of what the parameters find.
 fn mean(views: &[Image<'_>], params: &Params) -> Found {
     let all: Vec<Found> = views.iter().map(|view| Trials::new(view).find(params)).collect();
     let mut sum = Found::default();
-    let mut widths: Vec<f64> = Vec::new();
+    let (mut widths, mut wide): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     for found in &all {
         sum.points += found.points;
         sum.share += found.share;
-        sum.sound += found.sound;
+        sum.score += found.score;
         sum.level += found.level;
+        sum.saturated += found.saturated;
+        sum.unlike += found.unlike;
         if found.width_px > 0.0 {
             widths.push(found.width_px);
+            wide.push(found.wide_px);
         }
         sum.range_px = match (sum.range_px, found.range_px) {
             (Some((low, high)), Some((from, to))) => Some((low.min(from), high.max(to))),
@@ -135,14 +213,16 @@ fn mean(views: &[Image<'_>], params: &Params) -> Found {
         };
     }
     let count = all.len().max(1) as f64;
-    sum.share /= count;
-    sum.sound /= count;
-    sum.level /= count;
+    let Found { share, score, level, saturated, unlike, .. } = &mut sum;
+    for figure in [share, score, level, saturated, unlike] {
+        *figure /= count;
+    }
     sum.width_px = crate::statistics::median(&mut widths).unwrap_or(f64::NAN);
+    sum.wide_px = crate::statistics::median(&mut wide).unwrap_or(f64::NAN);
     sum
 }
 
-/// Adds region, limits of the width and tracking to parameters that find the line.
+/// Adds a region of interest to parameters that find the line.
 fn fitted(params: &Params, found: &Found, image: &Image<'_>) -> Params {
     let mut params = *params;
     if let Some((low, high)) = found.range_px {

@@ -97,7 +97,7 @@ pub(super) fn listed_inputs(inputs: &[Input]) -> String {
             path.display().to_string()
         }
     };
-    listed(inputs.iter().map(name).collect(), "inputs").unwrap_or_default()
+    listed(inputs.iter().map(name).collect(), ["input", "inputs"]).unwrap_or_default()
 }
 
 /// Expands patterns: paths with `*`, `?` or `[` that no file has. As in a shell, `*` does not stand for the dot of a
@@ -173,8 +173,14 @@ fn in_folder(folder: &Path) -> Result<Option<Found>, PictureError> {
     }
     let names = |paths: Vec<PathBuf>| paths.iter().map(|path| name_of(path)).collect();
     let notes: Vec<_> = [
-        listed(names(others), "files that are not read as pictures"),
-        listed(names(folders), "folders whose content is not read"),
+        listed(
+            names(others),
+            ["file that is not read as a picture", "files that are not read as pictures"],
+        ),
+        listed(
+            names(folders),
+            ["folder whose content is not read", "folders whose content is not read"],
+        ),
     ]
     .into_iter()
     .flatten()
@@ -187,7 +193,7 @@ fn in_folder(folder: &Path) -> Result<Option<Found>, PictureError> {
     sort_naturally(&mut pictures);
     let name = name_of(folder);
     let notes =
-        notes.iter().map(|note| format!("{}: beside the pictures are {note}", folder.display()));
+        notes.iter().map(|note| format!("{}: beside the pictures: {note}", folder.display()));
     Ok(Some(Found { path: folder.into(), name, pictures, notes: notes.collect() }))
 }
 
@@ -209,11 +215,13 @@ fn kind(entry: &DirEntry) -> Option<FileType> {
     }
 }
 
-fn listed(mut names: Vec<String>, what: &str) -> Option<String> {
+/// Names things by their number, what one or several of them are, and the first ones; `None` if there are none.
+fn listed(mut names: Vec<String>, [one, several]: [&str; 2]) -> Option<String> {
     names.sort_by(|first, second| natural::compare(first.as_bytes(), second.as_bytes()));
     let num = names.len();
     let more = if num > MAX_LISTED { ", ..." } else { "" };
     names.truncate(MAX_LISTED);
+    let what = if num == 1 { one } else { several };
     (num > 0).then(|| format!("{num} {what}: {}{more}", names.join(", ")))
 }
 
@@ -278,7 +286,7 @@ mod tests {
                 .contains("4 files that are not read as pictures: ._b9.png, d.txt, notes.txt, ..."),
             "{notes}"
         );
-        assert!(notes.contains("1 folders whose content is not read: deeper.png"), "{notes}");
+        assert!(notes.contains("1 folder whose content is not read: deeper.png"), "{notes}");
     }
 
     #[test]
@@ -309,7 +317,7 @@ mod tests {
         let folder = folder(&["a.png"]);
         fs::create_dir(folder.path().join("x.mcap")).unwrap();
         let inputs = sort(&[folder.path().into()]).unwrap();
-        assert!(only(&inputs).notes[0].contains("1 folders whose content is not read: x.mcap"));
+        assert!(only(&inputs).notes[0].contains("1 folder whose content is not read: x.mcap"));
     }
 
     #[test]

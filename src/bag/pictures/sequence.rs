@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::error::{KINDS, PictureError};
+use super::error::PictureError;
 use super::find::name_of;
 use super::natural;
 use super::numbering::{Gap, Numbering};
@@ -15,7 +15,7 @@ use super::table::{Row, Table};
 use super::{stamp_ns, topic};
 use crate::bag::Topic;
 use crate::bag::unpack::size_bytes;
-use crate::msg::convert::file_kind::FileKind;
+use crate::msg::convert::file_kind::{FileKind, NO_PICTURE};
 use crate::msg::schema::Message;
 use crate::msg::sensor_msgs::{CompressedImage, Image, JointState};
 
@@ -293,7 +293,7 @@ pub(super) fn load(
     opened.take(limit_bytes).read_to_end(file).map_err(|error| error.to_string())?;
     let kind = FileKind::of(file).ok_or_else(|| match file.len() {
         0 => "is empty".to_owned(),
-        _ => format!("is no picture: its first bytes are not those of {KINDS}"),
+        _ => NO_PICTURE.to_owned(),
     })?;
     let size_px = kind.size_px(file).map_err(|error| format!("cannot be decoded: {error}"))?;
     Ok((kind, size_px))

@@ -15,7 +15,7 @@ const REGION: &str =
 type Row = (&'static str, fn(&Params) -> Value, &'static str);
 
 /// Every parameter that may be suggested, groups together.
-const ROWS: [Row; 15] = [
+const ROWS: [Row; 16] = [
     (
         "stripe_direction",
         |params| word(params.stripe_direction.name()),
@@ -24,7 +24,7 @@ const ROWS: [Row; 15] = [
     (
         "channel",
         |params| word(params.channel.name()),
-        "Of the channels that show the line, the one that clips it least.",
+        "Of the channels that show the line unclipped, the one that shows it best.",
     ),
     ("full_scale", |params| number(params.full_scale), "No sample needs more bits."),
     ("roi.x_offset", |params| number(params.roi.x_offset), REGION),
@@ -60,6 +60,11 @@ const ROWS: [Row; 15] = [
         "extraction.min_segment_area",
         |params| number(params.extraction.min_segment_area),
         "Pixels: keeps short pieces of the line.",
+    ),
+    (
+        "extraction.max_width",
+        |params| number(params.extraction.max_width_px),
+        "Pixels: twice the width of the line after the blur; clutter is wider. Raise it if parts widen the line further.",
     ),
     (
         "extraction.peak_selection",

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::{
     encoding::{Chroma, Encoding, UnknownEncoding, excerpt},
-    file_kind::{FileKind, UnknownPicture},
+    file_kind::{FileKind, NO_PICTURE, UnknownPicture},
 };
 use crate::{
     msg::sensor_msgs,
@@ -42,6 +42,9 @@ pub enum FrameRejected {
     /// Data that are no picture file.
     #[error("{0}")]
     Format(UnknownPicture),
+    /// A file that is no picture.
+    #[error("{NO_PICTURE}")]
+    NoPicture,
     /// The frame exceeds the memory limit.
     #[error(
         "image of {width} x {height} pixels takes {bytes} bytes, more than the limit of {max_frame_bytes}"

@@ -27,7 +27,7 @@ pub(crate) fn decode<'a>(
     max_frame_bytes: u64,
     pixels: &'a mut Vec<u8>,
 ) -> Result<image::Image<'a>, FrameRejected> {
-    let kind = FileKind::of(file).unwrap_or(FileKind::Jpeg);
+    let kind = FileKind::of(file).ok_or(FrameRejected::NoPicture)?;
     compressed::image(&compressed(Header::default(), kind, file), max_frame_bytes, pixels)
 }
 

@@ -110,7 +110,7 @@ fn inputs_without_pictures_are_refused_by_name() {
     fs::write(path("texts/b.png"), "text").unwrap();
     for (name, reason) in [
         ("empty", "nor pictures"),
-        ("deeper", "folders whose content is not read: left"),
+        ("deeper", "1 folder whose content is not read: left"),
         ("texts", "none of 2 pictures can be read"),
         ("none*.png", "no file has such a name"),
         ("gone.png", "none of 1 pictures can be read"),

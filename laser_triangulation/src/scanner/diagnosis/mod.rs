@@ -23,6 +23,8 @@ use super::{
 const LEAST_SHARE: f64 = 0.1;
 /// A change must find this multiple of the points that were found without it.
 const LEAST_GAIN: f64 = 3.0;
+/// Most of the points of a short line have the shape of one.
+const MOST_UNLIKE: f64 = 0.5;
 /// More of a picture at full scale hides any line.
 const MOST_SATURATED: f64 = 0.5;
 /// Bits of cameras that store fewer than 16.
@@ -88,7 +90,8 @@ impl<'a> Search<'a> {
         }
         let changed =
             self.reference().or_else(|| self.limits()).or_else(|| self.threshold(&levels));
-        changed.or_else(|| self.elsewhere()).unwrap_or_else(|| {
+        let changed = changed.or_else(|| self.elsewhere()).or_else(|| self.short());
+        changed.unwrap_or_else(|| {
             none(if is_dark(&levels) {
                 Reason::Dark { brightest: levels.brightest, full_scale: levels.full_scale }
             } else {
@@ -167,6 +170,29 @@ impl<'a> Search<'a> {
         };
         let (turned, _) = self.with_extraction(relaxed)?;
         Some(Diagnosis { reason: Reason::Limits, turned })
+    }
+
+    /// A line that fills less of the cross-sections than any other reason requires, but lies above the threshold in one
+    /// piece.
+    fn short(&mut self) -> Option<Diagnosis> {
+        let Params { stripe_direction, extraction, .. } = self.params;
+        let limit_px = extraction.min_segment_area;
+        if self.now.points > 0 {
+            return None;
+        }
+        for area_px in AREAS_PX.into_iter().filter(|&area_px| area_px < limit_px) {
+            let extraction = ExtractionParams { min_segment_area: area_px, ..extraction };
+            for turned in [None, Some(turned(stripe_direction))] {
+                let stripe_direction = turned.unwrap_or(stripe_direction);
+                let params = Params { stripe_direction, extraction, ..self.params };
+                let found = self.trials.find(&params);
+                if found.points > 0 && found.unlike <= MOST_UNLIKE {
+                    let reason = Reason::Area { limit_px, area_px };
+                    return Some(Diagnosis { reason, turned });
+                }
+            }
+        }
+        None
     }
 
     /// A threshold above the line, or below its surroundings.

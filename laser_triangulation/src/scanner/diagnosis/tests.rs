@@ -198,6 +198,18 @@ fn a_line_smaller_than_the_least_area() {
 }
 
 #[test]
+fn a_bright_line_of_a_few_columns() {
+    for (scene, length) in seeds().zip([14, 16, 18]) {
+        let found = Scene { length, ..scene }.explain(&Params::default());
+        let Reason::Area { limit_px: 500, area_px } = found.reason else { panic!("{found:?}") };
+        let area = extraction(|params| params.min_segment_area = area_px);
+        let samples: Vec<u8> =
+            Scene { length, ..scene }.samples(255).into_iter().map(|level| level as u8).collect();
+        assert!(super::Trials::new(&grey(&samples)).find(&area).points > 0, "{found}");
+    }
+}
+
+#[test]
 fn limits_that_reject_the_line() {
     let limits = [
         extraction(|params| params.max_width_px = Some(2)),

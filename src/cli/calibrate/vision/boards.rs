@@ -169,7 +169,8 @@ impl<T> Boards<T> {
     pub(super) fn summary(&self) -> String {
         let (used, rejected) = (self.found.len(), self.rejected.len());
         format!(
-            "{used} views with the board, {rejected} not used\n{}",
+            "{} with the board, {rejected} not used\n{}",
+            rejected::views(used),
             rejected::text(&self.rejected)
         )
     }
@@ -180,8 +181,9 @@ impl<T> Boards<T> {
         match counts().sum::<usize>() {
             0 => String::new(),
             corners => format!(
-                "{corners} corners in {} views left out: not where perspective and a lens put them, as under the laser's line\n",
-                counts().count()
+                "{corners} {} in {} left out: not where perspective and a lens put them, as under the laser's line\n",
+                if corners == 1 { "corner" } else { "corners" },
+                rejected::views(counts().count())
             ),
         }
     }

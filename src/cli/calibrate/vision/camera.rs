@@ -128,9 +128,9 @@ fn print(
 ) -> io::Result<()> {
     writeln!(
         out,
-        "{}: {} views, {} corners, residual {:.3} px RMS",
+        "{}: {}, {} corners, residual {:.3} px RMS",
         args.output.output.display(),
-        fit.used.len(),
+        rejected::views(fit.used.len()),
         fit.used.iter().map(|view| view.pose.residuals_px.len()).sum::<usize>(),
         fit.rms_px
     )?;
@@ -146,7 +146,7 @@ fn print(
     }
     write!(out, "{}", boards.left_out())?;
     if !boards.rejected.is_empty() {
-        writeln!(out, "{} views not used:", boards.rejected.len())?;
+        writeln!(out, "{} not used:", rejected::views(boards.rejected.len()))?;
         write!(out, "{}", rejected::text(&boards.rejected))?;
     }
     Ok(())

@@ -59,7 +59,7 @@ pub(super) fn print(
     }
     write!(out, "{}", boards.left_out())?;
     if !boards.rejected.is_empty() {
-        writeln!(out, "{} views not used:", boards.rejected.len())?;
+        writeln!(out, "{} not used:", rejected::views(boards.rejected.len()))?;
         write!(out, "{}", rejected::text(&boards.rejected))?;
     }
     Ok(())

@@ -28,6 +28,11 @@ pub(super) fn json(rejected: &[Rejected]) -> Json {
     rejected.iter().map(|view| json!({"view": view.view, "reason": view.reason})).collect()
 }
 
+/// Returns a number of views in words.
+pub(super) fn views(num: usize) -> String {
+    format!("{num} {}", if num == 1 { "view" } else { "views" })
+}
+
 /// Returns one line per view, or one line per reason if there are many views.
 pub(super) fn text(rejected: &[Rejected]) -> String {
     if rejected.len() <= MAX_NAMED {

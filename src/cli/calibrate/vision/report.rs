@@ -6,6 +6,7 @@ use super::{
     axis_pictures::AxisPictures,
     boards::Boards,
     charts::{self, Chart, Marks, padded, places},
+    rejected,
 };
 use crate::{
     calibrate::{AxisFit, AxisView, CameraFit, LaserPlaneFit},
@@ -34,7 +35,7 @@ pub(super) fn camera(path: &Path, boards: &Boards<()>, fit: &CameraFit) -> anyho
     let both = padded(residuals().flat_map(|(u, v)| [u, v]));
     let charts = [
         Chart {
-            title: format!("corners of {} views", fit.used.len()),
+            title: format!("corners of {}", rejected::views(fit.used.len())),
             labels,
             ranges: image(),
             marks: Marks::Dots(dots),
