@@ -35,7 +35,7 @@ const MEDIAN: std::ops::RangeInclusive<f64> = 0.0..=1.25;
 const P95: f64 = 2.0;
 /// The same for points 7 px apart, which hardly share any. `log_gaussian` is left out of the lower limit: on thin lines it
 /// states three times its scatter.
-const MEDIAN_APART: std::ops::RangeInclusive<f64> = 0.45..=1.25;
+const MEDIAN_APART: std::ops::RangeInclusive<f64> = 0.4..=1.25;
 /// The same about the known centres, up to speckle of contrast 0.3 and above it. The centre of gravity is left out: it has a
 /// bias of its own, which is larger than the noise.
 const ABOUT_TRUTH: std::ops::RangeInclusive<f64> = 0.75..=1.25;
