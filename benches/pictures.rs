@@ -12,7 +12,7 @@ use std::{
     time::Duration,
 };
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use image::{ExtendedColorType, ImageDecoder, ImageEncoder, codecs::png};
 use laser_profiler::{
     cli::replaying::replay,
@@ -24,7 +24,8 @@ const WIDTH: u32 = 2592;
 const HEIGHT: u32 = 2048;
 /// Different pictures, each with its own noise and stripe.
 const NUM_DIFFERENT: u32 = 8;
-const NUM_PICTURES: u32 = 64;
+/// Enough that the start and the end of a replay do not count.
+const NUM_PICTURES: u32 = 1000;
 
 /// Writes the pictures, the calibration and the parameters; returns the pictures.
 fn write(directory: &Path) -> Vec<PathBuf> {
@@ -49,12 +50,14 @@ fn write(directory: &Path) -> Vec<PathBuf> {
             .expect("a picture");
         file
     };
-    let files: Vec<_> = (0..NUM_DIFFERENT).map(file).collect();
-    let mut paths = Vec::new();
-    for (number, file) in (1..=NUM_PICTURES).zip(files.iter().cycle()) {
-        let path = folder.join(format!("{number}.png"));
-        fs::write(&path, file).expect("a picture");
-        paths.push(path);
+    let path = |number: u32| folder.join(format!("{number}.png"));
+    let paths: Vec<_> = (1..=NUM_PICTURES).map(path).collect();
+    for (number, path) in (0..).zip(&paths) {
+        if number < NUM_DIFFERENT {
+            fs::write(path, file(number)).expect("a picture");
+        } else {
+            fs::hard_link(&paths[(number % NUM_DIFFERENT) as usize], path).expect("a picture");
+        }
     }
     let calibration = "{type: vertical_incidence, frame_id: laser_plane, image_distance_m: 0.026, \
                        object_distance_m: 0.3, beta_rad: 0.5236, pixel_pitch_m: 4.8e-6, base_row_px: 1024.0, \
@@ -99,6 +102,7 @@ fn pictures(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("pictures_2592x2048_png");
     group
         .sample_size(10)
+        .sampling_mode(SamplingMode::Flat)
         .measurement_time(Duration::from_secs(15))
         .throughput(Throughput::Elements(NUM_PICTURES.into()));
     group.bench_function("decode_on_all_cores", |bencher| bencher.iter(|| decode_all(&paths)));
