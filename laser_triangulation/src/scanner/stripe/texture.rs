@@ -2,10 +2,10 @@
 //! explain. Their share is estimated from the scatter of the centres along the stripe, for every part of it.
 //!
 //! Fourth differences p₁ - 4p₂ + 6p₃ - 4p₄ + p₅ at a distance at which centres hardly share a pixel or a speckle have up to 70
-//! times a centre's variance; a smooth surface hardly contributes to them. Second differences of neighbours show at least
-//! the errors that are independent from line to line, also on stripes with many gaps. The differences are divided by their
-//! stated standard deviation; the median magnitude of the quotients, 0.6745 for normal errors of the stated size, is
-//! robust against steps, gaps and outliers.
+//! times a centre's variance; a smooth surface hardly contributes to them. Stripes with many gaps have too few of them;
+//! there second differences of neighbours show at least the errors that are independent from line to line. The differences
+//! are divided by their stated standard deviation; the median magnitude of the quotients, 0.6745 for normal errors of the
+//! stated size, is robust against steps, gaps and outliers.
 //!
 //! Structures of the surface that are as fine as the distance count as texture, too.
 
@@ -101,7 +101,7 @@ impl TextureEstimator {
     }
 
     /// Returns the variance of texture, in stated variances of a centre, from up to about `most` differences between points of
-    /// the range, at a distance and of neighbours, whichever shows more; `None` if there are too few of either.
+    /// the range, of neighbours where gaps leave too few at a distance; `None` if there are too few of either.
     fn excess(
         &mut self,
         centerline: &Centerline,
@@ -111,13 +111,13 @@ impl TextureEstimator {
     ) -> Option<f64> {
         let points = Points::of(centerline, self.direction).part(range);
         let far = self.far.scatter(&points, most, &mut self.buffer);
+        if far.num >= LEAST {
+            return Some(excess(&far));
+        }
         let near = self.near.scatter(&points, most, &mut self.buffer);
-        let is_known = |scatter: &Scatter| scatter.num >= LEAST;
-        let far = Some(far).filter(is_known).map(|far| excess(&far));
-        // That of independent errors, which is the least that explains the scatter of neighbours.
+        // That of independent errors, which is the least that explains it.
         let share = self.near.share_of_independent();
-        let near = Some(near).filter(is_known).map(|near| share * excess(&near));
-        far.into_iter().chain(near).reduce(f64::max)
+        (near.num >= LEAST).then(|| share * excess(&near))
     }
 
     /// Returns the texture of points with these standard deviations, pixels; `excess` is its variance in theirs.

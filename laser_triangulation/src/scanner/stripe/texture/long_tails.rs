@@ -7,7 +7,7 @@ use crate::scanner::{
 };
 
 /// Neighbours at this distance share neither pixels nor speckles, lines.
-const DISTANCE: usize = 7;
+const DISTANCE: usize = 6;
 /// Errors have long tails if this share of the points lies farther than so many of their standard deviations from the
 /// curve through their neighbours. Of normal errors 2 % do, and a few narrow structures of the surface must not count.
 const FAR_SIGMAS: f32 = 3.0;
@@ -16,7 +16,7 @@ const LONG_TAILS: f64 = 0.07;
 const DEVIATIONS: usize = 256;
 const LEAST: usize = 32;
 /// With long tails, points farther off than this many standard deviations are outliers.
-const OFF_SIGMAS: f32 = 2.0;
+const OFF_SIGMAS: f32 = 1.9;
 
 /// Widens the sigma of points that lie far from the curve through their neighbours at [`DISTANCE`], if so many do that the
 /// errors have long tails.
