@@ -5,8 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// The names of the kinds of pictures that are read.
-pub(super) const KINDS: &str = "PNG, JPEG, TIFF, BMP or PGM";
+use crate::msg::convert::file_kind::KINDS;
 
 /// The reason that pictures cannot be read as a recording.
 #[derive(Debug, Error)]

@@ -15,7 +15,7 @@ use super::table::{Row, Table};
 use super::{stamp_ns, topic};
 use crate::bag::Topic;
 use crate::bag::unpack::size_bytes;
-use crate::msg::convert::file_kind::{FileKind, NO_PICTURE};
+use crate::msg::convert::{FrameRejected, file_kind::FileKind};
 use crate::msg::schema::Message;
 use crate::msg::sensor_msgs::{CompressedImage, Image, JointState};
 
@@ -293,7 +293,7 @@ pub(super) fn load(
     opened.take(limit_bytes).read_to_end(file).map_err(|error| error.to_string())?;
     let kind = FileKind::of(file).ok_or_else(|| match file.len() {
         0 => "is empty".to_owned(),
-        _ => NO_PICTURE.to_owned(),
+        _ => FrameRejected::NoPicture.to_string(),
     })?;
     let size_px = kind.size_px(file).map_err(|error| format!("cannot be decoded: {error}"))?;
     Ok((kind, size_px))

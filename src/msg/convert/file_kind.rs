@@ -124,9 +124,8 @@ fn is_depth(format: &str, data: &[u8]) -> bool {
     is_png || format.to_ascii_lowercase().contains("compresseddepth")
 }
 
-/// What is wrong with a file that no first bytes identify.
-pub(crate) const NO_PICTURE: &str =
-    "is no picture: its first bytes are not those of PNG, JPEG, TIFF, BMP or PGM";
+/// The names of the kinds of pictures that are read.
+pub(crate) const KINDS: &str = "PNG, JPEG, TIFF, BMP or PGM";
 
 type Test = fn(&[u8]) -> bool;
 

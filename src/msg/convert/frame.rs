@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::{
     encoding::{Chroma, Encoding, UnknownEncoding, excerpt},
-    file_kind::{FileKind, NO_PICTURE, UnknownPicture},
+    file_kind::{FileKind, KINDS, UnknownPicture},
 };
 use crate::{
     msg::sensor_msgs,
@@ -43,7 +43,7 @@ pub enum FrameRejected {
     #[error("{0}")]
     Format(UnknownPicture),
     /// A file that is no picture.
-    #[error("{NO_PICTURE}")]
+    #[error("is no picture: its first bytes are not those of {KINDS}")]
     NoPicture,
     /// The frame exceeds the memory limit.
     #[error(

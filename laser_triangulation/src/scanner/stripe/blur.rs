@@ -193,17 +193,21 @@ pub(super) struct Kernel {
 /// Windows up to this length have their noise tabulated; in longer ones the blur hardly matters.
 const TABULATED: usize = 96;
 
+/// Returns the standard deviation of a blur, 0.3 (r - 1) + 0.8 pixels, 1.4 for the paper's r = 3; radius 0 is no blur.
+///
+/// The paper gives only a radius; this is the formula by which OpenCV's `GaussianBlur` derives sigma from the kernel
+/// size.
+pub(in crate::scanner) fn sigma_px(radius: u32) -> f64 {
+    if radius == 0 { 0.0 } else { 0.3 * (f64::from(radius) - 1.0) + 0.8 }
+}
+
 impl Kernel {
-    /// Returns a Gaussian of standard deviation 0.3 (r - 1) + 0.8 pixels, 1.4 for the paper's r = 3. Radius 0 changes
-    /// nothing.
-    ///
-    /// The paper gives only a radius; this is the formula by which OpenCV's `GaussianBlur` derives sigma from the
-    /// kernel size.
+    /// Returns a Gaussian of standard deviation [`sigma_px`]. Radius 0 changes nothing.
     pub(super) fn gaussian(radius: u32) -> Self {
         if radius == 0 {
             return Self::of(vec![UNITS as u16]);
         }
-        let sigma_px = 0.3 * (f64::from(radius) - 1.0) + 0.8;
+        let sigma_px = sigma_px(radius);
         let side: Vec<f64> =
             (1..=radius).map(|i| (-0.5 * (f64::from(i) / sigma_px).powi(2)).exp()).collect();
         let total = 1.0 + 2.0 * side.iter().sum::<f64>();

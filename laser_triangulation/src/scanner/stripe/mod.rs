@@ -18,7 +18,7 @@
 //! pixel and defines the result: both are equal bit for bit. Each cross-section goes to `measure`, which calls the
 //! estimator; add new estimators there. `smooth` follows if it is enabled.
 
-mod blur;
+pub(super) mod blur;
 mod segment;
 mod section;
 mod lanes;
@@ -131,6 +131,14 @@ impl Centerline {
     #[must_use]
     pub fn num_flagged(&self, bits: u8) -> usize {
         self.flags.iter().filter(|flags| *flags & bits != 0).count()
+    }
+
+    /// Returns the positions along and across stripes of this direction, pixels of the image.
+    pub(crate) fn along_and_across(&self, direction: StripeDirection) -> (&[f32], &[f32]) {
+        match direction {
+            StripeDirection::Horizontal => (&self.u_px, &self.v_px),
+            StripeDirection::Vertical => (&self.v_px, &self.u_px),
+        }
     }
 
     /// Copies `other`, reusing the memory.

@@ -1,7 +1,8 @@
 //! Sets of parameters to try.
 
-use super::super::params::{
-    Background, Channel, ExtractionParams, Params, PeakSelection, Threshold,
+use crate::scanner::{
+    params::{Background, Channel, ExtractionParams, Params, PeakSelection, Threshold},
+    stripe::blur,
 };
 
 /// A background window must be this multiple of the line's width: what is wider counts as background.
@@ -12,6 +13,8 @@ const WINDOWS_PX: [u32; 2] = [31, 13];
 const MAX_STEP_PX: f64 = 6.0;
 /// Everything above this multiple of the line's width is no part of it.
 const MOST_WIDTHS: f64 = 2.0;
+/// Full width at half maximum of a Gaussian, standard deviations.
+const FULL_WIDTH: f64 = 2.355;
 
 /// Sets for dark surroundings, the simplest first.
 pub(super) fn simple(params: &Params) -> Vec<Params> {
@@ -76,11 +79,7 @@ pub(super) const COLOURS: [[Channel; 2]; 3] = [
 
 /// The set with a limit of the width that suits a line of that width before the blur.
 pub(super) fn limited(params: &Params, width_px: f64) -> Params {
-    // The blur's kernel is a Gaussian of this standard deviation; the full width at half maximum is 2.355 of it.
-    let blur_px = match params.extraction.blur_radius {
-        0 => 0.0,
-        radius => 2.355 * (0.3 * (f64::from(radius) - 1.0) + 0.8),
-    };
+    let blur_px = FULL_WIDTH * blur::sigma_px(params.extraction.blur_radius);
     let max_width_px = (MOST_WIDTHS * width_px.hypot(blur_px)).ceil() as u32;
     let extraction = ExtractionParams { max_width_px: Some(max_width_px), ..params.extraction };
     Params { extraction, ..*params }
