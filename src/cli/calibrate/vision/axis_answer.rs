@@ -53,6 +53,11 @@ pub(super) fn print(
         axis.scale,
         in_words(axis.kind, agreement.sigma)
     )?;
+    let of_camera = match quality.camera_response {
+        Some(_) => "which `measure` adds from the file",
+        None => "which is unknown",
+    };
+    writeln!(out, "  ± one standard deviation, without the share of the camera, {of_camera}")?;
     if !agreement.suspicious.is_empty() {
         writeln!(out, "pictures that deviate from their stated position:")?;
         for &at in &agreement.suspicious {
@@ -119,6 +124,7 @@ fn json(args: &AxisArgs, pictures: &AxisPictures, fit: &AxisFit) -> Json {
         "measured_scale": agreement.scale.abs(),
         "positions_sigma": agreement.sigma,
         "circles": circles,
+        "camera_response_known": quality.camera_response.is_some(),
         "uncertainties": {
             "direction_rad": quality.direction_sigma_rad,
             "point_m": quality.point_sigma_m,
