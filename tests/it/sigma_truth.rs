@@ -29,13 +29,15 @@ const NUM_FRAMES: usize = 20;
 
 /// Limits of scatter ÷ stated standard deviation, of the median over the frames, and below which 95 % of them lie. Between
 /// neighbours the median has no lower limit: they share speckles and pixels, so that their differences show less than the
-/// stated standard deviation. `gray_gravity` is left out of the second: its window changes by whole samples from column
-/// to column, which the prediction from the blur does not contain.
+/// stated standard deviation. `gray_gravity` has a limit of its own: its window changes by whole samples from column to
+/// column, which the prediction from the blur does not contain.
 const MEDIAN: std::ops::RangeInclusive<f64> = 0.0..=1.25;
 const P95: f64 = 2.0;
+const P95_GRAY: f64 = 3.0;
 /// The same for points 7 px apart, which hardly share any. `log_gaussian` is left out of the lower limit: on thin lines it
 /// states three times its scatter.
 const MEDIAN_APART: std::ops::RangeInclusive<f64> = 0.4..=1.25;
+const P95_APART: f64 = 1.6;
 /// The same about the known centres, up to speckle of contrast 0.3 and above it. The centre of gravity is left out: it has a
 /// bias of its own, which is larger than the noise.
 const ABOUT_TRUTH: std::ops::RangeInclusive<f64> = 0.75..=1.25;
@@ -167,10 +169,10 @@ fn judged(
     eprintln!("{row}");
     let is_good = !ratios.is_empty()
         && MEDIAN.contains(&differences[0])
-        && (differences[1] <= P95 || method == Method::GrayGravity)
+        && differences[1] <= if method == Method::GrayGravity { P95_GRAY } else { P95 }
         && (MEDIAN_APART.contains(&apart[0])
             || (method == Method::LogGaussian && apart[0] < *MEDIAN_APART.start()))
-        && apart[1] <= P95;
+        && apart[1] <= P95_APART;
     (!is_good).then_some(row)
 }
 
