@@ -130,10 +130,7 @@ impl MedianStripe {
 
 /// Returns (along, across) of the first point in every cross-section.
 fn oriented(line: &Centerline, direction: StripeDirection) -> impl Iterator<Item = [f32; 2]> {
-    let (along, across) = match direction {
-        StripeDirection::Horizontal => (&line.u_px, &line.v_px),
-        StripeDirection::Vertical => (&line.v_px, &line.u_px),
-    };
+    let (along, across) = line.along_and_across(direction);
     let mut seen = BTreeSet::new();
     along
         .iter()

@@ -117,10 +117,7 @@ pub fn scatter_ratio(
 }
 
 fn points(line: &Centerline, direction: StripeDirection) -> Vec<Point> {
-    let (along, across) = match direction {
-        StripeDirection::Horizontal => (&line.u_px, &line.v_px),
-        StripeDirection::Vertical => (&line.v_px, &line.u_px),
-    };
+    let (along, across) = line.along_and_across(direction);
     let measured = |at: usize| line.flags[at] & flag::INTERPOLATED == 0;
     let point = |(at, (&along, &across)): (usize, (&f32, &f32))| Point {
         along_px: f64::from(along),

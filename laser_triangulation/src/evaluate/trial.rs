@@ -36,10 +36,7 @@ pub type Point = (f64, f64);
 /// Sorts a centreline's points into `length` columns (rows, for a vertical stripe). Keeps the first of several points
 /// in a column.
 pub fn by_line(line: &Centerline, direction: StripeDirection, length: usize) -> Vec<Option<Point>> {
-    let (along, across) = match direction {
-        StripeDirection::Horizontal => (&line.u_px, &line.v_px),
-        StripeDirection::Vertical => (&line.v_px, &line.u_px),
-    };
+    let (along, across) = line.along_and_across(direction);
     let mut points = vec![None; length];
     for ((&at, &position), &sigma) in along.iter().zip(across).zip(&line.sigma_px) {
         if let Some(place @ None) = points.get_mut(at as usize) {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{HardScene, LENGTH_PX};
 use crate::{
     scanner::{
-        params::{ExtractionParams, StripeDirection},
+        params::ExtractionParams,
         stripe::{Centerline, flag},
     },
     statistics,
@@ -81,10 +81,7 @@ pub struct Figures {
 impl Tally {
     /// Adds the points of a scene.
     pub(super) fn add(&mut self, scene: &HardScene, line: &Centerline, params: &ExtractionParams) {
-        let (along, across) = match scene.direction {
-            StripeDirection::Horizontal => (&line.u_px, &line.v_px),
-            StripeDirection::Vertical => (&line.v_px, &line.u_px),
-        };
+        let (along, across) = line.along_and_across(scene.direction);
         let mut found = vec![false; LENGTH_PX as usize];
         self.columns += u64::from(LENGTH_PX);
         for (at, (&along, &across)) in along.iter().zip(across).enumerate() {
@@ -174,7 +171,7 @@ mod tests {
     use super::*;
     use crate::{
         evaluate::hard::{Second, grid},
-        scanner::params::PeakSelection,
+        scanner::params::{PeakSelection, StripeDirection},
     };
 
     /// Points at these distances from the line, with standard deviation and flags.

@@ -107,10 +107,7 @@ fn measure(
 
 /// Median error of the points that carry no flag of doubt, and their share of all cross-sections.
 fn error_px(line: &Centerline, direction: StripeDirection) -> (f64, f64) {
-    let (along, across) = match direction {
-        StripeDirection::Horizontal => (&line.u_px, &line.v_px),
-        StripeDirection::Vertical => (&line.v_px, &line.u_px),
-    };
+    let (along, across) = line.along_and_across(direction);
     let sound = flag::SATURATED;
     let mut errors: Vec<f64> = along
         .iter()

@@ -36,10 +36,7 @@ impl Lines {
         mut place: impl FnMut(f64, f64) -> Option<PlacedPoint>,
     ) {
         profile.reset(self.count);
-        let (along, across) = match self.direction {
-            StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
-            StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
-        };
+        let (along, across) = centerline.along_and_across(self.direction);
         for i in 0..centerline.len() {
             let Some(point) = place(f64::from(along[i]), f64::from(across[i])) else { continue };
             let (x_m, z_m) = (point.x_m as f32, point.z_m as f32);

@@ -46,10 +46,7 @@ impl Pieces {
 
     fn of(centerline: &Centerline, params: &Params) -> Self {
         let largest_step_px = params.extraction.max_step_px.max(LARGEST_STEP_PX);
-        let (along, across) = match params.stripe_direction {
-            StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
-            StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
-        };
+        let (along, across) = centerline.along_and_across(params.stripe_direction);
         let (mut all, mut piece) = (Self::default(), 0);
         let mut last: Option<(f32, f32)> = None;
         let qualities = centerline.width_px.iter().zip(&centerline.flags);

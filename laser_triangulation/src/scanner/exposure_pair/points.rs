@@ -13,10 +13,7 @@ pub(super) struct Points<'a> {
 
 impl<'a> Points<'a> {
     pub(super) fn new(line: &'a Centerline, direction: StripeDirection) -> Self {
-        let (along_px, across_px) = match direction {
-            StripeDirection::Horizontal => (&line.u_px, &line.v_px),
-            StripeDirection::Vertical => (&line.v_px, &line.u_px),
-        };
+        let (along_px, across_px) = line.along_and_across(direction);
         Self { line, along_px, across_px }
     }
 

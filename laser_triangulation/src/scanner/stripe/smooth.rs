@@ -125,10 +125,7 @@ impl Smoother {
     }
 
     fn load(&mut self, centerline: &Centerline) {
-        let (along, across) = match self.direction {
-            StripeDirection::Horizontal => (&centerline.u_px, &centerline.v_px),
-            StripeDirection::Vertical => (&centerline.v_px, &centerline.u_px),
-        };
+        let (along, across) = centerline.along_and_across(self.direction);
         self.points.clear();
         let places = along.iter().zip(across).zip(&centerline.sigma_px);
         self.points.extend(places.map(|((&along, &across), &sigma)| {

@@ -27,12 +27,8 @@ pub(super) struct Points<'a> {
 
 impl<'a> Points<'a> {
     pub(super) fn of(centerline: &'a Centerline, direction: StripeDirection) -> Self {
-        let Centerline { u_px, v_px, sigma_px, .. } = centerline;
-        let (along, across) = match direction {
-            StripeDirection::Horizontal => (u_px, v_px),
-            StripeDirection::Vertical => (v_px, u_px),
-        };
-        Self { along, across, sigma_px }
+        let (along, across) = centerline.along_and_across(direction);
+        Self { along, across, sigma_px: &centerline.sigma_px }
     }
 
     #[must_use]
