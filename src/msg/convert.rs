@@ -2,6 +2,7 @@
 
 mod encoding;
 mod jpeg;
+mod png;
 pub(crate) mod decode;
 pub(crate) mod file_kind;
 pub(crate) mod picture_message;

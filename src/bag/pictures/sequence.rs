@@ -296,5 +296,8 @@ pub(super) fn load(
         _ => FrameRejected::NoPicture.to_string(),
     })?;
     let size_px = kind.size_px(file).map_err(|error| format!("cannot be decoded: {error}"))?;
+    if kind.is_cut_off(file) {
+        return Err(format!("is cut off: a {kind} file of {length} bytes without its end"));
+    }
     Ok((kind, size_px))
 }

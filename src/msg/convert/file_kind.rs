@@ -4,9 +4,8 @@ use std::{fmt, io::Cursor};
 
 use image::{ColorType, ImageDecoder as _, ImageError, ImageFormat, ImageReader};
 
-use super::encoding::excerpt;
+use super::{encoding::excerpt, jpeg, png};
 
-const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Length of the header that `compressed_depth_image_transport` writes before its PNG.
 const DEPTH_HEADER_BYTES: usize = 12;
 
@@ -41,7 +40,7 @@ impl FileKind {
     /// Returns the kind of a file that begins with these bytes; `None` if it is no picture.
     pub(crate) fn of(bytes: &[u8]) -> Option<Self> {
         let begins_with = |magic: &[&[u8]]| magic.iter().any(|magic| bytes.starts_with(magic));
-        if begins_with(&[PNG]) {
+        if begins_with(&[png::SIGNATURE]) {
             Some(Self::Png)
         } else if begins_with(&[b"\xff\xd8"]) {
             Some(Self::Jpeg)
@@ -88,6 +87,15 @@ impl FileKind {
         Err(UnknownPicture { format: excerpt(format), found })
     }
 
+    /// Returns true if a PNG or JPEG file has no end. Of other kinds only decoding shows that.
+    pub(crate) fn is_cut_off(self, file: &[u8]) -> bool {
+        match self {
+            Self::Png => !png::has_end(file),
+            Self::Jpeg => jpeg::whole(file).is_none(),
+            Self::Tiff | Self::Bmp | Self::Pnm => false,
+        }
+    }
+
     /// Columns and rows according to the header of a file of this kind.
     ///
     /// # Errors
@@ -120,7 +128,8 @@ pub(super) const fn reader(bytes: &[u8]) -> Cursor<&[u8]> {
 }
 
 fn is_depth(format: &str, data: &[u8]) -> bool {
-    let is_png = data.get(DEPTH_HEADER_BYTES..).is_some_and(|behind| behind.starts_with(PNG));
+    let is_png =
+        data.get(DEPTH_HEADER_BYTES..).is_some_and(|behind| behind.starts_with(png::SIGNATURE));
     is_png || format.to_ascii_lowercase().contains("compresseddepth")
 }
 
@@ -173,13 +182,13 @@ mod tests {
                 Ok(FileKind::Jpeg),
                 "{format}"
             );
-            assert_eq!(FileKind::of_message(format, PNG), Ok(FileKind::Png), "{format}");
+            assert_eq!(FileKind::of_message(format, png::SIGNATURE), Ok(FileKind::Png), "{format}");
         }
     }
 
     #[test]
     fn other_files_are_named() {
-        let depth = [&[0; DEPTH_HEADER_BYTES], PNG].concat();
+        let depth = [&[0; DEPTH_HEADER_BYTES], png::SIGNATURE].concat();
         let cases: [(&str, &[u8], &str); 8] = [
             ("16UC1; compressedDepth png", &depth, "compressed_depth_image_transport"),
             ("png", &depth, "compressed_depth_image_transport"),

@@ -53,6 +53,25 @@ fn files_that_are_no_pictures_are_named() {
 }
 
 #[test]
+fn pictures_that_are_cut_off_are_named_and_not_imported() {
+    for kind in [Kind::Png, Kind::Jpeg] {
+        let cut = |path: &Path| {
+            let file = fs::read(path).unwrap();
+            fs::write(path, &file[..file.len() - 20]).unwrap();
+        };
+        rejected(kind, "cut", cut, "is cut off");
+        let place = tempfile::tempdir().unwrap();
+        series(&place.path().join("scan"), kind);
+        cut(&place.path().join("scan").join(kind.name(5)));
+        let mut command = laser_profiler(&["import", "-o"]);
+        let ended = end(command.arg(place.path().join("bag")).arg(place.path().join("scan")));
+        assert_eq!(ended.code, Some(3), "{ended:?}");
+        let reason = format!("{}: is cut off", kind.name(5));
+        assert!(ended.stdout.contains(&reason), "{reason}: {ended:?}");
+    }
+}
+
+#[test]
 fn pictures_of_another_size_are_named() {
     for (kind, width, height) in [(Kind::Png, 160, 47), (Kind::Jpeg, 320, 96), (Kind::Bmp, 48, 160)]
     {
