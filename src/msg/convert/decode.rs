@@ -123,8 +123,10 @@ impl File {
             return Err(FrameRejected::TooLarge { width, height, bytes, max_frame_bytes });
         }
         decoder.set_limits(self.limits()).map_err(broken)?;
-        // Zeroed, so that a partial frame contains no pixels of an earlier one.
-        pixels.clear();
+        // Zeroed, so that a partial frame contains no pixels of an earlier one. The PNG decoder fills all pixels or fails.
+        if kind != FileKind::Png {
+            pixels.clear();
+        }
         pixels.resize(bytes as usize, 0);
         decoder.read_image(pixels).map_err(broken)?;
         let format = match color {
@@ -275,6 +277,25 @@ mod tests {
             (PixelFormat::Mono16(NATIVE), vec![0xff; 30]),
             "white is white"
         );
+    }
+
+    /// Pixels of the picture before are never shown: the decoder fills all of them or fails.
+    #[test]
+    fn png_files_with_too_few_pixels_are_rejected() {
+        // 5 x 4 pixels: data for two rows, and an animation whose first frame has 2 x 2.
+        let short = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x05\x00\x00\x00\x04\x08\x00\x00\x00\x00cX\xaa\x9c\
+            \x00\x00\x00\x0eIDATx\x9cc`\x07\x01\x060\t\x00\x01\xb0\x00G\xfe/\x03%\
+            \x00\x00\x00\x00IEND\xaeB`\x82";
+        let part = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x05\x00\x00\x00\x04\x08\x00\x00\x00\x00cX\xaa\x9c\
+            \x00\x00\x00\x08acTL\x00\x00\x00\x01\x00\x00\x00\x00\xb4-\xe9\xa0\
+            \x00\x00\x00\x1afcTL\x00\x00\x00\x00\x00\x00\x00\x02\x00\x00\x00\x02\x00\x00\x00\x00\x00\x00\x00\x00\
+            \x00\x01\x00\x01\x00\x00\xe4\x013\xe1\
+            \x00\x00\x00\x0eIDATx\x9cc`\x07\x01\x06\x0c\x12\x00\x06\xa8\x00\x8d\x0c\xae\xdf\x84\
+            \x00\x00\x00\x00IEND\xaeB`\x82";
+        for (file, reason) in [(&short[..], "NoMoreImageData"), (&part[..], "BadSubFrameBounds")] {
+            let error = decode(FileKind::Png, file, LIMIT, &mut vec![9; 20]).unwrap_err();
+            assert!(format!("{error:?}").contains(reason), "{error:?}");
+        }
     }
 
     #[test]
