@@ -72,7 +72,7 @@ pub(crate) fn run(args: &SuggestArgs, out: &mut dyn Write) -> anyhow::Result<Out
     if let Some(path) = &args.output {
         refuse_picture(path)?;
     }
-    let picture_path = args.output.as_ref().map(|path| path.with_extension("png"));
+    let picture_path = args.output.as_deref().and_then(picture_path);
     if !args.force {
         for path in args.output.iter().chain(&picture_path) {
             output::refuse_existing(path)?;
@@ -90,23 +90,35 @@ pub(crate) fn run(args: &SuggestArgs, out: &mut dyn Write) -> anyhow::Result<Out
         );
     }
     let text = file::text(&suggestion, &sampled);
-    if let (Some(path), Some(picture_path)) = (&args.output, &picture_path) {
+    if let Some(path) = &args.output {
         output::write_file(path, &text)?;
-        draw(&suggestion, &sampled, picture_path)?;
+    }
+    if let Some(path) = &picture_path {
+        draw(&suggestion, &sampled, path)?;
     }
     let printed = match (args.json, &args.output) {
         (true, _) => format!("{}\n", summary(&suggestion, &sampled, args)),
         (false, None) => text,
-        (false, Some(path)) => format!(
-            "{}: the line in {:.0} % of the cross-sections ({:.0} % with the defaults)\n{}: the line that is measured\n",
-            path.display(),
-            100.0 * suggestion.share,
-            100.0 * suggestion.share_of_defaults,
-            path.with_extension("png").display()
-        ),
+        (false, Some(path)) => {
+            let picture = picture_path.map(|path| path.display().to_string());
+            let picture = picture.map(|path| format!("{path}: the line that is measured\n"));
+            format!(
+                "{}: the line in {:.0} % of the cross-sections ({:.0} % with the defaults)\n{}",
+                path.display(),
+                100.0 * suggestion.share,
+                100.0 * suggestion.share_of_defaults,
+                picture.unwrap_or_default()
+            )
+        }
     };
     output::print(out, &printed)?;
     Ok(Outcome::Done)
+}
+
+/// Returns the path of the picture: beside the parameter file, and none beside a device or a pipe.
+fn picture_path(output: &Path) -> Option<PathBuf> {
+    let is_file = output.metadata().map_or(true, |of| of.is_file());
+    is_file.then(|| output.with_extension("png"))
 }
 
 /// The picture gets its name from the parameter file, which must have another.
@@ -144,7 +156,7 @@ fn summary(suggestion: &Suggestion, sampled: &Sampled, args: &SuggestArgs) -> se
         "width_px": suggestion.width_px,
         "parameters": parameters,
         "output": args.output,
-        "picture": args.output.as_ref().map(|path| path.with_extension("png")),
+        "picture": args.output.as_deref().and_then(picture_path),
     })
 }
 
