@@ -2,6 +2,7 @@
 //! and on real recordings.
 
 mod axis;
+mod axis_boards;
 mod camera;
 mod charuco;
 mod circles;

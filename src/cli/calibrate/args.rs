@@ -87,9 +87,11 @@ pub(super) struct PlaneArgs {
 
 const AXIS_HELP: &str = "\
 The markers lie on a turntable and turn with it: at least half a turn, one full turn is best. Their distance follows from
-their side if it is given, otherwise from the laser's line on the table. A checkerboard that moves with the part gives a linear
-or a rotary axis, turned by less than a quarter from picture to picture. Positions come from sensor_msgs/JointState or
-laser_profiler_msgs/EncoderStamped (with motion.scale and motion.encoder_bits as in the node); pictures whose position lags are reported and do not affect the result.
+their side if it is given, otherwise from the laser's line on the table. A board that moves with the part gives a linear or a
+rotary axis. A checkerboard or a grid of circles must be entirely visible, and turn by less than a quarter from picture to
+picture; of a ChArUco board 12 corners suffice. Positions come from sensor_msgs/JointState or laser_profiler_msgs/EncoderStamped
+(with motion.scale and motion.encoder_bits as in the node); pictures whose position lags are reported and do not affect the
+result.
 
 Examples:
   laser_profiler calibrate axis turning --calibration rig.yaml --markers aruco:4x4_50 -o scanner.yaml \\
@@ -112,7 +114,7 @@ pub(super) struct AxisArgs {
     /// `aruco:4x4_50:0.030`.
     #[arg(long, required_unless_present = "target", conflicts_with = "target")]
     pub(super) markers: Option<String>,
-    /// The board: checkerboard:COLUMNSxROWS:SQUARE, inner corners and metres.
+    /// The board: checkerboard, charuco, circles or asymmetric-circles with its sizes, as for `calibrate camera`.
     #[arg(long)]
     pub(super) target: Option<String>,
     /// Joint to use if the messages name several.

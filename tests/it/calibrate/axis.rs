@@ -19,7 +19,7 @@ use tempfile::TempDir;
 
 use super::{
     calibrate, number, refused,
-    render::{self, Checkerboard, Renderer, Surface, pose, save},
+    render::{self, Renderer, Surface, save},
     vector,
 };
 use crate::recordings::{image_of_file, stamp_ns, topic};
@@ -88,19 +88,8 @@ fn scene(lag_rad: impl Fn(usize) -> f64) -> TempDir {
     directory
 }
 
-/// A board that moves.
-fn scene_of(board: &Checkerboard, at: impl Fn(u32) -> Isometry3<f64>) -> TempDir {
-    let directory = with_rig();
-    let renderer = Renderer::new();
-    for frame in 0..7 {
-        let picture = renderer.render(board, &at(frame), None);
-        save(&picture, &directory.path().join("pictures"), &format!("{frame:02}.png"));
-    }
-    directory
-}
-
 /// A directory for pictures and the rig's calibration beside it.
-fn with_rig() -> TempDir {
+pub(super) fn with_rig() -> TempDir {
     let directory = tempfile::tempdir().unwrap();
     fs::create_dir(directory.path().join("pictures")).unwrap();
     let geometry = CameraAndPlane {
@@ -224,28 +213,4 @@ fn pictures_that_do_not_turn_are_refused() {
     refused(&arguments, &pictures, &scene.path().join("axis.yaml"), &["axis"]);
     let unknown = self::arguments(rig.to_str().unwrap(), "aruco:9x9", "0.3");
     refused(&unknown, &pictures, &scene.path().join("axis.yaml"), &["aruco:4x4_50:0.030"]);
-}
-
-#[test]
-fn a_board_that_slides_gives_direction_and_unit() {
-    let board = Checkerboard { columns: 8, rows: 6, square_m: 0.02 };
-    let scene = scene_of(&board, |i| {
-        let along = Unit::new_normalize(Vector3::new(0.8, 0.2, 0.4));
-        let shift = Translation3::from(along.into_inner() * 0.012 * f64::from(i));
-        shift * pose(&board, [-0.04, -0.01, 0.4], [20.0, -15.0, 5.0])
-    });
-    let (pictures, rig) = (scene.path().join("pictures"), scene.path().join("rig.yaml"));
-    let with = |step: &str, output: &str| {
-        let target = ["axis", "--target", "checkerboard:8x6:0.020", "--calibration"];
-        let arguments = [&target[..], &[rig.to_str().unwrap(), "--step", step]].concat();
-        calibrate(&arguments, &pictures, &scene.path().join(output))
-    };
-    let found = with("0.012", "axis.yaml");
-    assert_eq!((found["kind"].as_str(), found["scale"].as_f64()), (Some("prismatic"), Some(1.0)));
-    let wanted = Vector3::new(0.8, 0.2, 0.4);
-    assert!(vector(&found, "direction").angle(&wanted).to_degrees() < 0.2, "{found}");
-    // An encoder of 1000 counts a step: its unit is found.
-    let counted = with("-1000", "counted.yaml");
-    assert!((number(&counted, "scale") / 12e-6 - 1.0).abs() < 5e-3, "{counted}");
-    assert!(vector(&counted, "direction").angle(&-wanted).to_degrees() < 0.2, "{counted}");
 }

@@ -121,7 +121,7 @@ fn refused_views(views: &[[[f64; 3]; 2]], reported: &[&str]) {
 
 #[test]
 fn too_few_views_are_refused() {
-    refused_views(&VIEWS[..3], &["3 usable views", "20 are good"]);
+    refused_views(&VIEWS[..3], &["usable views: 3", "20 are good"]);
 }
 
 #[test]

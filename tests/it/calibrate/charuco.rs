@@ -21,7 +21,7 @@ const MARKER_M: f64 = 0.0225;
 
 /// OpenCV's board with its first inner corner at (0, 0), and half a square of white around it.
 #[derive(Clone, Copy)]
-struct Charuco {
+pub(super) struct Charuco {
     columns: u32,
     rows: u32,
     /// Whether the first square is white, as in old boards with an even number of rows.
@@ -32,7 +32,9 @@ struct Charuco {
 
 const BOARD: Charuco =
     Charuco { columns: 8, rows: 6, is_legacy: false, hidden_from_m: f64::INFINITY };
-const TARGET: &str = "charuco:8x6:0.03:0.0225:4x4_50";
+/// The same with its right part hidden.
+pub(super) const PARTLY_HIDDEN: Charuco = Charuco { hidden_from_m: 0.125, ..BOARD };
+pub(super) const TARGET: &str = "charuco:8x6:0.03:0.0225:4x4_50";
 
 impl Surface for Charuco {
     fn albedo(&self, x: f64, y: f64) -> Option<f64> {
@@ -68,7 +70,7 @@ impl Surface for Charuco {
 }
 
 impl Charuco {
-    fn pose(&self, middle_m: [f64; 3], turned_deg: [f64; 3]) -> Isometry3<f64> {
+    pub(super) fn pose(&self, middle_m: [f64; 3], turned_deg: [f64; 3]) -> Isometry3<f64> {
         let half = |squares: u32| (f64::from(squares) / 2.0 - 1.0) * SQUARE_M;
         pose_of([half(self.columns), half(self.rows)], middle_m, turned_deg)
     }
@@ -122,7 +124,7 @@ fn the_numbered_corners_are_found_whatever_part_is_visible() {
         (Charuco { is_legacy: true, ..BOARD }, TARGET),
         (Charuco { columns: 7, rows: 5, ..BOARD }, "charuco:7x5:0.03:0.0225:4X4_50"),
         (Charuco { columns: 7, rows: 6, is_legacy: true, ..BOARD }, "charuco:7x6:0.03:0.0225"),
-        (Charuco { hidden_from_m: 0.125, ..BOARD }, TARGET),
+        (PARTLY_HIDDEN, TARGET),
     ] {
         for (middle, turned) in [
             ([0.0, 0.0, 0.45], [35.0, 10.0, 0.0]),

@@ -16,7 +16,7 @@ use super::{
 
 /// Circles with the first centre at (0, 0), on a plate that ends 1.5 pitches beyond the outer centres.
 #[derive(Clone, Copy)]
-struct Circles {
+pub(super) struct Circles {
     columns: u32,
     rows: u32,
     pitch_m: f64,
@@ -25,7 +25,7 @@ struct Circles {
     is_light: bool,
 }
 
-const SYMMETRIC: Circles = Circles {
+pub(super) const SYMMETRIC: Circles = Circles {
     columns: 8,
     rows: 6,
     pitch_m: 0.028,
@@ -33,7 +33,7 @@ const SYMMETRIC: Circles = Circles {
     is_asymmetric: false,
     is_light: false,
 };
-const ASYMMETRIC: Circles = Circles {
+pub(super) const ASYMMETRIC: Circles = Circles {
     columns: 4,
     rows: 11,
     pitch_m: 0.018,
@@ -69,12 +69,12 @@ impl Circles {
         all.filter(is_one).map(at).collect()
     }
 
-    fn target(&self) -> String {
+    pub(super) fn target(&self) -> String {
         let name = if self.is_asymmetric { "asymmetric-circles" } else { "circles" };
         format!("{name}:{}x{}:{}", self.columns, self.rows, self.pitch_m)
     }
 
-    fn pose(&self, middle_m: [f64; 3], turned_deg: [f64; 3]) -> Isometry3<f64> {
+    pub(super) fn pose(&self, middle_m: [f64; 3], turned_deg: [f64; 3]) -> Isometry3<f64> {
         let half = self.span().map(|side| f64::from(side - 1) * self.pitch_m / 2.0);
         pose_of(half, middle_m, turned_deg)
     }

@@ -141,7 +141,7 @@ fn boards_without_a_laser_are_refused() {
     for (i, view) in VIEWS.iter().enumerate() {
         scene.add(&format!("view_{i}.png"), *view, None);
     }
-    scene.refused(&["0 boards with a usable line", "no laser line on the board"]);
+    scene.refused(&["boards with a usable line: 0", "no laser line on the board"]);
 }
 
 #[test]

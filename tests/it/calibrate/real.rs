@@ -67,7 +67,7 @@ fn the_rig_is_calibrated_from_its_recordings() {
     // Recordings without targets are distinguished from damaged ones.
     let other = directory.path().join("other.yaml");
     let wrong = ["axis", "--markers", "aruco:5x5_50", "--calibration", rig.to_str().unwrap()];
-    refused(&wrong, &turning, &other, &["0 pictures", "no marker"]);
+    refused(&wrong, &turning, &other, &["known position: 0", "no marker"]);
     let joint = [&axis[..], &["--joint", "elbow"]].concat();
     refused(&joint, &turning, &other, &["elbow"]);
     refused(&[&["camera"][..], &TARGET].concat(), &turning, &other, &["no picture shows"]);

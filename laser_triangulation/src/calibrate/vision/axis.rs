@@ -1,22 +1,24 @@
 //! The axis that moves the part, from markers that turn with it or a board that moves with it.
 
-use calib_targets_chessboard::ChessboardParamsError;
 use nalgebra::{Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::{
     axis_distance::{self, DistanceError, TableDistance},
     axis_response,
-    board::{Board, BoardDetector, BoardRejected},
+    board::{Board, BoardRejected},
     board_axis::{self, BoardAxisError},
+    board_bend::{self, BoardBend},
     board_shape::BoardShape,
-    checkerboard::Checkerboard,
+    circle_centres::with_true_centres,
     laser_finder::LitCenterline,
     markers::{Marker, MarkerDetector, MarkerKind},
     picture::GrayPicture,
     pose,
     positions::{self, Agreement, Position, PositionError},
     revolute::{self, RevoluteError, RevoluteFit, Sighting},
+    target::Target,
+    target_detector::{TargetDetector, TargetDetectorError},
 };
 use crate::scanner::{
     axis::{Axis, AxisKind},
@@ -26,14 +28,16 @@ use crate::scanner::{
 
 /// Fewest pictures in which a marker must be visible.
 const MIN_SEEN: usize = 3;
+/// Fewest corners of a board whose corners are numbered. Another board must be entirely visible: a part of it is ambiguous.
+const MIN_NUMBERED: usize = 12;
 
 /// The target that moves with the part.
 #[derive(Clone, Copy, Debug)]
 pub enum AxisTarget {
     /// Markers on a turning table.
     Markers(MarkerKind),
-    /// A checkerboard.
-    Board(Checkerboard),
+    /// A board.
+    Board(Target),
 }
 
 /// The target as seen in one picture.
@@ -41,7 +45,7 @@ pub enum AxisTarget {
 pub enum SeenTarget {
     /// At least one marker.
     Markers(Vec<Marker>),
-    /// The whole board.
+    /// The board.
     Board(Board),
 }
 
@@ -62,19 +66,21 @@ pub struct AxisTargetDetector(Detector);
 
 enum Detector {
     Markers(MarkerDetector),
-    Board(BoardDetector),
+    Board(TargetDetector),
 }
 
 impl AxisTargetDetector {
-    /// Creates a detector. A board must be entirely visible: a part of it is ambiguous.
+    /// Creates a detector. A board must be entirely visible, but for a `ChArUco` board.
     ///
     /// # Errors
-    /// Never: the grid detector's own defaults are valid.
-    pub fn new(target: &AxisTarget) -> Result<Self, ChessboardParamsError> {
+    /// Never for a target that was read from text.
+    pub fn new(target: &AxisTarget) -> Result<Self, TargetDetectorError> {
         Ok(Self(match target {
             AxisTarget::Markers(kind) => Detector::Markers(MarkerDetector::new(kind)),
             AxisTarget::Board(board) => {
-                Detector::Board(BoardDetector::new(*board, board.num_corners())?)
+                let min_points =
+                    if board.is_numbered() { MIN_NUMBERED } else { board.num_points() };
+                Detector::Board(TargetDetector::new(board, min_points)?)
             }
         }))
     }
@@ -82,7 +88,7 @@ impl AxisTargetDetector {
     /// Finds the target in a picture.
     ///
     /// # Errors
-    /// No marker, or no whole board.
+    /// No marker, or no usable board.
     pub fn detect(&self, picture: &GrayPicture) -> Result<SeenTarget, TargetRejected> {
         match &self.0 {
             Detector::Markers(detector) => {
@@ -154,6 +160,8 @@ pub struct AxisFit {
     pub agreement: Agreement,
     /// Circles of the markers; `None` for a board.
     pub circles: Option<MarkerCircles>,
+    /// The board's bend under the given camera; `None` for markers, and for a board that is flat within the uncertainty.
+    pub bend: Option<BoardBend>,
 }
 
 /// The reason why pictures determine no axis.
@@ -201,23 +209,24 @@ pub fn calibrate_axis(
         return Err(AxisError::Size { pictures: view.size_px, camera });
     }
     let mut fit = fitted(geometry, target, views, None)?;
-    let axis = fit.axis;
-    fit.quality.camera_response = axis_response::find(geometry, &axis, |other| {
-        Some(fitted(other, target, views, Some(axis.direction)).ok()?.axis)
+    fit.quality.camera_response = axis_response::find(geometry, &fit.axis, |other| {
+        Some(fitted(other, target, views, Some(&fit)).ok()?.axis)
     });
     Ok(fit)
 }
 
-/// Fits the axis; `near` is its direction, if it is known roughly.
+/// Fits the axis; `near` is that of a similar camera, if it is known.
 fn fitted(
     geometry: &CameraAndPlane,
     target: &AxisTarget,
     views: &[AxisView],
-    near: Option<Unit<Vector3<f64>>>,
+    near: Option<&AxisFit>,
 ) -> Result<AxisFit, AxisError> {
     match target {
-        AxisTarget::Markers(kind) => of_markers(geometry, views, kind, near),
-        AxisTarget::Board(board) => of_board(&geometry.camera, views, board),
+        AxisTarget::Markers(kind) => {
+            of_markers(geometry, views, kind, near.map(|near| near.axis.direction))
+        }
+        AxisTarget::Board(board) => of_board(&geometry.camera, views, board, near),
     }
 }
 
@@ -260,14 +269,24 @@ fn of_markers(
 fn of_board(
     camera: &Camera,
     views: &[AxisView],
-    target: &Checkerboard,
+    target: &Target,
+    near: Option<&AxisFit>,
 ) -> Result<AxisFit, AxisError> {
-    let boards = || views.iter().filter_map(AxisView::board);
-    let poses: Option<Vec<_>> = boards()
-        .map(|board| pose::fit(camera, &board.points(target.square_m, &BoardShape::default())))
-        .collect();
+    let square_m = target.unit_m();
+    let seen: Vec<_> = views.iter().filter_map(AxisView::board).cloned().collect();
+    let boards = with_true_centres(camera, &seen, square_m);
+    let boards: Vec<_> = boards.iter().collect();
+    let bend = match near {
+        Some(near) => near.bend,
+        None => board_bend::find(&boards, square_m, camera, &[]).map(|(bend, _)| bend),
+    };
+    let shape = bend
+        .map_or(Some(BoardShape::default()), |bend| bend.accounted_under(camera, &boards, square_m))
+        .ok_or(AxisError::NoPose)?;
+    let poses: Option<Vec<_>> =
+        boards.iter().map(|board| pose::fit(camera, &board.points(square_m, &shape))).collect();
     let poses = poses.ok_or(AxisError::NoPose)?;
-    let placed: Vec<_> = boards().zip(&poses).collect();
+    let placed: Vec<_> = boards.iter().copied().zip(&poses).collect();
     let fit = board_axis::fit(target, &placed)?;
     let quality = AxisQuality {
         rms_m: Some(fit.rms_m),
@@ -277,7 +296,7 @@ fn of_board(
         ..AxisQuality::default()
     };
     let way = Way { kind: fit.kind, point_m: fit.point_m, direction: fit.direction, quality };
-    Ok(with_positions(views, fit.shown, way)?)
+    Ok(AxisFit { bend, ..with_positions(views, fit.shown, way)? })
 }
 
 /// An axis of unknown sign and unit.
@@ -303,7 +322,7 @@ fn with_positions(views: &[AxisView], shown: Vec<f64>, way: Way) -> Result<AxisF
         scale_sigma: Some(agreement.scale_sigma),
         ..quality
     };
-    Ok(AxisFit { axis, quality, shown, agreement, circles: None })
+    Ok(AxisFit { axis, quality, shown, agreement, circles: None, bend: None })
 }
 
 /// Returns the numbers of the markers that enough views show, ascending.

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use super::{board::Board, checkerboard::Checkerboard, pose::BoardPose};
+use super::{board::Board, pose::BoardPose, target::Target};
 use crate::scanner::axis::AxisKind;
 
 /// Fewest pictures.
@@ -39,7 +39,7 @@ pub(super) struct BoardAxisFit {
 pub enum BoardAxisError {
     /// Too few pictures.
     #[error(
-        "{frames} pictures with the whole board at a known position, at least {MIN_FRAMES} are needed"
+        "pictures with a usable board at a known position: {frames}, at least {MIN_FRAMES} are needed"
     )]
     Few {
         /// Pictures with the whole board.
@@ -58,7 +58,8 @@ pub enum BoardAxisError {
     },
     /// The path is neither a straight line nor a circle.
     #[error(
-        "the board's middle leaves its way by {off_mm:.2} mm: it does not move with one axis, or the board slips on it"
+        "the board's middle leaves its way by {off_mm:.2} mm: it does not move with one axis, the board slips on it, \
+         or it turns by a quarter or more between two usable pictures (only a ChArUco board may)"
     )]
     Crooked {
         /// Root mean square deviation, millimetres.
@@ -71,7 +72,7 @@ pub enum BoardAxisError {
 /// # Errors
 /// Too few boards, boards that do not move, or boards that do not move about one axis.
 pub(super) fn fit(
-    target: &Checkerboard,
+    target: &Target,
     boards: &[(&Board, &BoardPose)],
 ) -> Result<BoardAxisFit, BoardAxisError> {
     let frames = boards.len();
@@ -106,22 +107,28 @@ pub(super) fn fit(
     Ok(fit)
 }
 
-fn board_size_m(target: &Checkerboard) -> f64 {
-    target.square_m * f64::from(target.columns.max(target.rows))
+fn board_size_m(target: &Target) -> f64 {
+    let [columns, rows] = target.span();
+    target.unit_m() * f64::from(columns.max(rows))
 }
 
-/// Returns the poses of the board's middle. A checkerboard looks the same after half a turn: of its possible poses,
-/// each picture gets the one with the smallest rotation from the previous picture.
-fn followed(target: &Checkerboard, boards: &[(&Board, &BoardPose)]) -> Vec<Isometry3<f64>> {
+/// Returns the poses of the board's middle. Checkerboards and circles look the same after half a turn, or may be found
+/// turned: of their possible poses, each picture gets the one with the smallest rotation from the previous picture.
+fn followed(target: &Target, boards: &[(&Board, &BoardPose)]) -> Vec<Isometry3<f64>> {
     let mut poses: Vec<Isometry3<f64>> = Vec::with_capacity(boards.len());
     let first = boards[0].0;
+    let [columns, rows] = target.span();
     for (board, pose) in boards {
-        let half = |corners: u32| f64::from(corners - 1) * target.square_m / 2.0;
+        let half = |corners: u32| f64::from(corners - 1) * target.unit_m() / 2.0;
         let middle = Translation3::new(half(board.columns), half(board.rows), 0.0);
         let middle = pose.camera_from_board * middle;
         let quarters = (0..4).filter(|quarter| {
             let is_swapped = board.columns != first.columns;
-            target.columns == target.rows || (quarter % 2 == 1) == is_swapped
+            if target.is_numbered() {
+                *quarter == 0
+            } else {
+                columns == rows || (quarter % 2 == 1) == is_swapped
+            }
         });
         let turned = quarters.map(|quarter| {
             let turn =
@@ -215,8 +222,10 @@ fn longest(vectors: impl Iterator<Item = Vector3<f64>>) -> Unit<Vector3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibrate::Checkerboard;
 
-    const TARGET: Checkerboard = Checkerboard { columns: 8, rows: 6, square_m: 0.02 };
+    const TARGET: Target =
+        Target::Checkerboard(Checkerboard { columns: 8, rows: 6, square_m: 0.02 });
 
     fn board() -> Board {
         Board { columns: 8, rows: 6, ..Board::default() }

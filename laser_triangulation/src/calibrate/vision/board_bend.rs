@@ -41,6 +41,20 @@ impl BoardBend {
     pub(super) fn accounted(self) -> BoardShape {
         if self.is_shared { self.shape } else { BoardShape::default() }
     }
+
+    /// Returns the shape that results account for under another camera. `None` if that camera does not see the boards.
+    pub(super) fn accounted_under(
+        self,
+        camera: &Camera,
+        boards: &[&Board],
+        square_m: f64,
+    ) -> Option<BoardShape> {
+        if !self.is_shared {
+            return Some(BoardShape::default());
+        }
+        let shared = Shared { camera: Vec::new(), shape: BEND.to_vec() };
+        Some(joint(boards, square_m, camera, self.shape, &shared)?.state.shape)
+    }
 }
 
 impl fmt::Display for BoardBend {
@@ -89,7 +103,7 @@ pub(super) fn find(
     (size > SIGNIFICANT).then_some((bend, fit))
 }
 
-/// Fits what is shared, from poses under the given camera.
+/// Fits what is shared, from poses under the given camera. `None` without boards, or if the camera does not see one of them.
 pub(super) fn joint(
     boards: &[&Board],
     square_m: f64,
@@ -97,6 +111,9 @@ pub(super) fn joint(
     shape: BoardShape,
     shared: &Shared,
 ) -> Option<JointFit> {
+    if boards.is_empty() {
+        return None;
+    }
     let views: Vec<_> = boards.iter().map(|board| board.flat(square_m)).collect();
     let poses = views.iter().map(|view| {
         let pairs: Vec<_> = view.iter().map(|(flat, seen)| (shape.point(*flat), *seen)).collect();

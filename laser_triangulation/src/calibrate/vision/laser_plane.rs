@@ -70,7 +70,7 @@ pub struct LaserPlaneFit {
 pub enum LaserPlaneError {
     /// Too few lines.
     #[error(
-        "{usable} boards with a usable line, at least {MIN_BOARDS} are needed (20 are good): hold the board into the laser \
+        "boards with a usable line: {usable}, at least {MIN_BOARDS} are needed (20 are good): hold the board into the laser \
          near and far and tilted, with the line across its squares"
     )]
     Few {

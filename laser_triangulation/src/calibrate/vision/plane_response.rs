@@ -7,10 +7,8 @@ use nalgebra::{Matrix3, Point3};
 
 use super::{
     board::Board,
-    board_bend,
     board_shape::{BEND, BoardShape},
     camera_response::{CameraResponse, central},
-    joint_fit::Shared,
     laser_lines::{BoardLine, LaserLines},
     laser_plane::{offset, plane_through},
     pose,
@@ -66,13 +64,9 @@ impl Source<'_> {
 
     /// Returns the bend that the boards have under another camera.
     fn bend_under(&self, camera: &Camera) -> Option<BoardShape> {
-        let Some(bend) = self.found.bend.filter(|bend| bend.is_shared) else {
-            return Some(BoardShape::default());
-        };
+        let Some(bend) = self.found.bend else { return Some(BoardShape::default()) };
         let boards: Vec<_> = self.found.boards.iter().map(|(_, board)| board).collect();
-        let shared = Shared { camera: Vec::new(), shape: BEND.to_vec() };
-        let fit = board_bend::joint(&boards, self.found.square_m, camera, bend.shape, &shared)?;
-        Some(fit.state.shape)
+        bend.accounted_under(camera, &boards, self.found.square_m)
     }
 
     /// Returns the plane through the same lines, under another camera and with another bend.

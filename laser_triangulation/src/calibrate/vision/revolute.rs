@@ -52,7 +52,9 @@ pub(super) struct RevoluteFit {
 #[derive(Debug, Error, PartialEq)]
 pub enum RevoluteError {
     /// Too few pictures.
-    #[error("{frames} pictures with markers at a known position, at least {MIN_FRAMES} are needed")]
+    #[error(
+        "pictures with markers at a known position: {frames}, at least {MIN_FRAMES} are needed"
+    )]
     Few {
         /// Pictures with markers.
         frames: usize,

@@ -91,6 +91,20 @@ impl Target {
         }
     }
 
+    /// Returns the columns and rows, in [units](Self::unit_m), that the points of the whole target span.
+    pub(super) const fn span(&self) -> [u32; 2] {
+        match self {
+            Self::Checkerboard(board) => [board.columns, board.rows],
+            Self::Charuco(board) => [board.columns - 1, board.rows - 1],
+            Self::Circles(grid) => grid.span(),
+        }
+    }
+
+    /// Returns true if the points are numbered: a part of the target is enough to place it.
+    pub(super) const fn is_numbered(&self) -> bool {
+        matches!(self, Self::Charuco(_))
+    }
+
     /// Returns true if the board is large enough to tell the target from one of another size: if all of its points were
     /// found, or if they are numbered.
     #[must_use]

@@ -32,7 +32,7 @@ const MIN_NINTHS: usize = 6;
 pub enum MissingViews {
     /// Too few views.
     #[error(
-        "{usable} usable views, at least {MIN_VIEWS} are needed (20 are good): the board nearer and farther, in the middle \
+        "usable views: {usable}, at least {MIN_VIEWS} are needed (20 are good): the board nearer and farther, in the middle \
          and in the corners of the image, tilted by 20 to 40 degrees each way"
     )]
     Views {

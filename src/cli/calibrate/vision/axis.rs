@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::{Context, bail};
 
-use super::{args::AxisArgs, axis_answer, axis_pictures, file, pictures::Pictures, report};
+use super::{args::AxisArgs, axis_answer, axis_pictures, boards, file, pictures::Pictures, report};
 use crate::{
     calibrate::{AxisTarget, calibrate_axis},
     cli::{
@@ -27,9 +27,7 @@ pub(in crate::cli::calibrate) fn run(
 ) -> anyhow::Result<Outcome> {
     let target = match (&args.markers, &args.target) {
         (Some(markers), _) => AxisTarget::Markers(markers.parse().map_err(settings::usage)?),
-        (None, board) => AxisTarget::Board(
-            board.as_deref().unwrap_or_default().parse().map_err(settings::usage)?,
-        ),
+        (None, board) => AxisTarget::Board(boards::target(board.as_deref().unwrap_or_default())?),
     };
     file::refuse_existing(&args.output)?;
     let path = || args.calibration.display().to_string();
@@ -46,6 +44,9 @@ pub(in crate::cli::calibrate) fn run(
     fit.apply_to(&mut geometry);
     geometry.calibrated_at = Some(file::now());
     file::write(&args.output, &Calibration::CameraAndPlane(Box::new(geometry)).to_yaml())?;
+    if let Some(bend) = fit.bend {
+        tracing::warn!("{}. A flat, stiff board is better", boards::describe(bend, "axis"));
+    }
     if let Some(path) = &args.output.report {
         report::axis(path, &found, &fit)?;
     }

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use serde_json::{Value as Json, json};
 
-use super::{args::AxisArgs, axis_pictures::AxisPictures, rejected};
+use super::{args::AxisArgs, axis_pictures::AxisPictures, boards, rejected};
 pub(crate) use crate::{calibrate::AxisFit, scanner::axis::AxisKind};
 
 /// Prints the result as text or as JSON.
@@ -58,6 +58,9 @@ pub(super) fn print(
         None => "which is unknown",
     };
     writeln!(out, "  ± one standard deviation, without the share of the camera, {of_camera}")?;
+    if let Some(bend) = fit.bend {
+        writeln!(out, "  {}", boards::describe(bend, "axis"))?;
+    }
     if !agreement.suspicious.is_empty() {
         writeln!(out, "pictures that deviate from their stated position:")?;
         for &at in &agreement.suspicious {
@@ -66,7 +69,7 @@ pub(super) fn print(
         }
     }
     if !pictures.rejected.is_empty() {
-        writeln!(out, "{} pictures not used:", pictures.rejected.len())?;
+        writeln!(out, "pictures not used: {}", pictures.rejected.len())?;
         write!(out, "{}", rejected::text(&pictures.rejected))?;
     }
     Ok(())
@@ -124,6 +127,7 @@ fn json(args: &AxisArgs, pictures: &AxisPictures, fit: &AxisFit) -> Json {
         "measured_scale": agreement.scale.abs(),
         "positions_sigma": agreement.sigma,
         "circles": circles,
+        "bend": fit.bend.map(boards::bend),
         "camera_response_known": quality.camera_response.is_some(),
         "uncertainties": {
             "direction_rad": quality.direction_sigma_rad,

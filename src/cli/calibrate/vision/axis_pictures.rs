@@ -98,7 +98,7 @@ impl AxisPictures {
     /// Lists the number of pictures and the reasons for rejections.
     pub(super) fn summary(&self) -> String {
         format!(
-            "{} pictures take part; {} are not used\n{}",
+            "pictures used: {}, not used: {}\n{}",
             self.names.len(),
             self.rejected.len(),
             rejected::text(&self.rejected)

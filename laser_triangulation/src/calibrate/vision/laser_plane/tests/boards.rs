@@ -141,6 +141,7 @@ impl SimulatedRig {
         };
         let [columns, rows] = CORNERS;
         let board = Checkerboard { columns, rows, square_m: self.square_m };
+        let board = Target::Checkerboard(board);
         let fit = calibrate_axis(&found, &AxisTarget::Board(board), &views).unwrap();
         fit.apply_to(&mut found);
         found
