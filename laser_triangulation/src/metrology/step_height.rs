@@ -38,6 +38,9 @@ pub struct StepHeight {
     pub num_rejected: usize,
     /// Number of independent profiles with the same information.
     pub effective_profiles: f64,
+    /// Angle between the surface beside the step and the plane z = 0, radians. The height is along z: perpendicular to an
+    /// inclined surface the step is lower by the cosine.
+    pub inclination_rad: f64,
 }
 
 /// The reason why no step height can be measured.
@@ -98,9 +101,9 @@ pub fn measure(
         Some(edges_m) => edges_m,
         None => find_edges(surface)?,
     };
-    let fits: Vec<Option<(f64, f64)>> =
+    let fits: Vec<Option<OneProfile>> =
         surface.rows().map(|row| one_profile(row, edges_m)).collect();
-    let heights: Vec<f64> = fits.iter().flatten().map(|fit| fit.0).collect();
+    let heights: Vec<f64> = fits.iter().flatten().map(|fit| fit.height_m).collect();
     let num = heights.len();
     if num == 0 {
         return Err(StepHeightError::TooFew(fits.len()));
@@ -114,7 +117,7 @@ pub fn measure(
     let (profile_sigma_m, freedom) = if num > 2 {
         ((squares / (num - 1) as f64).sqrt(), effective - 1.0)
     } else {
-        (fits.iter().flatten().map(|fit| fit.1).sum::<f64>() / num as f64, 1e3)
+        (fits.iter().flatten().map(|fit| fit.sigma_m).sum::<f64>() / num as f64, 1e3)
     };
     let sigma_m = profile_sigma_m / effective.sqrt();
     Ok(StepHeight {
@@ -126,11 +129,35 @@ pub fn measure(
         num_profiles: num,
         num_rejected: fits.len() - num,
         effective_profiles: effective,
+        inclination_rad: inclination_rad(fits.iter().flatten()),
     })
 }
 
-/// Returns the height of one profile's step and one standard deviation of it, metres.
-fn one_profile(row: &[Point3<f64>], [left, right]: [f64; 2]) -> Option<(f64, f64)> {
+/// The step in one profile.
+struct OneProfile {
+    height_m: f64,
+    /// One standard deviation of the height, metres.
+    sigma_m: f64,
+    /// Place across the profile, metres.
+    y_m: f64,
+    /// Height of the line through the outer parts below the middle of the step, metres, and its slope.
+    base: [f64; 2],
+}
+
+/// Returns the inclination of the surface beside the step; along the profiles alone if they lie at one place.
+fn inclination_rad<'a>(profiles: impl Iterator<Item = &'a OneProfile>) -> f64 {
+    let (mut slopes, mut levels) = (Vec::new(), Vec::new());
+    for OneProfile { y_m, base: [level_m, slope], .. } in profiles {
+        slopes.push(*slope);
+        levels.push(Equation { row: [1.0, *y_m].into(), value: *level_m });
+    }
+    let along = median(&mut slopes).unwrap_or(0.0);
+    let across = robust::solve(&levels).map_or(0.0, |fit| fit.x[1]);
+    along.hypot(across).atan()
+}
+
+/// Returns the step in one profile; `None` if a part has too few points.
+fn one_profile(row: &[Point3<f64>], [left, right]: [f64; 2]) -> Option<OneProfile> {
     let width = right - left;
     let middle = 0.5 * (left + right);
     let part = |x: f64| {
@@ -143,11 +170,12 @@ fn one_profile(row: &[Point3<f64>], [left, right]: [f64; 2]) -> Option<(f64, f64
             None
         }
     };
-    let mut counts = [0; 3];
+    let (mut counts, mut sum_y_m) = ([0; 3], 0.0);
     let mut equations: Vec<Equation<3>> = Vec::with_capacity(row.len());
     for point in row.iter().filter(|point| is_measured(point)) {
         let Some(part) = part(point.x) else { continue };
         counts[part] += 1;
+        sum_y_m += point.y;
         let delta = if part == 1 { 1.0 } else { 0.0 };
         let row = [1.0, (point.x - middle) / width, delta].into();
         equations.push(Equation { row, value: point.z });
@@ -157,7 +185,12 @@ fn one_profile(row: &[Point3<f64>], [left, right]: [f64; 2]) -> Option<(f64, f64
     }
     let fit = robust::solve(&equations)?;
     let correlated = inflation(&fit.residuals, fit.residuals.len())[0];
-    Some((fit.x[2], (correlated * fit.covariance[(2, 2)]).sqrt()))
+    Some(OneProfile {
+        height_m: fit.x[2],
+        sigma_m: (correlated * fit.covariance[(2, 2)]).sqrt(),
+        y_m: sum_y_m / equations.len() as f64,
+        base: [fit.x[0], fit.x[1] / width],
+    })
 }
 
 /// Finds the edges of the step in the median of all rows.

@@ -23,6 +23,9 @@ use crate::{
     results::{ANY_HEIGHT_M, Figure, Results, Scanned, calibration_share, num_outside_calibration},
 };
 
+/// Inclination from which a height along z differs from one along the normal by more than 0.05 %, radians.
+const INCLINED_RAD: f64 = 0.032;
+
 /// Reads the points of a region.
 fn points(common: &Common, region: &Region) -> anyhow::Result<(Scanned, Results)> {
     let results = Results::open(&common.results.selection())?;
@@ -140,6 +143,20 @@ pub(super) fn step(args: &StepArgs) -> anyhow::Result<Answer> {
     let height = Figure::with_u95(step.height_m, step.sigma_m, step.u95_m);
     let height = height.with_calibration(by_height);
     answer.figure("height_m", "step height", height, Unit::Micrometre);
+    answer.number(
+        "inclination_rad",
+        "inclination beside it",
+        step.inclination_rad,
+        Unit::Milliradian,
+    );
+    if step.inclination_rad > INCLINED_RAD {
+        let along_normal_um = 1e6 * step.height_m * step.inclination_rad.cos();
+        let note = format!(
+            "the height is along z, but the surface is inclined: perpendicular to it the step is {along_normal_um:.3} µm. \
+             laser_profiler calibrate level brings its base level"
+        );
+        answer.text_line("inclined", "note", &note);
+    }
     answer.place("edges_m", "edges", &step.edges_m);
     answer.number(
         "profile_sigma_m",

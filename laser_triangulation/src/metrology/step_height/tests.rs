@@ -29,6 +29,22 @@ fn a_ridge_and_a_groove_have_their_height() {
 }
 
 #[test]
+fn the_inclination_of_the_base_is_that_of_the_surface() {
+    for [along, across] in [[0.02, 0.0], [0.0, 0.5], [-0.1, 0.3]] {
+        let z =
+            |x: f64, y: f64| along * x + across * y + if x.abs() < 0.8e-3 { STEP_M } else { 0.0 };
+        let expected_rad = f64::hypot(along, across).atan();
+        let mut inclined = surface(z, SIGMA_M, 1, 3);
+        let found = measure(&inclined, Some([-0.8e-3, 0.8e-3])).unwrap();
+        assert!((found.inclination_rad - expected_rad).abs() < 3e-3, "{found:?}");
+        // All profiles at one place: the inclination along them is what is known.
+        inclined.points.iter_mut().for_each(|point| point.y = 0.0);
+        let found = measure(&inclined, Some([-0.8e-3, 0.8e-3])).unwrap();
+        assert!((found.inclination_rad - along.abs().atan()).abs() < 3e-3, "{found:?}");
+    }
+}
+
+#[test]
 fn the_stated_uncertainty_covers_the_truth() {
     for smooth in [1, 4] {
         let covered = share(300, |seed| {
