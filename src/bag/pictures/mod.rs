@@ -18,12 +18,14 @@ pub(super) use sequence::ASSUMED_RATE_HZ;
 pub use sequence::PictureOptions;
 pub(super) use series::{Series, SeriesMessages};
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub(crate) use find::is_picture;
 use find::{Found, Input};
 use sequence::PictureSequence;
+use table::Table;
 use video::Video;
 
 use super::{BagError, BagReader, ReadOptions, Topic};
@@ -92,6 +94,19 @@ pub(crate) fn sort(paths: &[PathBuf]) -> Result<Vec<PictureInput>, PictureError>
         Input::Video(path) | Input::Recording(path) => PictureInput::Recording(path),
     };
     Ok(find::sort(paths)?.into_iter().map(sorted).collect())
+}
+
+/// Returns the positions that a table states, by the name of their picture.
+///
+/// # Errors
+/// The table cannot be read, or it states none.
+pub(crate) fn stated_positions(table: &Path) -> Result<BTreeMap<String, f64>, PictureError> {
+    let Table { rows, has_positions, .. } = Table::read(table)?;
+    if !has_positions {
+        let what = "the column position is missing".to_owned();
+        return Err(PictureError::Table { path: table.into(), line: 1, what });
+    }
+    Ok(rows.into_iter().filter_map(|(name, row)| Some((name, row.position?))).collect())
 }
 
 /// Opens one input like [`open_all`], with the default stamps.

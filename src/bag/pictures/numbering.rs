@@ -4,6 +4,9 @@ use std::collections::BTreeMap;
 
 use super::natural::{is_number, runs};
 
+/// Share of the names that must be numbered alike for the others to be odd.
+const MOST: f64 = 0.6;
+
 /// A longer gap is no loss of pictures but another series.
 const MAX_GAP: u64 = 100_000;
 
@@ -60,6 +63,46 @@ impl Numbering {
     }
 }
 
+/// Returns why names that look numbered have no [`Numbering`]: a number that two names have, or names that are not numbered
+/// as most are.
+pub(super) fn fault(names: &[&[u8]]) -> Option<String> {
+    let text = |name| String::from_utf8_lossy(name).into_owned();
+    let twice = |numbers: Vec<u64>| numbers.windows(2).position(|pair| pair[0] == pair[1]);
+    if let Some(at) = numbers(names).and_then(twice) {
+        return Some(format!(
+            "{} and {} have the same number",
+            text(names[at]),
+            text(names[at + 1])
+        ));
+    }
+    odd(names).map(|(name, count)| {
+        format!(
+            "{count} of {} names are not numbered like the others, the first is {}",
+            names.len(),
+            text(name)
+        )
+    })
+}
+
+/// Returns a name that is not numbered as most of the others are, and how many such names there are; `None` if there is no
+/// such majority.
+fn odd<'a>(names: &[&'a [u8]]) -> Option<(&'a [u8], usize)> {
+    // Names that differ in their last number only are numbered alike.
+    let pattern = |name: &'a [u8]| {
+        let mut parts: Vec<_> = runs(name).collect();
+        let last = parts.iter().rposition(|run| is_number(run));
+        last.map(|at| parts.remove(at)).map(|_| parts)
+    };
+    let mut by_pattern = BTreeMap::<_, usize>::new();
+    for name in names {
+        *by_pattern.entry(pattern(name)).or_default() += 1;
+    }
+    let (usual, count) = by_pattern.into_iter().max_by_key(|(_, count)| *count)?;
+    let is_usual = usual.is_some() && count as f64 > MOST * names.len() as f64;
+    let first = names.iter().find(|name| pattern(name) != usual)?;
+    is_usual.then_some((first, names.len() - count))
+}
+
 /// Steps between consecutive numbers; `None` for a step that is not positive.
 fn steps(numbers: &[u64]) -> impl Iterator<Item = Option<u64>> {
     let pairs = numbers.iter().zip(numbers.iter().skip(1));
@@ -108,6 +151,23 @@ mod tests {
         assert_eq!(of(&with_gaps), Some((vec![0, 1, 4, 5, 7], vec![(9, 10), (13, 13)])));
         let tens = ["f0000_c2.tif", "f0010_c2.tif", "f0020_c2.tif", "f0040_c2.tif"];
         assert_eq!(of(&tens), Some((vec![0, 1, 2, 4], vec![(30, 30)])));
+    }
+
+    #[test]
+    fn names_that_break_a_numbering_are_found() {
+        let odd_of = |names: &[&'static str]| {
+            let names: Vec<_> = names.iter().map(|name| name.as_bytes()).collect();
+            odd(&names).map(|(name, count)| (String::from_utf8_lossy(name).into_owned(), count))
+        };
+        let of = |name: &str| Some((name.to_owned(), 1));
+        assert_eq!(odd_of(&["dark", "img1", "img2", "img4"]), of("dark"));
+        assert_eq!(odd_of(&["img1", "img2", "img2 (1)", "img4"]), of("img2 (1)"));
+        assert_eq!(odd_of(&["img1", "img2", "img3"]), None);
+        assert_eq!(odd_of(&["left", "right", "top"]), None);
+        assert_eq!(odd_of(&["a1", "a2", "b1", "b2"]), None, "two series of equal length");
+        assert_eq!(odd_of(&[]), None);
+        let twice = fault(&[b"f1", b"f2", b"f02", b"f3"]);
+        assert_eq!(twice.as_deref(), Some("f2 and f02 have the same number"));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::error::PictureError;
 use super::find::name_of;
 use super::natural;
-use super::numbering::{Gap, Numbering};
+use super::numbering::{self, Gap, Numbering};
 use super::table::{Row, Table};
 use super::{stamp_ns, topic};
 use crate::bag::Topic;
@@ -87,6 +87,10 @@ impl PictureSequence {
         let has_stamps = table.as_ref().is_some_and(|table| table.has_stamps);
         let has_assumed_stamps = !has_stamps && options.frame_rate_hz.is_none();
         let has_positions = table.as_ref().is_some_and(|table| table.has_positions);
+        if let Some(table) = &table {
+            table.check(&files)?;
+            notes.extend(table.ignored_columns());
+        }
         let entries = match table {
             Some(Table { path: of_table, rows, has_stamps: true, .. }) => {
                 stamped(tabulated(files, rows), &of_table, notes)
@@ -157,16 +161,25 @@ fn numbered(
     rate_hz: f64,
     notes: &mut Vec<String>,
 ) -> Vec<Entry> {
-    let names: Vec<_> =
-        entries.iter().map(|entry| entry.path.as_os_str().as_encoded_bytes()).collect();
+    // Pictures of one series may have several endings.
+    let stem = |entry: &Entry| entry.path.file_stem().unwrap_or_default().to_owned();
+    let stems: Vec<_> = entries.iter().map(stem).collect();
+    let names: Vec<_> = stems.iter().map(|stem| stem.as_encoded_bytes()).collect();
     let numbering = Numbering::of(&names);
-    if let Some(numbering) = numbering.as_ref().filter(|numbering| !numbering.gaps.is_empty()) {
-        notes.push(format!(
-            "{}: {} pictures are missing by their numbers: {}; they count as lost, and the others keep their places",
+    match &numbering {
+        Some(numbering) if !numbering.gaps.is_empty() => notes.push(format!(
+            "{}: pictures are missing by their numbers: {} ({}); they count as lost, and the others keep their places",
             path.display(),
             numbering.num_missing(),
             listed(&numbering.gaps)
-        ));
+        )),
+        Some(_) => {}
+        None => notes.extend(numbering::fault(&names).map(|fault| {
+            format!(
+                "{}: {fault}: missing numbers are not looked for, and each picture is one step after the one before",
+                path.display()
+            )
+        })),
     }
     for (index, entry) in entries.iter_mut().enumerate() {
         let of_number = numbering.as_ref().and_then(|numbering| numbering.places.get(index));

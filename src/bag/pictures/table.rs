@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::error::PictureError;
+use super::find::name_of;
 
 /// Column with the names of the pictures.
 const FILE: &str = "file";
@@ -35,6 +36,8 @@ pub(super) struct Table {
     pub(super) has_stamps: bool,
     /// True if it states positions.
     pub(super) has_positions: bool,
+    /// Columns that are not read.
+    ignored: Vec<String>,
 }
 
 /// Places of the columns.
@@ -63,8 +66,13 @@ impl Table {
             let line = error.position().map_or(1, csv::Position::line);
             invalid(line, error.to_string())
         };
-        let columns =
-            Columns::of(reader.headers().map_err(broken)?).map_err(|what| invalid(1, what))?;
+        let head = reader.headers().map_err(broken)?;
+        let columns = Columns::of(head).map_err(|what| invalid(1, what))?;
+        let is_read = |column: &&str| {
+            [FILE, STAMP, POSITION].iter().any(|read| column.eq_ignore_ascii_case(read))
+        };
+        let ignored =
+            head.iter().filter(|column| !is_read(column)).map(ToOwned::to_owned).collect();
         let mut rows = BTreeMap::new();
         for record in reader.records() {
             let record = record.map_err(broken)?;
@@ -78,7 +86,38 @@ impl Table {
             return Err(invalid(2, "names no picture".to_owned()));
         }
         let (has_stamps, has_positions) = (columns.stamp.is_some(), columns.position.is_some());
-        Ok(Self { path: path.into(), rows, has_stamps, has_positions })
+        Ok(Self { path: path.into(), rows, has_stamps, has_positions, ignored })
+    }
+
+    /// Checks that a row names one of the pictures.
+    ///
+    /// # Errors
+    /// None does.
+    pub(super) fn check(&self, files: &[PathBuf]) -> Result<(), PictureError> {
+        let is_named = |file: &PathBuf| {
+            self.rows.contains_key(&name_of(file))
+                || self.rows.contains_key(&*file.to_string_lossy())
+        };
+        let (Some(first), Some(row)) = (files.first(), self.rows.keys().next()) else {
+            return Ok(());
+        };
+        if files.iter().any(is_named) {
+            return Ok(());
+        }
+        let what = format!(
+            "no row names one of the {} pictures: one names {row}, and the first picture is {}",
+            files.len(),
+            name_of(first)
+        );
+        Err(PictureError::Table { path: self.path.clone(), line: 2, what })
+    }
+
+    /// Returns a note about columns that are not read.
+    pub(super) fn ignored_columns(&self) -> Option<String> {
+        let (path, columns) = (self.path.display(), self.ignored.join(", "));
+        (!self.ignored.is_empty()).then(|| {
+            format!("{path}: these columns are not read: {columns}; read are {FILE}, {STAMP} and {POSITION}")
+        })
     }
 }
 
@@ -154,10 +193,12 @@ mod tests {
         )
         .unwrap();
         assert!(table.has_stamps && table.has_positions);
+        assert!(table.ignored_columns().unwrap().contains("are not read: operator;"));
         assert_eq!(table.rows["a.png"], Row { stamp_ns: Some(1_250_000_000), position: Some(0.5) });
         assert_eq!(table.rows["b.png"], Row { stamp_ns: Some(2_000_000_000), position: None });
         let table = read("\u{feff}file,stamp_s\r\n\"a, b.png\",7\r\n").unwrap();
         assert!(table.has_stamps && !table.has_positions);
+        assert_eq!(table.ignored_columns(), None);
         assert_eq!(table.rows["a, b.png"].stamp_ns, Some(7_000_000_000));
     }
 
