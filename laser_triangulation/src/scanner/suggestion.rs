@@ -78,8 +78,12 @@ pub fn suggest(pictures: &[OwnedImage]) -> Option<Suggestion> {
         return Some(nothing(diagnose(first, &default_of(&views), None)));
     }
     let (params, found) = chosen(&views, &tried, best_score)?;
-    if found.share < LEAST_SHARE || found.unlike > MOST_UNLIKE {
+    if found.share < LEAST_SHARE {
         return Some(nothing(Diagnosis { reason: Reason::NoLine, turned: None }));
+    }
+    if found.unlike > MOST_UNLIKE {
+        let percent = (100.0 * found.unlike) as u32;
+        return Some(nothing(Diagnosis { reason: Reason::Doubtful { percent }, turned: None }));
     }
     let params = fitted(&params, &found, first);
     Some(Suggestion {
@@ -143,7 +147,8 @@ fn refined(views: &[Image<'_>], tried: &Tried) -> Option<(Params, Found)> {
     let (base, scored_before) = channels
         .into_iter()
         .reduce(|best, other| if score(&other) > score(&best) { other } else { best })?;
-    let wide_px = best(&scored_before)?.1.wide_px;
+    // A narrow window narrows the line to its own size, so the widest one measures it.
+    let wide_px = best(&candidates::of_widest_window(&scored_before))?.1.wide_px;
     // Blur rounds edges, so more of it must be worth it.
     let [sharp, smooth] = [1, 3].map(|blur_radius| {
         let sets = candidates::all_local(&base, wide_px, blur_radius);

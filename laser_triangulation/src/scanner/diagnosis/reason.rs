@@ -68,6 +68,11 @@ pub enum Reason {
         /// The background above which it shows the line, if that is not the one of the parameters.
         background: Option<Background>,
     },
+    /// What was found hardly looks like a line.
+    Doubtful {
+        /// Share of its points that do not, percent.
+        percent: u32,
+    },
     /// No line was found with any parameter.
     NoLine,
 }
@@ -82,7 +87,7 @@ pub struct Diagnosis {
 }
 
 /// Number of the kinds of [`Reason`].
-pub const REASONS: usize = 13;
+pub const REASONS: usize = 14;
 
 impl Reason {
     /// Returns the place of its kind in a list of [`REASONS`] kinds.
@@ -102,6 +107,7 @@ impl Reason {
             Self::Region => 10,
             Self::Channel { .. } => 11,
             Self::NoLine => 12,
+            Self::Doubtful { .. } => 13,
         }
     }
 
@@ -122,6 +128,7 @@ impl Reason {
             Self::Region => "roi",
             Self::Channel { .. } => "channel",
             Self::NoLine => "no_line",
+            Self::Doubtful { .. } => "doubtful",
         }
     }
 }
@@ -141,7 +148,7 @@ impl fmt::Display for Diagnosis {
             )?,
             Reason::FullScale { brightest, stated, full_scale } => write!(
                 f,
-                "the largest sample is {brightest}, but full scale is {stated}: set full_scale: {full_scale}"
+                "the largest sample is {brightest}, but full scale is {stated}: set full_scale: {full_scale}, or to the camera's largest level"
             )?,
             Reason::Direction => write!(f, "the line runs in the other direction: set")?,
             Reason::ThresholdTooHigh { line, full_scale } => write!(
@@ -179,6 +186,13 @@ impl fmt::Display for Diagnosis {
                 if let Some(background) = background {
                     write!(f, " and extraction.background: {}", background.name())?;
                 }
+            }
+            Reason::Doubtful { percent } => {
+                return write!(
+                    f,
+                    "something bright was found, but {percent} % of its points do not look like a line: another line or a glow \
+                     beside it (roi.*, extraction.max_stripes), the border of the picture, or no laser"
+                );
             }
             Reason::NoLine => {
                 return write!(
