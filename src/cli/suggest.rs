@@ -51,6 +51,10 @@ pub(crate) struct SuggestArgs {
     pub(crate) json: bool,
 }
 
+/// Below this share a line may be something else.
+const DOUBTFUL_SHARE: f64 = 0.6;
+const DOUBT: &str = "The share is low. Look at the picture: it may show edges or reflections, and the laser may be off\n";
+
 const HELP: &str = "\
 Example:
   laser_profiler suggest my_recording -o rig.yaml      look at rig.png, then:
@@ -102,8 +106,9 @@ pub(crate) fn run(args: &SuggestArgs, out: &mut dyn Write) -> anyhow::Result<Out
         (false, Some(path)) => {
             let picture = picture_path.map(|path| path.display().to_string());
             let picture = picture.map(|path| format!("{path}: the line that is measured\n"));
+            let doubt = if suggestion.share < DOUBTFUL_SHARE { DOUBT } else { "" };
             format!(
-                "{}: the line in {:.0} % of the cross-sections ({:.0} % with the defaults)\n{}",
+                "{}: the line in {:.0} % of the cross-sections ({:.0} % with the defaults)\n{}{doubt}",
                 path.display(),
                 100.0 * suggestion.share,
                 100.0 * suggestion.share_of_defaults,

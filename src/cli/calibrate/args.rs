@@ -98,6 +98,7 @@ Examples:
       --ros-args -p stripe_direction:=vertical
   laser_profiler calibrate axis turning --calibration rig.yaml --markers aruco:4x4_50:0.030 --joint table -o scanner.yaml
   laser_profiler calibrate axis pictures --calibration rig.yaml --markers aruco:4x4_50:0.030 --step 0.157 -o scanner.yaml
+  laser_profiler calibrate axis pictures --calibration rig.yaml --markers aruco:4x4_50 --positions positions.csv -o scanner.yaml
   laser_profiler calibrate axis sliding_board --calibration rig.yaml --target checkerboard:8x6:0.040 -o scanner.yaml";
 
 /// Calibrates the axis that moves the part, from markers that turn with it or a board that moves with it.
@@ -126,6 +127,9 @@ pub(super) struct AxisArgs {
     /// Motion from one picture to the next, radians or metres, if no messages state positions.
     #[arg(long, value_name = "STEP", allow_negative_numbers = true, conflicts_with_all = ["joint", "joint_topic"])]
     pub(super) step: Option<f64>,
+    /// CSV file with the columns file (name of the picture) and position (radians or metres), if the inputs are pictures.
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["joint", "joint_topic", "step"])]
+    pub(super) positions: Option<PathBuf>,
     /// ROS 2 parameter file; several are applied in order, before those of --ros-args.
     #[arg(long, value_name = "FILE")]
     pub(super) params_file: Vec<PathBuf>,

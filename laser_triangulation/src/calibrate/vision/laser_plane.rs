@@ -71,7 +71,8 @@ pub enum LaserPlaneError {
     /// Too few lines.
     #[error(
         "boards with a usable line: {usable}, at least {MIN_BOARDS} are needed (20 are good): hold the board into the laser \
-         near and far and tilted, with the line across its squares"
+         near and far and tilted, with the line across its squares. If the pictures show it, its direction may be another: \
+         stripe_direction is horizontal for a line from left to right, vertical for one from top to bottom"
     )]
     Few {
         /// Boards with a line.

@@ -10,6 +10,7 @@ use super::{
     homography,
     picture::GrayPicture,
     quads::{self, Quad},
+    target,
 };
 
 /// Side of the square to which a marker is rectified, pixels.
@@ -28,8 +29,8 @@ pub struct MarkerKind {
 /// Markers that cannot be read.
 #[derive(Debug, Error, PartialEq)]
 #[error(
-    "{text:?} are no markers: write aruco:DICTIONARY or aruco:DICTIONARY:SIDE with the side of the black square in metres, \
-     as aruco:4x4_50 or aruco:4x4_50:0.030; dictionaries are 4x4_50 to 7x7_1000"
+    "{text:?} are no markers: write aruco:DICTIONARY or aruco:DICTIONARY:SIDE with the side of the black square in metres or mm, \
+     as aruco:4x4_50, aruco:4x4_50:0.030 or aruco:4x4_50:30mm; dictionaries are 4x4_50 to 7x7_1000"
 )]
 pub struct MarkerError {
     text: String,
@@ -45,7 +46,7 @@ impl std::str::FromStr for MarkerKind {
             let dictionary = builtins::builtin_dictionary(&name)?;
             let side_m = match parts.next() {
                 None => None,
-                Some(side) => Some(side.parse().ok().filter(|&m: &f64| m > 1e-6 && m < 10.0)?),
+                Some(side) => Some(target::metres(side)?),
             };
             parts.next().is_none().then_some(Self { dictionary, side_m })
         };

@@ -55,7 +55,9 @@ pub struct StripeLine {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LineRejected {
     /// The board has no stripe.
-    #[error("no laser line on the board")]
+    #[error(
+        "no laser line on the board's squares and its rim, as far as --border says that it is flat"
+    )]
     None,
     /// The line is too short to determine a direction.
     #[error(

@@ -28,7 +28,7 @@ pub enum Target {
 /// A target that cannot be read.
 #[derive(Debug, Error, PartialEq)]
 #[error(
-    "{text:?} is not a valid target. Write one of these, with at most {MAX_SIDE} a side and lengths in metres:\n  \
+    "{text:?} is not a valid target. Write one of these, with at most {MAX_SIDE} a side and lengths in metres, below 1, or as 40mm:\n  \
      checkerboard:8x6:0.040 (COLUMNSxROWS of inner corners, 3 or more; side of a square): 9 x 7 squares of 40 mm\n  \
      charuco:7x5:0.040:0.030:4x4_50 (COLUMNSxROWS of squares, as OpenCV counts, 4 or more; side of a square, side of a marker, \
      dictionary): dictionaries are 4x4_50 to 7x7_1000, apriltag_16h5 to apriltag_36h11, aruco_original and aruco_mip_36h12; \
@@ -124,9 +124,14 @@ pub(super) fn sides(text: &str, min: u32) -> Option<[u32; 2]> {
     Some([side(columns)?, side(rows)?])
 }
 
-/// Reads a length, metres.
+/// Reads a length such as `0.04` or `40mm`. Returns metres. Fields of a metre and more are millimetres without their unit.
 pub(super) fn metres(text: &str) -> Option<f64> {
-    text.parse().ok().filter(|&metres: &f64| metres > 1e-6 && metres < 10.0)
+    let (number, unit_m) = match text.strip_suffix("mm") {
+        Some(number) => (number, 1e-3),
+        None => (text, 1.0),
+    };
+    let number: f64 = number.parse().ok()?;
+    Some(number * unit_m).filter(|metres| (1e-6..1.0).contains(metres))
 }
 
 #[cfg(test)]
@@ -145,6 +150,9 @@ mod tests {
             let target: Target = text.parse().unwrap();
             assert_eq!(target.to_string(), text);
         }
+        for (text, metres) in [("checkerboard:8x6:40mm", 0.04), ("circles:8x6:0.5mm", 5e-4)] {
+            assert_eq!(text.parse::<Target>().unwrap().unit_m(), metres);
+        }
         let usual: Target = "charuco:7x5:0.04:0.03".parse().unwrap();
         assert_eq!(usual.to_string(), "charuco:7x5:0.04:0.03:4x4_50");
         assert_eq!((usual.num_points(), usual.unit_m()), (24, 0.04));
@@ -158,6 +166,8 @@ mod tests {
             "checkerboard:8x6",
             "charuco:7x5:0.04",
             "circles:2x6:0.03",
+            "circles:8x6:30",
+            "checkerboard:8x6:40um",
             "asymmetric-circles:4x11",
             "charuco:7x5:0.03:0.04:4x4_50",
             "charuco:7x5:0.04:0.03:8x8_50",

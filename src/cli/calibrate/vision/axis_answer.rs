@@ -53,6 +53,14 @@ pub(super) fn print(
         axis.scale,
         in_words(axis.kind, agreement.sigma)
     )?;
+    if (axis.scale - 1.0).abs() > 0.0 {
+        let unit = if axis.kind == AxisKind::Revolute { "radians" } else { "metres" };
+        writeln!(
+            out,
+            "  the stated positions are not in {unit}: counts of an encoder, for example. If they should be, --step or the \
+             target's size is wrong"
+        )?;
+    }
     let of_camera = match quality.camera_response {
         Some(_) => "which `measure` adds from the file",
         None => "which is unknown",

@@ -42,7 +42,7 @@ pub(super) fn find(
     let mut joint = Joint::new(args.joint.clone(), &pictures.params.scanner.motion);
     let topic = match &source {
         Source::Topic(topic) => Some(topic.as_str()),
-        Source::Step(_) => None,
+        Source::Step(_) | Source::Table(_) => None,
     };
     let mut joint_error = None;
     let on_other = |message: &_| {
@@ -65,25 +65,25 @@ pub(super) fn find(
     if topic.is_some() && joint.is_empty() {
         bail!(joint_error.unwrap_or_else(|| "the joint's topic has no messages".to_owned()));
     }
-    Ok(AxisPictures::sort(seen, |index, stamp_ns| match source {
-        Source::Step(step) => Some(step * index as f64),
+    Ok(AxisPictures::sort(seen, |index, name, stamp_ns| match &source {
         Source::Topic(_) => joint.at(stamp_ns),
+        of_pictures => of_pictures.of_picture(name, index),
     }))
 }
 
 impl AxisPictures {
     fn sort(
         seen: Vec<View<Result<AxisView, String>>>,
-        position: impl Fn(usize, i64) -> Option<f64>,
+        position: impl Fn(usize, &str, i64) -> Option<f64>,
     ) -> Self {
         let mut sorted =
             Self { names: Vec::new(), views: Vec::new(), rejected: Vec::new(), is_lossy: false };
         for (index, View { name, stamp_ns, result }) in seen.into_iter().enumerate() {
             sorted.is_lossy |= result.is_err();
-            match (result.and_then(|seen| seen), position(index, stamp_ns)) {
+            match (result.and_then(|seen| seen), position(index, &name, stamp_ns)) {
                 (Err(reason), _) => sorted.rejected.push(Rejected::new(name, reason)),
                 (Ok(_), None) => {
-                    let reason = "no position is stated at its time";
+                    let reason = "no position is stated for it";
                     sorted.rejected.push(Rejected::new(name, reason));
                 }
                 (Ok(view), Some(stated)) => {

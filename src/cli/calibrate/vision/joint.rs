@@ -1,10 +1,12 @@
-//! Positions of a joint or an encoder in a recording.
+//! Positions of the pictures: of a joint or an encoder in a recording, from a table, or by a constant step.
+
+use std::{collections::BTreeMap, path::Path};
 
 use anyhow::{anyhow, bail, ensure};
 
 use super::{args::AxisArgs, pictures::Pictures};
 use crate::{
-    bag::RawMessage,
+    bag::{RawMessage, pictures::stated_positions},
     cli::settings,
     msg::{cdr, laser_profiler_msgs::EncoderStamped, schema::Message, sensor_msgs::JointState},
     scanner::{motion::counter::Counter, params::MotionParams},
@@ -14,6 +16,8 @@ use crate::{
 pub(super) enum Source {
     /// Constant motion from picture to picture, radians or metres.
     Step(f64),
+    /// Positions by the names of picture files.
+    Table(BTreeMap<String, f64>),
     /// Messages on a topic.
     Topic(String),
 }
@@ -31,10 +35,13 @@ pub(super) struct Joint {
 /// Returns the source of positions that `args` select.
 ///
 /// # Errors
-/// [`Usage`](crate::cli::Usage): no topic, or several.
+/// [`Usage`](crate::cli::Usage): no topic, or several. A table that cannot be read.
 pub(super) fn source(args: &AxisArgs, pictures: &Pictures) -> anyhow::Result<Source> {
     if let Some(step) = args.step {
         return Ok(Source::Step(step));
+    }
+    if let Some(table) = &args.positions {
+        return Ok(Source::Table(stated_positions(table)?));
     }
     let mut topics = pictures.topics_of(JointState::TYPE.name);
     topics.extend(pictures.topics_of(EncoderStamped::TYPE.name));
@@ -47,10 +54,24 @@ pub(super) fn source(args: &AxisArgs, pictures: &Pictures) -> anyhow::Result<Sou
         ))),
         (None, []) => Err(settings::usage(
             "no positions: the recording has no topic of sensor_msgs/msg/JointState or laser_profiler_msgs/msg/EncoderStamped. \
-             --step gives the motion from picture to picture",
+             --step gives the motion from picture to picture, --positions a table of the pictures' positions",
         )),
         (None, _) => {
             Err(settings::usage(format!("--joint-topic must name one of {}", listed(&topics))))
+        }
+    }
+}
+
+impl Source {
+    /// Returns the position of a picture by its name or its number, if messages do not state it.
+    pub(super) fn of_picture(&self, name: &str, number: usize) -> Option<f64> {
+        match self {
+            Self::Step(step) => Some(step * number as f64),
+            Self::Table(positions) => {
+                let file = Path::new(name).file_name()?.to_string_lossy();
+                positions.get(&*file).or_else(|| positions.get(name)).copied()
+            }
+            Self::Topic(_) => None,
         }
     }
 }

@@ -33,19 +33,23 @@ pub(super) fn views(num: usize) -> String {
     format!("{num} {}", if num == 1 { "view" } else { "views" })
 }
 
-/// Returns one line per view, or one line per reason if there are many views.
+/// Returns one line per view, or one line per reason if there are many views. Reasons that differ in numbers only count as one.
 pub(super) fn text(rejected: &[Rejected]) -> String {
     if rejected.len() <= MAX_NAMED {
         let line = |view: &Rejected| format!("  {}: {}\n", view.view, view.reason);
         return rejected.iter().map(line).collect();
     }
-    let mut by_reason: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    let mut by_reason: BTreeMap<String, Vec<&Rejected>> = BTreeMap::new();
     for view in rejected {
-        by_reason.entry(&view.reason).or_default().push(&view.view);
+        let words = view.reason.chars().filter(|letter| !letter.is_ascii_digit()).collect();
+        by_reason.entry(words).or_default().push(view);
     }
-    let line = |(reason, views): (&str, Vec<&str>)| match views.as_slice() {
-        [only] => format!("  {only}: {reason}\n"),
-        _ => format!("  {} views, first {}: {reason}\n", views.len(), views[0]),
+    let line = |alike: Vec<&Rejected>| match alike.as_slice() {
+        [Rejected { view, reason }] => format!("  {view}: {reason}\n"),
+        [Rejected { view, reason }, ..] => {
+            format!("  {} views, the first one {view}: {reason}\n", alike.len())
+        }
+        [] => String::new(),
     };
-    by_reason.into_iter().map(line).collect()
+    by_reason.into_values().map(line).collect()
 }
