@@ -206,6 +206,7 @@ mod tests {
             flags: vec![1, 2],
             sigma_x_m: vec![1e-7, 2e-7],
             sigma_z_m: vec![1e-6, 2e-6],
+            calibration_sigma_z_m: vec![3e-6, 4e-6],
             valid_count: 2,
         };
         let source = source();
