@@ -83,10 +83,10 @@ pub(crate) fn decode<'a>(
     match layout(stated)? {
         Layout::Current => Ok(cdr::decode(bytes)?),
         Layout::Former => Ok(former(bytes)?),
-        Layout::Unknown => match cdr::decode(bytes) {
-            Ok(profile) => Ok(profile),
-            Err(error) => former(bytes).map_err(|_| error.into()),
-        },
+        Layout::Unknown => {
+            let current = cdr::decode(bytes);
+            Ok(current.or_else(|error| former(bytes).or(Err(error)))?)
+        }
     }
 }
 
@@ -226,7 +226,7 @@ mod tests {
         for (hash, text) in
             [("", &swapped), ("", &longer), ("", &wider), (foreign.as_str(), &schema)]
         {
-            assert!(hash != "" || *text != schema, "the text was changed");
+            assert!(!hash.is_empty() || *text != schema, "the text was changed");
             let error = decode(stated(hash, text), CURRENT).unwrap_err().to_string();
             assert!(error.contains("laser_profiler_msgs/msg/Profile is defined diff"), "{error}");
         }

@@ -187,10 +187,7 @@ impl Table {
         let last = t + (BLOCK - 1) as f32 * per_line;
         let cell = &self.cells[column * CELLS + row];
         let from = row as f32;
-        let is_inside = |place: &f32| {
-            let s = *place * per_px - from;
-            (s >= 0.0) & (s <= 1.0)
-        };
+        let is_inside = |place: &f32| (0.0..=1.0).contains(&(*place * per_px - from));
         // No short circuit: this is faster in one go.
         if !places.iter().map(is_inside).fold(last <= 1.0, |all, one| all & one)
             || cell[0][0].is_nan()

@@ -15,7 +15,7 @@ const SIZE_PX: (u32, u32) = (1280, 1024);
 /// A diagonal covariance.
 fn diagonal(sigmas: &[f64]) -> Vec<f64> {
     let num = sigmas.len();
-    let entry = |at: usize| if at % (num + 1) == 0 { sigmas[at / num].powi(2) } else { 0.0 };
+    let entry = |at: usize| if at.is_multiple_of(num + 1) { sigmas[at / num].powi(2) } else { 0.0 };
     (0..num * num).map(entry).collect()
 }
 
