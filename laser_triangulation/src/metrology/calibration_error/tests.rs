@@ -103,8 +103,8 @@ fn profiles_state_the_same() {
         Calibration::Projective(Box::new(map)),
         Calibration::CameraAndPlane(Box::new(geometry(Some(plane)))),
     ] {
-        let mut triangulator = Triangulator::new(calibration.clone());
-        triangulator.prepare(direction, (640, 480));
+        // Without its table, which interpolates: `height_sigma` tests how well.
+        let triangulator = Triangulator::new(calibration.clone());
         let centerline = Centerline {
             u_px: vec![20.0, 311.0, 600.0],
             v_px: vec![100.25, 240.5, 400.75],
@@ -123,7 +123,7 @@ fn profiles_state_the_same() {
             let squares = all.iter().map(|one| (one.apply(&scene, &[]).points[0].z - z).powi(2));
             let wanted = squares.sum::<f64>().sqrt();
             let stated = f64::from(profile.calibration_sigma_z_m[line]);
-            assert!((stated / wanted - 1.0).abs() < 0.01, "{line}: {stated} {wanted}");
+            assert!((stated / wanted - 1.0).abs() < 1e-3, "{line}: {stated} {wanted}");
         }
     }
 }
