@@ -90,7 +90,8 @@
 //! 1. [`scanner::pipeline::Pipeline`] takes frames and returns centrelines, profiles, slices of a point cloud and the height
 //!    map of a scan. It counts missing and rejected frames.
 //! 2. [`scanner::stripe::Extractor::extract`], [`scanner::calibration::Calibration::triangulate`] and
-//!    [`scanner::scan::Scan::push`] are its steps, for your own loop.
+//!    [`scanner::scan::Scan::push`] are its steps, for your own loop. [`scanner::calibration::Triangulator`] adds the
+//!    calibration's uncertainty of each height.
 //! 3. [`scanner::channel::Decoder`] and [`scanner::stripe::Extractor::extract_plane`] work on buffers that you own: a region
 //!    of interest, one colour channel, 10 or 12 bits in 16, padded rows.
 //!

@@ -40,8 +40,9 @@ Examples:
 Formats by file extension:
   .ply   x, y, z, intensity as 32-bit floats in metres, binary little endian; with --color also red, green, blue
   .pcd   x, y, z, intensity as 32-bit floats in metres, binary (PCL 0.7)
-  .csv   one point per line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m, flags of every profile; with --region, --heights or
-         --level, or if the recording has no profiles: x_m, y_m, z_m, intensity of the cloud
+  .csv   one point per line: frame, stamp_ns, position, x_m, z_m, intensity, sigma_z_m (the point's own noise), flags,
+         calibration_sigma_z_m (common to neighbouring points; NaN if the calibration states none) of every profile; with --region,
+         --heights or --level, or if the recording has no profiles: x_m, y_m, z_m, intensity of the cloud
   .png   16-bit heights: level 0 is invalid, otherwise z = offset_m + level * metres_per_level; the numbers are in the file (tEXt)
          and in FILE.json
   .tif   heights in metres as 32-bit floats, NaN if invalid; the grid is in ImageDescription and in FILE.json

@@ -100,27 +100,33 @@ pub fn encode<T: Message>(message: &T, out: &mut Vec<u8>) -> Result<(), CdrError
 /// A header of another encoding, missing or surplus bytes, text that is not UTF-8 or does not end in NUL, or a bool
 /// other than 0 and 1.
 pub fn decode<'de, T: Message + Deserialize<'de>>(bytes: &'de [u8]) -> Result<T, CdrError> {
-    let message = T::TYPE.name;
+    decode_named(T::TYPE.name, bytes)
+}
+
+/// As [`decode`], for a former layout of the type with that name.
+pub(super) fn decode_named<'de, T: Deserialize<'de>>(
+    message: &'static str,
+    bytes: &'de [u8],
+) -> Result<T, CdrError> {
     let Some((&[first, second, ..], body)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
         return Err(CdrError::Header { message, actual: bytes.len() });
     };
     match [first, second] {
-        LITTLE_ENDIAN => decode_body::<T, LittleEndian>(body),
-        BIG_ENDIAN => decode_body::<T, BigEndian>(body),
+        LITTLE_ENDIAN => decode_body::<T, LittleEndian>(message, body),
+        BIG_ENDIAN => decode_body::<T, BigEndian>(message, body),
         id => Err(CdrError::Encapsulation { message, id }),
     }
 }
 
-fn decode_body<'de, T, Order>(body: &'de [u8]) -> Result<T, CdrError>
+fn decode_body<'de, T, Order>(message: &'static str, body: &'de [u8]) -> Result<T, CdrError>
 where
-    T: Message + Deserialize<'de>,
+    T: Deserialize<'de>,
     Order: ByteOrder,
 {
     let mut deserializer = CdrDeserializer::<Order>::new(body);
     let decoded = T::deserialize(&mut deserializer);
     let used = deserializer.bytes_consumed() + HEADER_BYTES;
     let length = body.len() + HEADER_BYTES;
-    let message = T::TYPE.name;
     match decoded {
         Err(reason) => Err(CdrError::Content { message, offset: used, length, reason }),
         Ok(_) if length - used > MAX_PADDING_BYTES => {

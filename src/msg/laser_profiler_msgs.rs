@@ -136,7 +136,7 @@ impl Centerline<'_> {
 
 /// One metric cross-section; see [`profile::Profile`](crate::scanner::profile::Profile).
 ///
-/// The arrays `intensity` to `sigma_z` are as long as `x` and `z`, or empty.
+/// The arrays `intensity` to `sigma_z`, and `calibration_sigma_z`, are as long as `x` and `z`, or empty.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Profile<'a> {
     /// Stamp of the image, frame of the laser plane.
@@ -155,13 +155,17 @@ pub struct Profile<'a> {
     /// Bits of [`stripe::flag`](crate::scanner::stripe::flag).
     #[serde(borrow, with = "serde_bytes")]
     pub flags: Cow<'a, [u8]>,
-    /// One standard deviation of `z`, metres.
+    /// One standard deviation of `z` from that of the centre, metres: independent noise of each point.
     pub sigma_z: Cow<'a, [f32]>,
     /// Points with finite `x` and `z`.
     pub valid_count: u32,
     /// Hash of the calibration.
     #[serde(borrow, with = "text")]
     pub calibration_id: Cow<'a, str>,
+    /// One standard deviation of `z` from the uncertainty of the calibration, metres: common to neighbouring points, so it
+    /// does not average out. NaN if not measured; empty if the calibration states no uncertainty, and in messages of
+    /// versions without the field.
+    pub calibration_sigma_z: Cow<'a, [f32]>,
 }
 
 /// Range of a slice and frames missing from it; see [`scan::SliceAccount`](crate::scanner::scan::SliceAccount).
@@ -321,7 +325,7 @@ message!(
     Profile<'_>,
     "laser_profiler_msgs/msg/Profile",
     include_str!("../../msgs/laser_profiler_msgs/msg/Profile.msg"),
-    "RIHS01_6ae9c3a296bad0a4be78cf73576c8a554044f25f2fb0d33e021a3b74d0342220",
+    "RIHS01_03d0b461f12771f11110d3f5542ab60ed8e75df0224d2171c553ce308dd77e06",
     [Header<'_>, FrameTrace]
 );
 message!(

@@ -23,6 +23,7 @@ pub mod rosout;
 pub(crate) mod rcl_interfaces;
 pub(crate) mod foxglove_msgs;
 pub mod laser_profiler_msgs;
+pub(crate) mod recorded_profile;
 pub mod convert;
 #[cfg(test)]
 mod noise;

@@ -35,11 +35,28 @@ pub(crate) use recording::add_error;
 pub(crate) use scan::{ANY_HEIGHT_M, ReadCounts, Results, Scanned};
 pub(crate) use selection::{ScanSelection, SelectionError};
 
-use crate::bag::ReadOptions;
+use crate::{
+    bag::{RawMessage, ReadOptions},
+    msg::{
+        laser_profiler_msgs::Profile,
+        recorded_profile::{self, ProfileError, StatedDefinition},
+    },
+};
 
 /// Largest record of a results bag, bytes: a message can contain a slice of 2^26 points.
 const RECORD_LIMIT_BYTES: usize = (1 << 30) + (16 << 20);
 
 fn read_options() -> ReadOptions {
     ReadOptions { record_limit_bytes: RECORD_LIMIT_BYTES, ..ReadOptions::default() }
+}
+
+/// Reads a profile as the definition of its topic says, also from older versions.
+///
+/// # Errors
+/// Another definition of profiles, by name; bytes that are no profile.
+pub(crate) fn recorded_profile(message: &RawMessage) -> Result<Profile<'_>, ProfileError> {
+    let topic = &message.topic;
+    let is_text = topic.schema_encoding == "ros2msg";
+    let text = std::str::from_utf8(&topic.schema).ok().filter(|_| is_text).unwrap_or_default();
+    recorded_profile::decode(StatedDefinition { hash: &topic.type_hash, text }, &message.data)
 }

@@ -4,7 +4,7 @@ use std::iter::Peekable;
 
 use anyhow::Context;
 
-use super::{Notes, ResultsRecording, recording::add_error};
+use super::{Notes, ResultsRecording, recorded_profile, recording::add_error};
 use crate::{
     bag::{BagError, Filter, Messages, RawMessage},
     msg::{
@@ -149,9 +149,7 @@ fn take_pair(
     take: &mut impl FnMut(&FramePair<'_>),
 ) {
     let lines = frames.map(|frame| cdr::decode::<Centerline<'_>>(&frame.line.data));
-    let profiles = frames.map(|frame| {
-        frame.profile.as_ref().map(|profile| cdr::decode::<Profile<'_>>(&profile.data))
-    });
+    let profiles = frames.map(|frame| frame.profile.as_ref().map(recorded_profile));
     let [Ok(a), Ok(b)] = &lines else { return };
     let both = if let [Some(Ok(first)), Some(Ok(second))] = &profiles {
         Some([first, second])

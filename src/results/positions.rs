@@ -1,10 +1,7 @@
 //! Positions of a scan's profiles.
 
-use super::Results;
-use crate::msg::{
-    cdr,
-    laser_profiler_msgs::{FrameTrace, Profile},
-};
+use super::{Results, recorded_profile};
+use crate::msg::laser_profiler_msgs::FrameTrace;
 
 impl Results {
     /// Returns the position of each profile of the scan, metres or radians according to the axis.
@@ -17,7 +14,7 @@ impl Results {
         )?;
         let mut frames = Vec::new();
         for message in self.messages(&topic).flatten() {
-            let Ok(profile) = cdr::decode::<Profile<'_>>(&message.data) else { continue };
+            let Ok(profile) = recorded_profile(&message) else { continue };
             let trace = profile.trace;
             // A frame without a position belongs to no scan.
             let is_unknown = trace.encoder_source == FrameTrace::SOURCE_NONE

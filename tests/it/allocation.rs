@@ -22,7 +22,8 @@ use laser_profiler::{
 };
 
 const RIG: &str = "{type: vertical_incidence, frame_id: laser_plane, image_distance_m: 0.026, object_distance_m: 0.3,
-    beta_rad: 0.5236, pixel_pitch_m: 4.8e-6, base_row_px: 60.0, center_column_px: 319.5, height_sign: -1}";
+    beta_rad: 0.5236, pixel_pitch_m: 4.8e-6, base_row_px: 60.0, center_column_px: 319.5, height_sign: -1,
+    steps_quality: {rms_m: 1.0e-6, heights_used: 5, covariance: [1.0e-10, 0, 0, 0, 0, 1.0e-8, 0, 0, 0, 0, 1.0e-6, 0, 0, 0, 0, 0.1]}}";
 
 #[test]
 fn frames_slices_and_scans_allocate_nothing() {

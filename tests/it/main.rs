@@ -22,6 +22,7 @@ mod estimators;
 mod steps;
 mod gauges;
 mod measure;
+mod older_results;
 mod report;
 mod metrology;
 mod calibration_share;

@@ -5,10 +5,10 @@ mod rig;
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
-use super::{principal_axes::axes, surface::Surface};
+use super::surface::Surface;
 use crate::scanner::{
     axis::{Axis, AxisKind},
-    calibration::{AxisQuality, Calibration, CameraAndPlane, VerticalIncidence},
+    calibration::{AxisQuality, Calibration, CameraAndPlane, Projective, VerticalIncidence},
     params::StripeDirection,
     pose::perpendicular_basis,
 };
@@ -57,63 +57,25 @@ pub fn perturbations(
     direction: StripeDirection,
 ) -> Result<Vec<Perturbation>, &'static str> {
     let maps: Vec<Map> = match calibration {
-        Calibration::VerticalIncidence(geometry) => {
-            let quality =
-                geometry.quality.as_ref().filter(|quality| quality.covariance.len() == 16);
-            let quality = quality.ok_or("the file states no covariance of a, b and β")?;
-            let others = axes(4, &quality.covariance).into_iter();
-            let others = others.map(|axis| geometry.moved([axis[0], axis[1], axis[2], axis[3]]));
-            others.map(|other| Map::Vertical(Box::new([geometry.clone(), other]))).collect()
+        Calibration::VerticalIncidence(nominal) => {
+            let others = nominal.shifted()?.into_iter();
+            others.map(|other| Map::Vertical(Box::new([nominal.clone(), other]))).collect()
         }
         Calibration::Projective(map) => {
-            let quality = map.quality.as_ref().filter(|quality| quality.covariance.len() == 81);
-            let quality = quality.ok_or("the file states no covariance of its homography")?;
+            let others = map.shifted()?.into_iter();
             let nominal = Matrix3::from_row_slice(&map.homography);
             let inverse = nominal.try_inverse().ok_or("the homography has no inverse")?;
-            let maps = axes(9, &quality.covariance).into_iter();
-            let moved = |axis: Vec<f64>| (nominal + Matrix3::from_row_slice(&axis)) * inverse;
-            maps.map(|axis| Map::Projective(moved(axis))).collect()
+            let moved = |other: Projective| Matrix3::from_row_slice(&other.homography) * inverse;
+            others.map(|other| Map::Projective(moved(other))).collect()
         }
         Calibration::CameraAndPlane(geometry) => {
             let nominal = Rig::new(geometry, direction);
-            let others = others(geometry)?.into_iter();
+            let others = geometry.shifted()?.into_iter().chain(other_axes(geometry)?);
             let rays = |other| Map::Rays(Box::new([nominal.clone(), Rig::new(&other, direction)]));
             others.map(rays).collect()
         }
     };
     Ok(maps.into_iter().map(Perturbation).collect())
-}
-
-/// Returns the rigs that are off by one standard deviation.
-fn others(geometry: &CameraAndPlane) -> Result<Vec<CameraAndPlane>, &'static str> {
-    let plane = geometry.plane_quality.as_ref().and_then(|quality| quality.covariance);
-    let plane = plane.ok_or("the file states no covariance of its laser plane")?;
-    let planes = axes(3, &plane).into_iter().map(|axis| {
-        let plane = geometry.plane.moved([axis[0], axis[1], axis[2]]);
-        CameraAndPlane { plane, ..geometry.clone() }
-    });
-    let mut others: Vec<_> = planes.collect();
-    others.extend(other_cameras(geometry));
-    others.extend(other_axes(geometry)?);
-    Ok(others)
-}
-
-/// Returns the rigs whose camera is off by one standard deviation, each with the plane and the axis that this camera
-/// would have measured; none if the camera's covariance is unknown.
-fn other_cameras(geometry: &CameraAndPlane) -> Vec<CameraAndPlane> {
-    let stated = geometry.camera_quality.as_ref().filter(|quality| quality.has_covariance());
-    let Some(quality) = stated else { return Vec::new() };
-    let other = |by: Vec<f64>| {
-        let mut camera = geometry.camera;
-        for (name, by) in quality.parameters.iter().zip(&by) {
-            if let Some(value) = camera.value_mut(name) {
-                *value += by;
-            }
-        }
-        let (plane, axis) = (geometry.plane_seen_by(&by), geometry.axis_seen_by(&by));
-        CameraAndPlane { camera, plane, axis, ..geometry.clone() }
-    };
-    axes(quality.parameters.len(), &quality.covariance).into_iter().map(other).collect()
 }
 
 /// Returns the rigs whose axis is off by one standard deviation.

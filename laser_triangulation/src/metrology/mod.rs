@@ -5,7 +5,6 @@ pub(crate) mod robust;
 pub(crate) mod student;
 pub(crate) mod correlation;
 pub(crate) mod plateaus;
-pub(crate) mod principal_axes;
 pub mod surface;
 pub mod no_surface;
 pub mod form;

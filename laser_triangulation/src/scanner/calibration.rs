@@ -4,21 +4,30 @@ mod camera_and_plane;
 mod camera_calibration;
 mod equivalent;
 mod file;
+mod height_sigma;
 mod lines;
+mod principal_axes;
 mod projective;
 mod quality;
+mod shifted;
+mod triangulator;
 mod vertical_incidence;
 mod volume;
 
 use thiserror::Error;
 
-use super::{axis::Axis, camera::View, profile::Profile, stripe::Centerline};
+use super::{
+    axis::Axis, camera::View, params::StripeDirection, profile::Profile, stripe::Centerline,
+};
+use lines::Source;
 
 pub use camera_and_plane::{Alignment, CameraAndPlane, PartPose};
 pub use camera_calibration::CameraCalibration;
 pub use lines::Lines;
+pub(crate) use principal_axes::axes;
 pub use projective::Projective;
 pub use quality::{AxisQuality, CameraQuality, PlaneQuality, StepsQuality};
+pub use triangulator::Triangulator;
 pub use vertical_incidence::{Height, VerticalIncidence};
 pub use volume::CalibratedVolume;
 pub(crate) use volume::{Bounds, range};
@@ -179,7 +188,7 @@ impl Calibration {
             Self::CameraAndPlane(geometry) => {
                 let camera = geometry.camera.seen_through(view);
                 let seen = CameraAndPlane { camera, ..(**geometry).clone() };
-                Self::CameraAndPlane(Box::new(seen.with_volumes_seen_through(view)))
+                Self::CameraAndPlane(Box::new(seen.with_quality_seen_through(view)))
             }
             Self::Projective(geometry) => Self::Projective(Box::new(geometry.seen_through(view))),
         }
@@ -187,7 +196,7 @@ impl Calibration {
 
     /// Step 9: replaces `profile` by the centreline in metres, one entry per searched line. A point that the geometry
     /// cannot place, or that lies outside `lines`, counts as not measured; one outside the calibrated volume is flagged.
-    /// `full_scale` is the level of a saturated sample.
+    /// `full_scale` is the level of a saturated sample. `calibration_sigma_z_m` stays empty: [`Triangulator`] states it.
     pub fn triangulate(
         &self,
         centerline: &Centerline,
@@ -195,29 +204,57 @@ impl Calibration {
         full_scale: u32,
         profile: &mut Profile,
     ) {
-        let bounds = self.bounds(lines.direction);
+        self.fill(&Source { centerline, lines: *lines, full_scale, sigma: None }, profile);
+    }
+
+    fn fill(&self, source: &Source<'_>, profile: &mut Profile) {
+        let direction = source.lines.direction;
+        let bounds = self.bounds(direction);
         let checked = |point, along_px, across_px| {
             Some(Bounds::flag(bounds.as_ref(), [along_px, across_px], point?))
         };
         match self {
             Self::VerticalIncidence(geometry) => {
-                lines.fill(centerline, full_scale, profile, |along_px, across_px| {
+                source.fill(profile, |along_px, across_px| {
                     checked(geometry.place(along_px, across_px), along_px, across_px)
                 });
             }
             Self::CameraAndPlane(geometry) => {
-                let mut cuts = geometry.cuts(lines.direction);
-                lines.fill(centerline, full_scale, profile, |along_px, across_px| {
+                let mut cuts = geometry.cuts(direction);
+                source.fill(profile, |along_px, across_px| {
                     checked(cuts.place(along_px, across_px), along_px, across_px)
                 });
             }
             Self::Projective(geometry) => {
-                lines.fill(centerline, full_scale, profile, |along_px, across_px| {
-                    let point = geometry.place(lines.direction, along_px, across_px);
+                source.fill(profile, |along_px, across_px| {
+                    let point = geometry.place(direction, along_px, across_px);
                     checked(point, along_px, across_px)
                 });
             }
         }
+    }
+
+    /// Returns the height of each place (along, across) in pixels, metres; NaN where the geometry has none. Places beside
+    /// one another are found faster.
+    fn heights_m(
+        &self,
+        direction: StripeDirection,
+        places_px: impl Iterator<Item = [f64; 2]>,
+    ) -> impl Iterator<Item = f64> {
+        let mut cuts = match self {
+            Self::CameraAndPlane(geometry) => Some(geometry.cuts(direction)),
+            Self::VerticalIncidence(_) | Self::Projective(_) => None,
+        };
+        places_px.map(move |[along_px, across_px]| {
+            let point = match self {
+                Self::VerticalIncidence(geometry) => geometry.place(along_px, across_px),
+                Self::CameraAndPlane(_) => {
+                    cuts.as_mut().and_then(|cuts| cuts.place(along_px, across_px))
+                }
+                Self::Projective(geometry) => geometry.place(direction, along_px, across_px),
+            };
+            point.map_or(f64::NAN, |point| point.z_m)
+        })
     }
 }
 

@@ -4,7 +4,7 @@ use super::{
     ambient::Ambient,
     auto_channel::{AutoChannel, ChannelChoice},
     axis::{Axis, AxisKind, AxisTravel},
-    calibration::{Calibration, Lines},
+    calibration::{Calibration, Lines, Triangulator},
     channel::{Decoder, SearchedRegion, check_channel},
     coverage::share_above_threshold,
     diagnosis::{self, Diagnosis},
@@ -64,7 +64,7 @@ use super::{
 #[derive(Debug)]
 pub struct Pipeline {
     params: Params,
-    calibration: Option<Calibration>,
+    triangulator: Option<Triangulator>,
     decoder: Decoder,
     auto_channel: AutoChannel,
     ambient: Ambient,
@@ -98,7 +98,7 @@ impl Pipeline {
             locator: Locator::new(params.motion, params.stripe_direction, calibration.as_ref()),
             scan: Scan::new(params.scan_limits(), seed),
             params,
-            calibration,
+            triangulator: calibration.map(Triangulator::new),
         }
     }
 
@@ -168,12 +168,13 @@ impl Pipeline {
         on_stage(Stage::Extract);
 
         let located = position.map(|position| self.locator.locate(position));
-        let is_in_scan = self.calibration.is_some() && self.scan.is_stacking();
+        let is_in_scan = self.triangulator.is_some() && self.scan.is_stacking();
         let mut completed = Completed::default();
-        if let Some(calibration) = &self.calibration {
+        if let Some(triangulator) = &mut self.triangulator {
             // Step 9: metres.
             let lines = Lines::new(self.params.stripe_direction, &searched);
-            calibration.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
+            triangulator.prepare(lines.direction, image_px);
+            triangulator.triangulate(&self.centerline, &lines, full_scale, &mut self.profile);
             // Step 10: stacked along the motion.
             let profile = &self.profile;
             let entry = ScanEntry { profile, image_px, stamp_ns, located, index };
@@ -194,7 +195,7 @@ impl Pipeline {
             position: located.map(|located| located.position),
             travelled: located.map(|located| located.travelled),
             stands: is_in_scan && located.is_some_and(|located| located.stands),
-            profile: self.calibration.is_some().then_some(&self.profile),
+            profile: self.triangulator.is_some().then_some(&self.profile),
             slice: completed.slice,
             height_map: completed.height_map,
         })
@@ -229,7 +230,7 @@ impl Pipeline {
 
     /// A calibration holds for one image size: another one would be measured at the wrong place.
     fn check_size(&self, image: (u32, u32)) -> Result<(), FrameError> {
-        let calibrated = self.calibration.as_ref().and_then(Calibration::image_size_px);
+        let calibrated = self.calibration().and_then(Calibration::image_size_px);
         match calibrated {
             Some(calibrated) if calibrated != image => Err(FrameError::Size { image, calibrated }),
             _ => Ok(()),
@@ -261,12 +262,16 @@ impl Pipeline {
 
     /// True if frames return profiles.
     pub const fn is_calibrated(&self) -> bool {
-        self.calibration.is_some()
+        self.triangulator.is_some()
+    }
+
+    fn calibration(&self) -> Option<&Calibration> {
+        self.triangulator.as_ref().map(Triangulator::calibration)
     }
 
     /// True if the travel of the scan is an angle: a revolute axis, unless poses are measured.
     pub fn travels_by_angle(&self) -> bool {
-        let axis = self.calibration.as_ref().and_then(Calibration::axis);
+        let axis = self.calibration().and_then(Calibration::axis);
         self.params.motion.source != MotionSource::Tf
             && matches!(axis, Some(Axis { kind: AxisKind::Revolute, .. }))
     }
@@ -305,7 +310,7 @@ impl Pipeline {
 
     /// Measures with this calibration from the next frame on. Call [`finish`](Self::finish) first.
     pub fn recalibrate(&mut self, calibration: Calibration) {
-        self.calibration = Some(calibration);
+        self.triangulator = Some(Triangulator::new(calibration));
     }
 
     /// Measures with these parameters from the next frame on. Call [`finish`](Self::finish) first if
@@ -317,7 +322,8 @@ impl Pipeline {
         if let Err(error) = params.check_ranges() {
             panic!("{error}");
         }
-        self.locator.reconfigure(&self.params, &params, self.calibration.as_ref());
+        let calibration = self.triangulator.as_ref().map(Triangulator::calibration);
+        self.locator.reconfigure(&self.params, &params, calibration);
         self.extractor = Extractor::new(params.extraction, params.stripe_direction);
         self.ambient.forget();
         if is_seen_otherwise(&self.params, &params) {

@@ -3,10 +3,7 @@
 use std::io::Write;
 
 use super::{ExportArgs, Written};
-use crate::{
-    msg::{cdr, laser_profiler_msgs::Profile},
-    results::{Placing, Results},
-};
+use crate::results::{Placing, Results, recorded_profile};
 
 /// Writes the profiles with their uncertainties, or the points of the clouds if points are selected or moved, or if there
 /// are no profiles. Counts and skips profiles that cannot be read.
@@ -50,14 +47,25 @@ fn write_profiles(
     results: &Results,
     topic: &str,
 ) -> anyhow::Result<Written> {
-    writeln!(file, "frame,stamp_ns,position,x_m,z_m,intensity,sigma_z_m,flags")?;
+    writeln!(
+        file,
+        "frame,stamp_ns,position,x_m,z_m,intensity,sigma_z_m,flags,calibration_sigma_z_m"
+    )?;
     let mut written = Written::default();
     for message in results.messages(topic) {
-        let bytes = message.map(|message| message.data);
-        let decoded = bytes.as_ref().map(|bytes| cdr::decode::<Profile<'_>>(bytes));
-        let Ok(Ok(profile)) = decoded else {
+        let Ok(message) = message else {
             written.num_lost += 1;
             continue;
+        };
+        let profile = match recorded_profile(&message) {
+            Ok(profile) => profile,
+            Err(error) => {
+                if written.num_lost == 0 {
+                    tracing::warn!("{topic}: {error}");
+                }
+                written.num_lost += 1;
+                continue;
+            }
         };
         let (frame, position) = (profile.trace.frame_number, profile.trace.position);
         if !results.has_frame(frame) {
@@ -73,9 +81,10 @@ fn write_profiles(
             let flags = profile.flags.get(i).copied().unwrap_or(0);
             writeln!(
                 file,
-                "{frame},{stamp_ns},{position},{x},{z},{},{},{flags}",
+                "{frame},{stamp_ns},{position},{x},{z},{},{},{flags},{}",
                 number(&profile.intensity),
-                number(&profile.sigma_z)
+                number(&profile.sigma_z),
+                number(&profile.calibration_sigma_z)
             )?;
             written.num_points += 1;
         }

@@ -115,6 +115,7 @@ pub(crate) fn profile<'a>(
         sigma_z: Cow::Borrowed(&profile.sigma_z_m),
         valid_count: profile.valid_count,
         calibration_id: Cow::Borrowed(calibration_id),
+        calibration_sigma_z: Cow::Borrowed(&profile.calibration_sigma_z_m),
     }
 }
 
@@ -206,6 +207,7 @@ mod tests {
             flags: vec![1, 2],
             sigma_x_m: vec![1e-7, 2e-7],
             sigma_z_m: vec![1e-6, 2e-6],
+            calibration_sigma_z_m: vec![3e-6, 4e-6],
             valid_count: 2,
         };
         let source = source();
@@ -217,6 +219,7 @@ mod tests {
         assert_eq!((&*message.intensity, &*message.flags), (&[0.5, 0.6][..], &[1, 2][..]));
         assert_eq!((&*message.sigma_z, message.valid_count), (&[1e-6, 2e-6][..], 2));
         assert_eq!(message.calibration_id, "ab12");
+        assert_eq!(*message.calibration_sigma_z, [3e-6, 4e-6]);
     }
 
     #[test]

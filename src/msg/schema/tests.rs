@@ -139,7 +139,7 @@ fn hashes_are_the_published_ones() {
         ),
         (
             <laser_profiler_msgs::Profile<'_>>::TYPE,
-            "6ae9c3a296bad0a4be78cf73576c8a554044f25f2fb0d33e021a3b74d0342220",
+            "03d0b461f12771f11110d3f5542ab60ed8e75df0224d2171c553ce308dd77e06",
         ),
         (
             <laser_profiler_msgs::SliceInfo<'_>>::TYPE,

@@ -1,4 +1,5 @@
-"""Writes the .cdr files beside it: python3 generate.py (needs rosbags==0.11.9). The values are repeated in src/msg/cdr/golden.rs."""
+"""Writes the .cdr files beside it: python3 generate.py (needs rosbags==0.11.9). The values are repeated in
+src/msg/cdr/golden.rs and src/msg/recorded_profile.rs."""
 
 from pathlib import Path
 
@@ -9,9 +10,24 @@ HERE = Path(__file__).parent
 MSGS = HERE.parents[2] / "msgs/laser_profiler_msgs/msg"
 
 store = get_typestore(Stores.ROS2_JAZZY)
-for name in ("FrameTrace", "Centerline", "SliceInfo"):
+for name in ("FrameTrace", "Centerline", "Profile", "SliceInfo"):
     full_name = f"laser_profiler_msgs/msg/{name}"
     store.register(get_types_from_msg((MSGS / f"{name}.msg").read_text(), full_name))
+
+# Profile as it was before calibration_sigma_z.
+FORMER_PROFILE = """
+std_msgs/Header header
+FrameTrace trace
+uint16 stripe
+float32[] x
+float32[] z
+float32[] intensity
+uint8[] flags
+float32[] sigma_z
+uint32 valid_count
+string calibration_id
+"""
+store.register(get_types_from_msg(FORMER_PROFILE, "laser_profiler_msgs/msg/FormerProfile"))
 
 
 def make(kind, /, **fields):
@@ -65,6 +81,33 @@ write(
         flags=np.array([0, 5, 16], dtype=np.uint8),
     ),
 )
+profile = dict(
+    header=make("std_msgs/Header", stamp=stamp, frame_id="laser_plane"),
+    trace=make(
+        "laser_profiler_msgs/FrameTrace",
+        frame_number=5,
+        frame_number_source=0,
+        frames_missing=0,
+        frames_missing_valid=False,
+        encoder=0,
+        position=0.125,
+        encoder_source=0,
+        encoder_status=0,
+        digital_inputs=0,
+        exposure_time=0.5,
+        receive_stamp=make("builtin_interfaces/Time", sec=0, nanosec=0),
+    ),
+    stripe=1,
+    x=floats(0.5, 0.625, 0.75),
+    z=floats(-0.25, 0, 0.25),
+    intensity=floats(1, 0.5, 0.25),
+    flags=np.array([0, 65, 16], dtype=np.uint8),
+    sigma_z=floats(0.0625, 0.125, 0.25),
+    valid_count=3,
+    calibration_id="0a1b",
+)
+write("former_profile.cdr", make("laser_profiler_msgs/FormerProfile", **profile))
+write("profile.cdr", make("laser_profiler_msgs/Profile", **profile, calibration_sigma_z=floats(0.5, 1, 2)))
 write(
     "slice_info.cdr",
     make(

@@ -14,25 +14,25 @@ use crate::{
     scanner::{calibration::Calibration, params::StripeDirection},
 };
 
-const CALIBRATIONS: u64 = 600;
-const GAUGE_SIGMA_M: f64 = 8e-6;
+pub(super) const CALIBRATIONS: u64 = 600;
+pub(super) const GAUGE_SIGMA_M: f64 = 8e-6;
 const NOISE_PX: f64 = 0.03;
 
 /// A picture of a gauge: stated heights, side by side.
-type Stated<'a> = &'a [f64];
+pub(super) type Stated<'a> = &'a [f64];
 
 /// A way to calibrate.
 #[derive(Clone, Copy)]
-struct Case<'a> {
-    pictures: &'a [Stated<'a>],
-    terms: Option<HeightTerms>,
-    reference: HeightReference,
-    is_stated: bool,
+pub(super) struct Case<'a> {
+    pub(super) pictures: &'a [Stated<'a>],
+    pub(super) terms: Option<HeightTerms>,
+    pub(super) reference: HeightReference,
+    pub(super) is_stated: bool,
     /// Angle between the camera's rows and the stripe, radians.
-    roll_rad: f64,
+    pub(super) roll_rad: f64,
 }
 
-const WHOLE: Case<'_> = Case {
+pub(super) const WHOLE: Case<'_> = Case {
     pictures: &[&[0.0], &[0.002], &[0.005], &[0.009], &[0.012]],
     terms: Some(HeightTerms::Across),
     reference: HeightReference::Common,
@@ -68,14 +68,22 @@ fn plateaus(case: &Case<'_>, pinhole: &Pinhole, seed: u64) -> Vec<Plateau> {
     plateaus
 }
 
-/// Returns a measured step minus the true one, and its stated half width, each over `GAUGE_SIGMA_M`.
-fn step(case: &Case<'_>, seed: u64) -> [f64; 2] {
+/// Returns a camera, and its calibration as it is written and read.
+pub(super) fn calibrated(case: &Case<'_>, seed: u64) -> (Pinhole, Calibration) {
     let pinhole = Pinhole::new(case.roll_rad);
     let Case { terms, reference, .. } = *case;
     let request = StepsRequest { terms, reference, picture: PICTURE };
     let result = calibrate_steps(&plateaus(case, &pinhole, seed), &request).unwrap();
     let scale = LateralScale { per_px: 5e-5, relative_sigma: 0.0 };
     let map = result.projective(&PICTURE, scale, "laser_plane");
+    let text = Calibration::Projective(Box::new(map)).to_yaml();
+    (pinhole, Calibration::from_yaml(&text).unwrap())
+}
+
+/// Returns a measured step minus the true one, and its stated half width, each over `GAUGE_SIGMA_M`.
+fn step(case: &Case<'_>, seed: u64) -> [f64; 2] {
+    let (pinhole, calibration) = calibrated(case, seed);
+    let Calibration::Projective(map) = &calibration else { panic!("a homography was written") };
     let [low, high] = [(-0.006, 0.0015), (0.006, 0.0105)];
     let point = |(x_m, z_m): (f64, f64)| {
         let [u, v] = pinhole.see(x_m, z_m);
@@ -85,9 +93,6 @@ fn step(case: &Case<'_>, seed: u64) -> [f64; 2] {
         Point3::new(row(0) / row(2), 0.0, row(1) / row(2))
     };
     let surface = Surface { width: 2, points: vec![point(low), point(high)] };
-    // As it is written and read.
-    let text = Calibration::Projective(Box::new(map)).to_yaml();
-    let calibration = Calibration::from_yaml(&text).unwrap();
     let direction = StripeDirection::Horizontal;
     let outside = calibration_error::num_outside(&calibration, direction, &surface, &[]);
     assert_eq!(outside, Some(0), "both points lie within the gauge");

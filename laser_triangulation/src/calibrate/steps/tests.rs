@@ -1,3 +1,5 @@
+mod profiles;
+
 use super::*;
 use crate::{metrology::student::NORMAL_95, scanner::params::StripeDirection};
 use nalgebra::{Rotation3, Vector3};

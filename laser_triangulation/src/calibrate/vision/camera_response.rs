@@ -3,9 +3,9 @@
 
 use nalgebra::{Const, Dyn, OMatrix, SMatrix, SVector};
 
-use crate::{
-    metrology::principal_axes::axes,
-    scanner::{calibration::CameraQuality, camera::Camera},
+use crate::scanner::{
+    calibration::{CameraQuality, axes},
+    camera::Camera,
 };
 
 /// Parts of a standard deviation that are tried until the shifted camera sees all that was measured.

@@ -14,9 +14,10 @@ use super::{
     pose,
     stripe_line::{self, Placed},
 };
-use crate::{
-    metrology::principal_axes::axes,
-    scanner::{calibration::CameraQuality, camera::Camera, laser_plane::LaserPlane},
+use crate::scanner::{
+    calibration::{CameraQuality, axes},
+    camera::Camera,
+    laser_plane::LaserPlane,
 };
 
 /// The plane of a set of lines, and where it comes from.

@@ -1,6 +1,6 @@
 //! Converts the points of a centreline to the entries of a profile.
 
-use super::PlacedPoint;
+use super::{PlacedPoint, height_sigma::HeightSigma};
 use crate::scanner::{
     channel::SearchedRegion, params::StripeDirection, profile::Profile, stripe::Centerline,
 };
@@ -25,18 +25,33 @@ impl Lines {
         };
         Self { direction, first, count }
     }
+}
 
-    /// Replaces `profile` by the points of a centreline for which `place` returns a point. `place` takes the positions
-    /// along and across the stripe in pixels. Points outside these lines are left out.
+/// A centreline on its way to a profile.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) centerline: &'a Centerline,
+    pub(super) lines: Lines,
+    /// Level of a saturated sample.
+    pub(super) full_scale: u32,
+    /// The calibration's uncertainty; `None` if it is not to be stated.
+    pub(super) sigma: Option<&'a HeightSigma>,
+}
+
+impl Source<'_> {
+    /// Replaces `profile` by the points of the centreline for which `place` returns a point. `place` takes the positions
+    /// along and across the stripe in pixels. Points outside the searched lines are left out.
     pub(super) fn fill(
         &self,
-        centerline: &Centerline,
-        full_scale: u32,
         profile: &mut Profile,
         mut place: impl FnMut(f64, f64) -> Option<PlacedPoint>,
     ) {
-        profile.reset(self.count);
-        let (along, across) = centerline.along_and_across(self.direction);
+        let Self { centerline, lines, full_scale, sigma } = *self;
+        profile.reset(lines.count);
+        if sigma.is_some() {
+            profile.calibration_sigma_z_m.resize(lines.count, f32::NAN);
+        }
+        let (along, across) = centerline.along_and_across(lines.direction);
         for i in 0..centerline.len() {
             let Some(point) = place(f64::from(along[i]), f64::from(across[i])) else { continue };
             let (x_m, z_m) = (point.x_m as f32, point.z_m as f32);
@@ -44,8 +59,8 @@ impl Lines {
             if !(x_m.is_finite() && z_m.is_finite()) {
                 continue;
             }
-            let entry = (along[i] as usize).checked_sub(self.first);
-            let Some(entry) = entry.filter(|entry| *entry < self.count) else { continue };
+            let entry = (along[i] as usize).checked_sub(lines.first);
+            let Some(entry) = entry.filter(|entry| *entry < lines.count) else { continue };
             // One point per line: that of the first surface, which is the strongest.
             if profile.z_m[entry].is_finite() {
                 continue;
@@ -57,7 +72,13 @@ impl Lines {
             profile.flags[entry] = centerline.flags[i] | point.flags;
             profile.sigma_x_m[entry] = (point.x_m_per_px.abs() * sigma_px) as f32;
             profile.sigma_z_m[entry] = (point.z_m_per_px.abs() * sigma_px) as f32;
+            if let Some(value) = profile.calibration_sigma_z_m.get_mut(entry) {
+                *value = across[i];
+            }
             profile.valid_count += 1;
+        }
+        if let Some(sigma) = sigma {
+            sigma.replace(&lines, &mut profile.calibration_sigma_z_m);
         }
     }
 }

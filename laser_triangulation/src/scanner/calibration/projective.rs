@@ -1,6 +1,6 @@
 //! The image of the laser plane as a homography: all that known heights can determine of a camera without distortion.
 
-use nalgebra::{Matrix3, Point2};
+use nalgebra::{DMatrix, Matrix3, Point2};
 
 use super::{CalibratedVolume, CalibrationError, PlacedPoint, StepsQuality, file::Id};
 use crate::scanner::{camera::View, params::StripeDirection};
@@ -50,16 +50,20 @@ impl Projective {
     pub(super) fn seen_through(&self, view: &View) -> Self {
         let shift = view.on_sensor(Point2::origin());
         let [bx, by] = view.binning.map(f64::from);
+        let seen = |entries: &mut [f64]| {
+            for row in entries.chunks_exact_mut(3) {
+                row[2] += row[0] * shift.x + row[1] * shift.y;
+                row[0] *= bx;
+                row[1] *= by;
+            }
+        };
         let mut homography = self.homography;
-        for row in homography.chunks_exact_mut(3) {
-            row[2] += row[0] * shift.x + row[1] * shift.y;
-            row[0] *= bx;
-            row[1] *= by;
-        }
+        seen(&mut homography);
         let [width_px, height_px] = view.size_px;
         let mut quality = self.quality.clone();
-        if let Some(volume) = quality.as_mut().and_then(|quality| quality.volume.as_mut()) {
-            *volume = volume.seen_through(view);
+        if let Some(quality) = &mut quality {
+            quality.covariance = seen_covariance(&quality.covariance, seen);
+            quality.volume = quality.volume.map(|volume| volume.seen_through(view));
         }
         Self { width_px, height_px, homography, quality, ..self.clone() }
     }
@@ -91,6 +95,20 @@ impl Projective {
         }
         CalibratedVolume::check(self.volume(), "steps_quality.volume")
     }
+}
+
+/// Returns the covariance of nine entries after a linear map of them; empty if it is unknown.
+fn seen_covariance(covariance: &[f64], map: impl Fn(&mut [f64])) -> Vec<f64> {
+    if covariance.len() != 81 {
+        return Vec::new();
+    }
+    let mut matrix = DMatrix::from_row_slice(9, 9, covariance);
+    for _ in 0..2 {
+        // Columns lie in memory one after the other.
+        matrix.as_mut_slice().chunks_exact_mut(9).for_each(&map);
+        matrix = matrix.transpose();
+    }
+    matrix.as_slice().to_vec()
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::CalibratedVolume;
+use super::{CalibratedVolume, CameraAndPlane};
+use crate::scanner::camera::View;
 
 /// Quality of a camera calibrated from views of a board.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,6 +31,43 @@ impl CameraQuality {
     pub(crate) fn has_covariance(&self) -> bool {
         let num = self.parameters.len();
         num > 0 && self.covariance.len() == num * num
+    }
+
+    /// Returns the pixels of an image that shows a part of the sensor for one unit of each parameter: a focal length and the
+    /// principal point are in larger pixels.
+    fn seen_per_unit(&self, view: &View) -> Vec<f64> {
+        let [bx, by] = view.binning.map(f64::from);
+        let seen = |name: &String| match name.as_str() {
+            "fx" | "cx" => 1.0 / bx,
+            "fy" | "cy" => 1.0 / by,
+            _ => 1.0,
+        };
+        self.parameters.iter().map(seen).collect()
+    }
+}
+
+impl CameraAndPlane {
+    /// Returns the geometry with its uncertainty and its volumes in the pixels of an image that shows a part of the sensor.
+    pub(super) fn with_quality_seen_through(mut self, view: &View) -> Self {
+        if let Some(camera) = self.camera_quality.as_mut() {
+            let seen = camera.seen_per_unit(view);
+            for (at, value) in camera.covariance.iter_mut().enumerate() {
+                let [row, column] = [at / seen.len().max(1), at % seen.len().max(1)];
+                *value *= seen.get(row).unwrap_or(&1.0) * seen.get(column).unwrap_or(&1.0);
+            }
+            let of_plane = self.plane_quality.as_mut().and_then(|of| of.camera_response.as_mut());
+            let of_axis = self.axis_quality.as_mut().and_then(|of| of.camera_response.as_mut());
+            for response in [of_plane, of_axis].into_iter().flatten() {
+                let columns = seen.iter().cycle();
+                response.iter_mut().zip(columns).for_each(|(value, seen)| *value /= seen);
+            }
+        }
+        let of_camera = self.camera_quality.as_mut().and_then(|quality| quality.volume.as_mut());
+        let of_plane = self.plane_quality.as_mut().and_then(|quality| quality.volume.as_mut());
+        for volume in [of_camera, of_plane].into_iter().flatten() {
+            *volume = volume.seen_through(view);
+        }
+        self
     }
 }
 

@@ -179,14 +179,4 @@ impl CameraAndPlane {
         let of_plane = self.plane_quality.as_ref().and_then(|quality| quality.volume.as_ref());
         [of_camera, of_plane]
     }
-
-    /// Returns the geometry with its volumes in the pixels of an image that shows a part of the sensor.
-    pub(super) fn with_volumes_seen_through(mut self, view: &View) -> Self {
-        let of_camera = self.camera_quality.as_mut().and_then(|quality| quality.volume.as_mut());
-        let of_plane = self.plane_quality.as_mut().and_then(|quality| quality.volume.as_mut());
-        for volume in [of_camera, of_plane].into_iter().flatten() {
-            *volume = volume.seen_through(view);
-        }
-        self
-    }
 }

@@ -5,6 +5,7 @@
 //! `calibrate plane`. The surfaces are seen without noise: what is off is off because of the calibration.
 
 mod boards;
+mod profiles;
 mod rig;
 mod surfaces;
 

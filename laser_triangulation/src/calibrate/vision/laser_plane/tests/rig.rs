@@ -71,6 +71,11 @@ impl SimulatedRig {
         Self { views: [10, 7], ..Self::new() }
     }
 
+    /// As many views as the documentation asks for.
+    pub(super) fn with_many_views() -> Self {
+        Self { views: [20, 20], ..Self::new() }
+    }
+
     /// A small image, and a vertical stripe from the side.
     pub(super) fn wide() -> Self {
         let rig = Self::new();

@@ -19,3 +19,18 @@ pub(crate) fn axes(num: usize, covariance: &[f64]) -> Vec<Vec<f64>> {
     })
     .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn correlated_values_move_together() {
+        let found = axes(2, &[4.0, -2.0, -2.0, 1.0]);
+        assert_eq!(found.len(), 1, "one direction only");
+        assert!(
+            (found[0][0].abs() - 2.0).abs() < 1e-9
+                && (found[0][0] + 2.0 * found[0][1]).abs() < 1e-9
+        );
+    }
+}
