@@ -10,10 +10,17 @@
 //! The background B is the mean of the raw samples beyond 3.2 standard deviations of the first guess; a neighbour or a
 //! sloping background there biases the result. Below a signal of about ten times the noise the logarithm distorts the
 //! noise; there [`gaussian_ml`](super::gaussian_ml) is better by a quarter or more.
+//!
+//! A thin stripe near full scale, or a faint one, leaves too few samples for a parabola, or one that says less about the
+//! centre than the candidate's length. There the centre is that of [`gaussian_ml`](super::gaussian_ml), which also uses
+//! samples that may be clipped.
 
 use super::{
     elementary::exp,
-    gaussian_ml::start::{SIGMA_RANGE_PX, Start},
+    gaussian_ml::{
+        gaussian_ml,
+        start::{SIGMA_RANGE_PX, Start},
+    },
     lanes::{Centres, LANES, Lane, Sections, each},
     logarithm::ln,
     noise::PixelNoise,
@@ -26,16 +33,34 @@ const ROUNDS: u32 = 4;
 const FAINTEST: f32 = 0.1;
 /// Samples this far beyond the first guess are background, standard deviations of the stripe.
 const BACKGROUND_SIGMAS: f32 = 3.2;
+/// Standard deviation of a uniform distribution, as a share of its length: 1/√12.
+const UNIFORM: f32 = 0.289;
 
-/// Returns the parabola's maximum in every lane. Where none is found, returns the first guess with the uncertainty of a
-/// uniform distribution over the candidate.
+/// Returns the parabola's maximum in every lane, the most probable centre where there is none.
 #[inline(always)]
 pub(super) fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
+    let mut maxima = maxima(sections, noise, full_scale);
+    let in_use = sections.in_use();
+    let is_missing = each(|lane| if maxima.sigma_px[lane] > 0.0 { 0.0 } else { in_use[lane] });
+    if is_missing.iter().any(|&is_missing| is_missing > 0.0) {
+        let likely = gaussian_ml(sections, noise, full_scale);
+        for lane in 0..LANES {
+            let instead = is_missing[lane] > 0.0;
+            let Centres { position_px, sigma_px } = &mut maxima;
+            position_px[lane] = if instead { likely.position_px[lane] } else { position_px[lane] };
+            sigma_px[lane] = if instead { likely.sigma_px[lane] } else { sigma_px[lane] };
+        }
+    }
+    maxima
+}
+
+/// Returns the parabola's maximum in every lane, with the uncertainty 0 where there is none.
+#[inline(always)]
+fn maxima(sections: &Sections, noise: PixelNoise, full_scale: f32) -> Centres {
     let mut start = Start::of(sections, noise, full_scale);
     start.curve.background = background(sections, &start);
     let length: Lane = each(|lane| sections.last[lane] - sections.first[lane] + 1.0);
-    // Uniform over the candidate: 1/√12 of its length.
-    let mut sigma_px: Lane = each(|lane| 0.289 * length[lane]);
+    let mut sigma_px = [0.0; LANES];
     for _ in 0..ROUNDS {
         let sums = weighed(sections, &start, noise, full_scale);
         for lane in 0..LANES {
@@ -59,11 +84,9 @@ pub(super) fn log_gaussian(sections: &Sections, noise: PixelNoise, full_scale: f
             let height =
                 curve.amplitude[lane] * exp(parabola.rise.min(1.0) - 1.0) * std::f32::consts::E;
             curve.amplitude[lane] = if is_peak { height } else { curve.amplitude[lane] };
-            sigma_px[lane] = if is_peak {
-                (scale * parabola.variance.sqrt()).min(length[lane])
-            } else {
-                0.289 * length[lane]
-            };
+            let uncertainty_px = scale * parabola.variance.sqrt();
+            let is_known = is_peak & (uncertainty_px < UNIFORM * length[lane]);
+            sigma_px[lane] = if is_known { uncertainty_px } else { 0.0 };
         }
     }
     Centres { position_px: start.curve.centre_px, sigma_px }
