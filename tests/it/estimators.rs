@@ -166,6 +166,26 @@ fn log_gaussian_meets_its_limits() {
     meets(Method::LogGaussian, [0.019, 0.013, 0.026, 0.125, 0.30, 0.0125], &all);
 }
 
+/// Few samples of a thin stripe are neither faint nor clipped: often no parabola goes through them, yet the centre is known.
+#[test]
+fn log_gaussian_states_its_scatter_where_it_has_few_samples() {
+    for (name, scene) in [
+        ("thin, at full scale", scene(300.0, 0.95, 2.0)),
+        ("thin, clipped", scene(400.0, 0.95, 2.0)),
+        ("thin, faint", scene(60.0, 0.7, 4.0)),
+    ] {
+        let faint = ExtractionParams {
+            blur_radius: 1,
+            segment_threshold: 12.0,
+            ..params(Method::LogGaussian, &scene)
+        };
+        let found = extract(&scene, faint);
+        print(Method::LogGaussian, name, &found, bound_px(&scene));
+        assert!((0.62..=0.80).contains(&found.within[0]), "{name}: {:?}", found.within);
+        assert!((0.91..=0.98).contains(&found.within[1]), "{name}: {:?}", found.within);
+    }
+}
+
 /// With steep flanks or a flat top, the pixel grid shifts the zero crossing by some hundredths of a pixel.
 #[test]
 fn fir_peak_meets_its_limits() {

@@ -5,6 +5,9 @@
 //! standard deviations s and the correlation ρ that the method's own filter causes in white noise. Second differences
 //! weigh the noise from column to column, the parabola also that over a few columns, such as speckle: where the two
 //! ratios differ, the noise has another correlation than the prediction.
+//!
+//! Noise bends flat parts, too, and a filter along the stripe makes it bend them more than neighbouring points differ.
+//! A limit below that bend would select the places whose noise happens to be straight, and understate the scatter.
 
 pub mod speckle;
 
@@ -22,7 +25,7 @@ use crate::{
 
 /// Second difference along the stripe.
 const SECOND_DIFFERENCE: [f64; 3] = [1.0, -2.0, 1.0];
-/// Distance at which centres share neither pixels nor grains of speckle.
+/// Distance at which centres hardly share grains of speckle, or pixels beyond those that the prediction contains.
 const APART: usize = 7;
 /// Second difference of points at the distance [`APART`].
 const DIFFERENCE_APART: [f64; 2 * APART + 1] = {
@@ -47,9 +50,31 @@ const FROM_PARABOLA: [f64; 9] = {
 };
 /// Points to either side that must continue the line without a gap, and through which the form is fitted.
 const REACH: usize = 10;
-/// A part is flat if a parabola through 2 · [`REACH`] + 1 points has a second difference below this share of the frame's
+/// Points of a window.
+const WINDOW: usize = 2 * REACH + 1;
+/// A part is flat if a parabola through [`WINDOW`] points has a second difference below this share of the frame's
 /// median second difference, which then adds less than a tenth to it.
 const FLAT_SHARE: f64 = 0.2;
+/// It is flat, too, if that second difference is below so many of its standard deviations: noise.
+const CHANCE: f64 = 3.0;
+/// That second difference as a weighted sum of the points.
+const BEND: [f64; WINDOW] = {
+    let mean_square = (REACH * (REACH + 1)) as f64 / 3.0;
+    let mut weights = [0.0; WINDOW];
+    let (mut at, mut norm) = (0, 0.0);
+    while at < WINDOW {
+        let place = at as f64 - REACH as f64;
+        weights[at] = place * place - mean_square;
+        norm += weights[at] * weights[at];
+        at += 1;
+    }
+    at = 0;
+    while at < WINDOW {
+        weights[at] *= 2.0 / norm;
+        at += 1;
+    }
+    weights
+};
 /// Second differences of the form below this count as flat in any frame, pixels: rounding.
 const ALWAYS_FLAT_PX: f64 = 0.002;
 /// A larger step between neighbours is an edge, pixels.
@@ -62,7 +87,7 @@ const MIN_FLAT: usize = 40;
 pub struct ScatterRatio {
     /// Of the second differences: 1.4826 times the median of |difference| ÷ predicted standard deviation.
     pub second_differences: f64,
-    /// Of the second differences of points 7 px apart, which share neither pixels nor grains of speckle.
+    /// Of the second differences of points 7 px apart, which hardly share grains of speckle.
     pub apart: f64,
     /// Of the distances from a parabola through nine points.
     pub from_parabola: f64,
@@ -94,18 +119,16 @@ pub fn scatter_ratio(
     let runs = runs(line, &points);
     let places: Vec<&[Point]> = runs
         .iter()
-        .flat_map(|run| points[run.clone()].windows(2 * REACH + 1))
+        .flat_map(|run| points[run.clone()].windows(WINDOW))
         .filter(|window| window.iter().all(|point| point.sigma_px > 0.0))
         .collect();
-    let mut bends: Vec<f64> =
-        places.iter().map(|window| combine(window, &SECOND_DIFFERENCE).abs()).collect();
-    let limit = (FLAT_SHARE * statistics::median(&mut bends)?).max(ALWAYS_FLAT_PX);
+    let correlation = Correlation::along_the_stripe(params);
+    let limit = largest_bend_of_flat(&places, &correlation)?;
     let flat: Vec<&[Point]> =
-        places.into_iter().filter(|window| bend_of_form(window) <= limit).collect();
+        places.into_iter().filter(|window| combine(window, &BEND).abs() <= limit).collect();
     if flat.len() < MIN_FLAT {
         return None;
     }
-    let correlation = Correlation::along_the_stripe(params);
     let mut sigmas: Vec<f64> = flat.iter().map(|window| window[REACH].sigma_px).collect();
     Some(ScatterRatio {
         second_differences: ratio(&flat, &SECOND_DIFFERENCE, &correlation)?,
@@ -160,16 +183,20 @@ fn combine(window: &[Point], weights: &[f64]) -> f64 {
         .sum()
 }
 
-/// Returns the magnitude of the second difference of a parabola through the window.
-fn bend_of_form(window: &[Point]) -> f64 {
-    let places = (0..window.len()).map(|at| (at as f64 - REACH as f64).powi(2));
-    let mean = places.clone().sum::<f64>() / window.len() as f64;
-    let (mut product, mut norm) = (0.0, 0.0);
-    for (square, point) in places.zip(window) {
-        product += (square - mean) * point.across_px;
-        norm += (square - mean).powi(2);
-    }
-    (2.0 * product / norm).abs()
+/// Returns the largest second difference of the parabola through a window that counts as flat, pixels.
+fn largest_bend_of_flat(places: &[&[Point]], correlation: &Correlation) -> Option<f64> {
+    let mut bends: Vec<f64> =
+        places.iter().map(|window| combine(window, &SECOND_DIFFERENCE).abs()).collect();
+    let median_px = statistics::median(&mut bends)?;
+    // That of neighbours, if the stated one is too small. Points in doubt state more than noise.
+    let of_neighbours_px =
+        statistics::MAD_TO_SIGMA * median_px / correlation.variance(&SECOND_DIFFERENCE).sqrt();
+    let middles = places.iter().map(|window| window[REACH]);
+    let mut sigmas: Vec<f64> =
+        middles.filter(|point| !point.is_doubted).map(|point| point.sigma_px).collect();
+    let sigma_px = statistics::median(&mut sigmas).unwrap_or(0.0).max(of_neighbours_px);
+    let by_chance = CHANCE * sigma_px * correlation.variance(&BEND).sqrt();
+    Some((FLAT_SHARE * median_px).max(ALWAYS_FLAT_PX).max(by_chance))
 }
 
 fn ratio(flat: &[&[Point]], weights: &[f64], correlation: &Correlation) -> Option<f64> {
@@ -194,7 +221,7 @@ mod tests {
 
     /// A line whose noise is white noise under `weights`, with a curve and a step.
     fn line(weights: &[f64], stated_px: f32) -> Centerline {
-        let num = 4000;
+        let num = 20_000;
         let white: Vec<f64> =
             StandardNormal.sample_iter(frame_rng(7, 0)).take(num + weights.len()).collect();
         let gain = weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt();
@@ -217,11 +244,16 @@ mod tests {
         }
     }
 
-    fn ratios(weights: &[f64], stated_px: f32, params: &ExtractionParams) -> [f64; 2] {
+    fn ratios(weights: &[f64], stated_px: f32, params: &ExtractionParams) -> [f64; 3] {
         let line = line(weights, stated_px);
         let found = scatter_ratio(&line, StripeDirection::Horizontal, params).unwrap();
         assert!(found.places > 2000, "{found:?}");
-        [found.second_differences, found.from_parabola]
+        [found.second_differences, found.from_parabola, found.apart]
+    }
+
+    fn gaussian(sigma_px: f64) -> Vec<f64> {
+        let reach = (4.0 * sigma_px).ceil() as i32;
+        (-reach..=reach).map(|x| (-0.5 * (f64::from(x) / sigma_px).powi(2)).exp()).collect()
     }
 
     fn is_near(ratio: f64, expected: f64) -> bool {
@@ -232,9 +264,11 @@ mod tests {
     fn true_white_and_blurred_noise_gives_one_and_a_false_sigma_its_factor() {
         let white = ExtractionParams { method: Method::GaussianMl, ..ExtractionParams::default() };
         let blurred = ExtractionParams::default();
-        let kernel: Vec<f64> =
-            (-3..=3).map(|x| (-0.5 * (f64::from(x) / 1.4).powi(2)).exp()).collect();
-        for (weights, params) in [(&[1.0] as &[f64], &white), (&kernel, &blurred)] {
+        let ridge = ExtractionParams { method: Method::Steger, ..blurred };
+        let kernel = gaussian(1.4);
+        let wide = gaussian(ridge.ridge_sigma_px);
+        for (weights, params) in [(&[1.0] as &[f64], &white), (&kernel, &blurred), (&wide, &ridge)]
+        {
             for (stated_px, expected) in [(0.05, 1.0), (0.01, 5.0), (0.1, 0.5)] {
                 let found = ratios(weights, stated_px, params);
                 assert!(
@@ -245,7 +279,7 @@ mod tests {
             }
         }
         // Noise with another correlation than the prediction shows in the difference of the two.
-        let [short, long] = ratios(&kernel, 0.05, &white);
+        let [short, long, _] = ratios(&kernel, 0.05, &white);
         assert!(short < 0.3 && long > 1.5 * short, "{short} {long}");
     }
 
