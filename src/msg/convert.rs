@@ -3,6 +3,7 @@
 mod encoding;
 mod jpeg;
 mod png;
+mod strict_jpeg;
 pub(crate) mod decode;
 pub(crate) mod file_kind;
 pub(crate) mod picture_message;

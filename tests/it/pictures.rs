@@ -222,3 +222,39 @@ fn pictures_without_stamps_have_no_rate_in_their_description() {
     let rate_hz = info["topics"][0]["rate_hz"].as_f64().unwrap();
     assert!((rate_hz - 50.0).abs() < 1e-6, "{info}");
 }
+
+/// A camera that looks straight down, and light inclined by 30 degrees.
+const INCLINED: &str = "type: camera_and_plane
+camera_name: camera
+image_width: 160
+image_height: 48
+camera_matrix: {rows: 3, cols: 3, data: [300.0, 0.0, 80.0, 0.0, 300.0, 24.0, 0.0, 0.0, 1.0]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0.0, 0.0, 0.0, 0.0, 0.0]}
+frame_id: laser_plane
+laser_plane: {normal: [0.0, 0.8660254037844386, 0.5], distance_m: 0.15}
+";
+
+#[test]
+fn a_camera_and_a_plane_without_an_axis_are_told() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    fs::create_dir(path("scan")).unwrap();
+    for number in 0..NUM {
+        write(&path("scan").join(Kind::Png.name(number)), Kind::Png, &Scene::Grey.picture(number));
+    }
+    let axis = "axis: {kind: prismatic, direction: [0.0, 1.0, 0.0], scale: 1.0}\n";
+    let moved = ["motion.source:=constant", "motion.step:=0.001"];
+    for (case, rig, motion, is_told) in [
+        ("no axis", INCLINED.to_owned(), &moved[..], true),
+        ("no motion", INCLINED.to_owned(), &[], false),
+        ("an axis", format!("{INCLINED}{axis}"), &moved, false),
+    ] {
+        fs::write(path("rig.yaml"), rig).unwrap();
+        let calibration = format!("calibration_file:={}", path("rig.yaml").display());
+        let mut arguments = vec!["--force", "--ros-args", "-p", &calibration];
+        arguments.extend(motion.iter().flat_map(|value| ["-p", value]));
+        let (_, stderr) = replay(&path("scan"), &path("results"), 0, &arguments);
+        assert_eq!(stderr.contains("the calibration has no axis"), is_told, "{case}: {stderr}");
+    }
+}

@@ -3,7 +3,7 @@
 use image::{
     ColorType, ImageDecoder, ImageResult, Limits,
     codecs::{
-        bmp::BmpDecoder, jpeg::JpegDecoder, png::PngDecoder, pnm::PnmDecoder, tiff::TiffDecoder,
+        bmp::BmpDecoder, png::PngDecoder, pnm::PnmDecoder, tiff::TiffDecoder,
     },
 };
 
@@ -11,6 +11,7 @@ use super::{
     file_kind::{FileKind, reader},
     frame::FrameRejected,
     jpeg,
+    strict_jpeg::StrictJpeg,
 };
 use crate::scanner::image::{ByteOrder, Image, PixelFormat};
 
@@ -71,7 +72,7 @@ pub(super) fn decode(
         FileKind::Jpeg => {
             let whole = jpeg::whole(data);
             let whole = whole.ok_or(FrameRejected::Truncated { length: data.len() })?;
-            file.read(JpegDecoder::new(reader(&whole)), pixels)
+            file.read(StrictJpeg::new(&whole), pixels)
         }
         FileKind::Tiff => file.read(TiffDecoder::new(reader(data)), pixels),
         FileKind::Bmp => {

@@ -13,7 +13,7 @@ const HUFFMAN_TABLES: u8 = 0xc4;
 const MOTION_JPEG: &[u8] = b"\xff\xe0\x00\x07AVI1\0";
 
 /// Returns the picture up to its end-of-image marker, marked as motion JPEG if it has no Huffman tables; `None` if it is cut
-/// off. (The decoder completes truncated images silently.)
+/// off. (Decoders may complete truncated images silently.)
 pub(super) fn whole(data: &[u8]) -> Option<Cow<'_, [u8]>> {
     let start = [0xff, START_OF_IMAGE];
     let mut rest = data.strip_prefix(&start)?;

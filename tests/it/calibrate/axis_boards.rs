@@ -1,6 +1,6 @@
 //! The axis from rendered boards of every kind that slide or turn.
 
-use std::path::PathBuf;
+use std::{fs, path::PathBuf};
 
 use laser_profiler::scanner::axis::{Axis, AxisKind, RawPosition};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
@@ -112,6 +112,25 @@ fn a_checkerboard_that_slides_gives_direction_and_unit() {
     assert!((number(&counted, "scale") / 12e-6 - 1.0).abs() < 5e-3, "{counted}");
     let back = vector(&counted, "direction").angle(&-scene.axis.direction.into_inner());
     assert!(back.to_degrees() < MAX_OFF_DEG, "{counted}");
+}
+
+#[test]
+fn a_table_states_the_positions_of_pictures() {
+    let scene = Scene::sliding(&BOARD, &pose(&BOARD, [-0.04, -0.01, 0.4], [20.0, -15.0, 5.0]));
+    // The fourth picture has no row, and the order of the rows does not matter.
+    let rows = (0..FRAMES).rev().filter(|frame| *frame != 3);
+    let rows = rows.map(|frame| format!("{frame:02}.png,{}\n", 0.012 * f64::from(frame)));
+    let (rig, table) = (scene.file("rig.yaml"), scene.file("positions.csv"));
+    fs::write(&table, format!("file,position\n{}", rows.collect::<String>())).unwrap();
+    let [axis, target, of_target, calibration, rig, ..] =
+        scene.arguments(rig.to_str().unwrap(), TARGET, "");
+    let table = ["--positions", table.to_str().unwrap()];
+    let arguments = [&[axis, target, of_target, calibration, rig], &table[..]].concat();
+    let found = calibrate(&arguments, &scene.file("pictures"), &scene.file("axis.yaml"));
+    assert_eq!((found["views_used"].as_u64(), found["scale"].as_f64()), (Some(6), Some(1.0)));
+    let rejected = &found["views_rejected"][0];
+    assert!(rejected["view"].as_str().unwrap().ends_with("03.png"), "{rejected}");
+    assert_eq!(rejected["reason"], "no position is stated for it");
 }
 
 #[test]

@@ -119,6 +119,37 @@ fn missing_numbers_count_as_lost_and_leave_their_places() {
 }
 
 #[test]
+fn endings_do_not_matter_for_numbers_and_odd_names_are_told() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("scan");
+    let file = |name: &str| folder.join(name);
+    let replayed = |results: &str, code| {
+        replay(&folder, &place.path().join(results), code, &["--frame-rate", "50"])
+    };
+    series(&folder, Kind::Png);
+    fs::rename(file("frame_3.png"), file("frame_3.PNG")).unwrap();
+    fs::remove_file(file("frame_7.png")).unwrap();
+    let (summary, stderr) = replayed("endings", 3);
+    assert_eq!(summary["frames"]["lost"], 1, "{summary}");
+    assert!(stderr.contains("missing by their numbers: 1 (7)"), "{stderr}");
+    for (name, fault) in [
+        ("dark.png", "1 of 12 names are not numbered like the others, the first is dark"),
+        (
+            "frame_2 (1).png",
+            "1 of 12 names are not numbered like the others, the first is frame_2 (1)",
+        ),
+        ("frame_02.png", "have the same number"),
+    ] {
+        fs::copy(file("frame_2.png"), file(name)).unwrap();
+        let (summary, stderr) = replayed(name, 0);
+        assert_eq!(summary["frames"]["processed"], NUM, "{name}: {summary}");
+        let told = format!("{fault}: missing numbers are not looked for");
+        assert!(stderr.contains(&told), "{told}: {stderr}");
+        fs::remove_file(file(name)).unwrap();
+    }
+}
+
+#[test]
 fn inputs_without_pictures_are_refused_by_name() {
     let place = tempfile::tempdir().unwrap();
     let path = |name: &str| place.path().join(name);
@@ -190,11 +221,16 @@ fn a_table_that_does_not_fit_is_told() {
         let told = format!("{name}: is named in the file of --positions, but is none of");
         assert!(stderr.contains(&told), "{told}: {stderr}");
     }
-    fs::write(&table, "file,stamp_s\nframe_0.png,soon\n").unwrap();
-    let mut command = laser_profiler(&["replay", "--positions", &stated, "-o"]);
-    let ended = end(command.arg(place.path().join("out")).arg(&folder));
-    assert_eq!(ended.code, Some(1), "{ended:?}");
-    assert!(ended.stderr.contains("line 2: stamp_s is \"soon\""), "{ended:?}");
+    for (text, fault) in [
+        ("file,stamp_s\nframe_0.png,soon\n", "line 2: stamp_s is \"soon\""),
+        ("file,stamp_s\nx.png,1\n", "no row names one of the 12 pictures: one names x.png"),
+    ] {
+        fs::write(&table, text).unwrap();
+        let mut command = laser_profiler(&["replay", "--positions", &stated, "-o"]);
+        let ended = end(command.arg(place.path().join("out")).arg(&folder));
+        assert_eq!(ended.code, Some(1), "{ended:?}");
+        assert!(ended.stderr.contains(fault), "{fault}: {ended:?}");
+    }
 }
 
 #[test]
