@@ -2,9 +2,7 @@
 
 use image::{
     ColorType, ImageDecoder, ImageResult, Limits,
-    codecs::{
-        bmp::BmpDecoder, png::PngDecoder, pnm::PnmDecoder, tiff::TiffDecoder,
-    },
+    codecs::{bmp::BmpDecoder, png::PngDecoder, pnm::PnmDecoder, tiff::TiffDecoder},
 };
 
 use super::{
@@ -72,7 +70,7 @@ pub(super) fn decode(
         FileKind::Jpeg => {
             let whole = jpeg::whole(data);
             let whole = whole.ok_or(FrameRejected::Truncated { length: data.len() })?;
-            file.read(StrictJpeg::new(&whole), pixels)
+            file.read(StrictJpeg::new(whole), pixels)
         }
         FileKind::Tiff => file.read(TiffDecoder::new(reader(data)), pixels),
         FileKind::Bmp => {

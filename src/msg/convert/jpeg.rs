@@ -8,16 +8,26 @@ use std::borrow::Cow;
 const START_OF_IMAGE: u8 = 0xd8;
 const END_OF_IMAGE: u8 = 0xd9;
 const HUFFMAN_TABLES: u8 = 0xc4;
+const PROGRESSIVE: u8 = 0xc2;
 
 /// A segment whose name tells the decoder to use the tables of Annex K.3 where the file defines none.
 const MOTION_JPEG: &[u8] = b"\xff\xe0\x00\x07AVI1\0";
 
+/// The picture in a file.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Whole<'a> {
+    /// From its first marker to its end-of-image marker.
+    pub(super) picture: Cow<'a, [u8]>,
+    /// True if several scans refine it.
+    pub(super) is_progressive: bool,
+}
+
 /// Returns the picture up to its end-of-image marker, marked as motion JPEG if it has no Huffman tables; `None` if it is cut
 /// off. (Decoders may complete truncated images silently.)
-pub(super) fn whole(data: &[u8]) -> Option<Cow<'_, [u8]>> {
+pub(super) fn whole(data: &[u8]) -> Option<Whole<'_>> {
     let start = [0xff, START_OF_IMAGE];
     let mut rest = data.strip_prefix(&start)?;
-    let mut has_tables = false;
+    let (mut has_tables, mut is_progressive) = (false, false);
     loop {
         let (marker, behind) = next_marker(rest)?;
         rest = behind;
@@ -25,6 +35,7 @@ pub(super) fn whole(data: &[u8]) -> Option<Cow<'_, [u8]>> {
             END_OF_IMAGE => break,
             START_OF_IMAGE => continue,
             HUFFMAN_TABLES => has_tables = true,
+            PROGRESSIVE => is_progressive = true,
             _ => {}
         }
         // Of a scan, this is the header; its data follow up to the next marker.
@@ -32,10 +43,12 @@ pub(super) fn whole(data: &[u8]) -> Option<Cow<'_, [u8]>> {
         rest = rest.get(length.max(2)..)?;
     }
     let picture = data.get(..data.len() - rest.len())?;
-    if has_tables {
-        return Some(Cow::Borrowed(picture));
-    }
-    Some(Cow::Owned([&start, MOTION_JPEG, picture.get(start.len()..)?].concat()))
+    let picture = if has_tables {
+        Cow::Borrowed(picture)
+    } else {
+        Cow::Owned([&start, MOTION_JPEG, picture.get(start.len()..)?].concat())
+    };
+    Some(Whole { picture, is_progressive })
 }
 
 /// Returns the next marker and what follows it, without those between the samples: stuffed bytes, fill bytes, restarts.
@@ -58,11 +71,15 @@ mod tests {
 
     const FRAME: &[u8] = b"\xff\xd8\xff\xe0\x00\x04ab\xff\xc4\x00\x03x\xff\xda\x00\x02\x07\xff\x00\xff\xd0\x08\xff\xff\xd9";
 
+    fn picture(data: &[u8]) -> Option<Cow<'_, [u8]>> {
+        whole(data).map(|found| found.picture)
+    }
+
     #[test]
     fn what_follows_the_end_is_left_out() {
         for behind in [&b""[..], b"\0\0\0", b"\xff\xd9", b"\xff\xd8\xff\xd9", b"metadata"] {
             let data = [FRAME, behind].concat();
-            assert_eq!(whole(&data).as_deref(), Some(FRAME), "{behind:?}");
+            assert_eq!(picture(&data).as_deref(), Some(FRAME), "{behind:?}");
         }
     }
 
@@ -80,7 +97,7 @@ mod tests {
     fn a_picture_without_tables_is_marked() {
         let bare = b"\xff\xd8\xff\xdb\x00\x02\xff\xda\x00\x02\x07\xff\xd9";
         let marked = b"\xff\xd8\xff\xe0\x00\x07AVI1\0\xff\xdb\x00\x02\xff\xda\x00\x02\x07\xff\xd9";
-        assert_eq!(whole(bare).as_deref(), Some(&marked[..]));
-        assert!(matches!(whole(FRAME), Some(Cow::Borrowed(_))));
+        assert_eq!(picture(bare).as_deref(), Some(&marked[..]));
+        assert!(matches!(picture(FRAME), Some(Cow::Borrowed(_))));
     }
 }

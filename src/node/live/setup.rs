@@ -97,7 +97,7 @@ impl Context {
         let part_frame = camera.part_frame(calibration.as_ref());
         let positions = self.positions(params, camera)?;
         let direction = camera.scanner.stripe_direction;
-        positions::warn_without_axis(&camera.scanner.motion, calibration.as_ref());
+        positions::missing_axis::warn(&camera.scanner.motion, calibration.as_ref());
         let (tf, clock) = (Arc::clone(tf), self.clock.clone());
         let observer = Observer::new(number, calibration.clone(), direction, tf, clock);
         let position_topics = topics::recorded(&positions);

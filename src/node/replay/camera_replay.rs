@@ -189,7 +189,7 @@ impl CameraReplay {
             pipeline = pipeline.with_laser_tracked();
         }
         let positions = positions::of_camera(&self.camera, calibration)?;
-        positions::warn_without_axis(&self.camera.scanner.motion, calibration);
+        positions::missing_axis::warn(&self.camera.scanner.motion, calibration);
         Ok(Worker::new(options, pipeline, results, reporter)
             .with_positions(positions, self.side_topics())
             .with_camera_info(calibration.cloned(), self.info_topic.clone()))
