@@ -13,7 +13,7 @@ use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage};
 use laser_profiler::{
     bag::{BagReader, Filter, ReadOptions},
     msg::{cdr, laser_profiler_msgs::Centerline},
-    scanner::params::StripeDirection,
+    scanner::{params::StripeDirection, stripe::flag},
 };
 use serde_json::{Value as Json, json};
 use tempfile::TempDir;
@@ -38,6 +38,8 @@ enum Scene {
     Deep,
     /// Clipped to white, with a red halo on one side.
     Saturated,
+    /// Wide, with a glow on one side that pulls the centre.
+    Glowing,
     Dark,
 }
 
@@ -55,7 +57,9 @@ impl Scene {
     fn direction(self) -> StripeDirection {
         match self {
             Self::Vertical => StripeDirection::Vertical,
-            Self::Deep | Self::Saturated | Self::Dark => StripeDirection::Horizontal,
+            Self::Deep | Self::Saturated | Self::Glowing | Self::Dark => {
+                StripeDirection::Horizontal
+            }
         }
     }
 
@@ -91,6 +95,13 @@ impl Scene {
                     let level = of_core * core(x, y) + of_halo * halo + 2.0 + 2.0 * noise(x, y);
                     level.round() as u8
                 }))
+            })
+            .into(),
+            Self::Glowing => GrayImage::from_fn(ALONG, ACROSS, |x, y| {
+                let away = self.away(x, y, number);
+                let glow = if away > 0.0 { 0.4 * (-away / 14.0).exp() } else { 0.0 };
+                let level = 130.0 * ((-away * away / 98.0).exp() + glow);
+                Luma([(8.0 + 2.0 * noise(x, y) + level).round() as u8])
             })
             .into(),
             Self::Dark => GrayImage::from_fn(ALONG, ACROSS, |x, y| {
@@ -288,4 +299,25 @@ fn a_broken_picture_is_counted() {
     assert_eq!(suggested.code, Some(0), "{suggested:?}");
     let summary: Json = serde_json::from_str(&suggested.stdout).unwrap();
     assert_eq!((&summary["examined"], &summary["unusable"]), (&json!(NUM - 1), &json!(1)));
+}
+
+/// A local background would take the glow away that makes the points doubtful, and leave their error.
+#[test]
+fn a_line_that_the_defaults_find_is_not_made_to_look_sound() {
+    let pictures = Pictures::of(Scene::Glowing);
+    assert_eq!(pictures.suggest(&[]).code, Some(0));
+    let text = fs::read_to_string(pictures.path("rig.yaml")).unwrap();
+    assert!(!text.contains("background"), "{text}");
+    let parameters = pictures.path("rig.yaml").display().to_string();
+    let results = pictures.path("results");
+    let (summary, _) =
+        replay(&pictures.path("pictures"), &results, 0, &["--params-file", &parameters]);
+    assert_eq!(summary["points"], NUM * ALONG, "{summary}");
+    let reader = BagReader::open(&results, &ReadOptions::default()).unwrap();
+    for message in reader.messages(&Filter::topics(["/laser_profiler/centerline"])) {
+        let message = message.unwrap();
+        let line: Centerline<'_> = cdr::decode(&message.data).unwrap();
+        let doubted = line.flags.iter().filter(|flags| **flags & flag::MISFIT != 0);
+        assert_eq!(doubted.count(), ALONG as usize);
+    }
 }

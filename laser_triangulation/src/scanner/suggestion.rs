@@ -1,9 +1,10 @@
 //! Parameters for a recording, suggested from some of its pictures.
 //!
 //! The pictures are extracted with a few sets of parameters in both directions, the simplest set first. The first one whose
-//! line is judged nearly as good as the best one's is suggested. Where only a local background shows the line, its
-//! window, blur and threshold, the channel and a limit of the width are chosen by the same judgement. Tracking is not
-//! suggested: pictures that were not looked at may show a part that lifts the line further than any margin.
+//! line is judged nearly as good as the best one's, or that finds the same line, is suggested. Where only a local
+//! background shows the line, its window, blur and threshold, the channel and a limit of the width are chosen by the same
+//! judgement. Tracking is not suggested: pictures that were not looked at may show a part that lifts the line further
+//! than any margin.
 
 mod candidates;
 
@@ -21,8 +22,10 @@ const NEARLY: f64 = 0.97;
 const FEW_SATURATED: f64 = 0.05;
 /// A limit of the width must raise the score by this factor: it is worth something only beside clutter.
 const LEAST_GAIN: f64 = 1.01;
-/// A limit of the width must keep this share of the line.
+/// A limit of the width, or a simpler set, must keep this share of the line.
 const KEPT: f64 = 0.98;
+/// Two sets find the same line if its ends differ by less than this share of its width.
+const SAME_PLACE: f64 = 0.5;
 /// The least blur needs this share of the score with more.
 const ENOUGH_SHARP: f64 = 0.95;
 /// Less of a line than this is none.
@@ -129,12 +132,26 @@ fn best(scored: &[(Params, Found)]) -> Option<&(Params, Found)> {
 /// Chooses among what was tried, and refines it if only a local background shows the line.
 fn chosen(views: &[Image<'_>], tried: &[Tried; 2], best_score: f64) -> Option<(Params, Found)> {
     let [first, second] = tried;
-    let mut in_turn = first.simple.iter().zip(&second.simple).flat_map(|(one, other)| [one, other]);
-    if let Some(simple) = in_turn.find(|(_, found)| found.score >= NEARLY * best_score) {
+    let in_turn = || first.simple.iter().zip(&second.simple).flat_map(|(one, other)| [one, other]);
+    if let Some(simple) = in_turn().find(|(_, found)| found.score >= NEARLY * best_score) {
         return Some(*simple);
     }
     let of_direction = if first.best_score() >= best_score { first } else { second };
-    refined(views, of_direction)
+    let refined = refined(views, of_direction)?;
+    let simple = of_direction.simple.iter().find(|(_, found)| finds_same(found, &refined.1));
+    Some(simple.copied().unwrap_or(refined))
+}
+
+/// Returns true if a simpler set finds the line that another finds. If it is judged worse, the other hides what makes its
+/// points doubtful, and not the clutter beside it.
+fn finds_same(simple: &Found, other: &Found) -> bool {
+    let (Some((low, high)), Some((from, to))) = (simple.range_px, other.range_px) else {
+        return false;
+    };
+    let off_px = (low - from).abs().max((high - to).abs());
+    simple.share >= KEPT * other.share
+        && simple.unlike <= MOST_UNLIKE
+        && f64::from(off_px) <= SAME_PLACE * other.width_px
 }
 
 /// The best set with a local background, of any channel, with a limit of the width if that is better still.
@@ -147,8 +164,7 @@ fn refined(views: &[Image<'_>], tried: &Tried) -> Option<(Params, Found)> {
     let (base, scored_before) = channels
         .into_iter()
         .reduce(|best, other| if score(&other) > score(&best) { other } else { best })?;
-    // A narrow window narrows the line to its own size, so the widest one measures it.
-    let wide_px = best(&candidates::of_widest_window(&scored_before))?.1.wide_px;
+    let wide_px = best(&scored_before)?.1.wide_px;
     // Blur rounds edges, so more of it must be worth it.
     let [sharp, smooth] = [1, 3].map(|blur_radius| {
         let sets = candidates::all_local(&base, wide_px, blur_radius);

@@ -1,7 +1,6 @@
 //! Sets of parameters to try.
 
 use crate::scanner::{
-    diagnosis::Found,
     params::{Background, Channel, ExtractionParams, Params, PeakSelection, Threshold},
     stripe::blur,
 };
@@ -32,14 +31,6 @@ pub(super) fn local(params: &Params) -> Vec<Params> {
     let sets =
         [local_set(plain, 31, 1, 8.0), local_set(plain, 31, 3, 4.0), local_set(plain, 13, 1, 4.0)];
     with_extractions(params, &sets)
-}
-
-/// Returns the sets of [`local`] with the widest window.
-pub(super) fn of_widest_window(scored: &[(Params, Found)]) -> Vec<(Params, Found)> {
-    let [widest_px, _] = WINDOWS_PX;
-    let is_widest =
-        |(params, _): &&(Params, Found)| params.extraction.background_window_px == widest_px;
-    scored.iter().filter(is_widest).copied().collect()
 }
 
 /// All sets with a local background and that blur whose window suits a line of that width.
