@@ -267,6 +267,7 @@ fn formula_6(number: u64) -> [f64; 2] {
         heights_used: 5,
         covariance: of_all.as_slice().to_vec(),
         volume: None,
+        bow: None,
     };
     let found = truth.moved([by[0], by[1], by[2], by[3]]);
     let calibration = VerticalIncidence { quality: Some(quality), ..found };

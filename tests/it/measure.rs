@@ -171,7 +171,13 @@ fn the_calibration_has_its_share_in_the_uncertainty() {
         width_px: 640,
         height_px: 480,
         homography: [1e-4, 0.0, 0.0, 0.0, 2e-4, 0.0, 0.0, 0.0, 1.0],
-        quality: Some(StepsQuality { rms_m: 0.0, heights_used: 5, covariance, volume: None }),
+        quality: Some(StepsQuality {
+            rms_m: 0.0,
+            heights_used: 5,
+            covariance,
+            volume: None,
+            bow: None,
+        }),
         calibrated_at: None,
     }));
     let step = |x: f64, _| if (8e-3..12e-3).contains(&x) { 1e-4 } else { 0.0 };

@@ -38,10 +38,17 @@ fn seen(height_m: f64) -> (f64, f64) {
 
 /// A picture of plateaus side by side, each (height in metres, last column); stripe 3 pixels wide, noise of 2 levels.
 fn picture(plateaus: &[(f64, u32)], seed: u64) -> GrayImage {
+    picture_of(seed, |column| {
+        let (height_m, _) = plateaus.iter().find(|(_, last)| column <= *last).unwrap();
+        seen(*height_m).0
+    })
+}
+
+/// A picture of a line in the given row of each column.
+fn picture_of(seed: u64, row_of: impl Fn(u32) -> f64) -> GrayImage {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     GrayImage::from_fn(WIDTH, HEIGHT, |column, row| {
-        let (height_m, _) = plateaus.iter().find(|(_, last)| column <= *last).unwrap();
-        let from_middle = f64::from(row) - seen(*height_m).0;
+        let from_middle = f64::from(row) - row_of(column);
         let normal: f64 = StandardNormal.sample(&mut random);
         let level = 10.0 + 200.0 * (-0.5 * (from_middle / 2.0).powi(2)).exp() + 2.0 * normal;
         Luma([level.round().clamp(0.0, 255.0) as u8])
@@ -112,6 +119,43 @@ fn four_pictures_calibrate_heights_and_with_a_scale_the_profile() {
         assert!((z_m - height_m).abs() < 2e-6, "{z_m} {height_m}");
         assert!((x_m - 280.5 * lateral_m).abs() < 5e-6, "{x_m} {}", 280.5 * lateral_m);
     }
+}
+
+/// A lens of radial distortion k1 bends the line of a flat: it is reported, and the file states what it does to heights.
+#[test]
+fn a_curved_line_is_a_warning_and_widens_the_uncertainty() {
+    let directory = tempfile::tempdir().unwrap();
+    let calibrated = |name: &str, k1: f64| {
+        // Where the distorted image of a flat lies in a column; the small change along the stripe moves nothing of it.
+        let row_of = |height_m: f64, column: u32| {
+            let (x, y) =
+                ((f64::from(column) - 319.5) / FOCAL_PX, (seen(height_m).0 - 140.0) / FOCAL_PX);
+            140.0 + FOCAL_PX * y * (1.0 + k1 * (x * x + y * y))
+        };
+        let sources = HEIGHTS_MM.iter().enumerate().map(|(i, mm)| {
+            let picture = picture_of(i as u64, |column| row_of(1e-3 * mm, column));
+            let file = format!("{name}_{i}.png");
+            format!("{}={mm}mm", save(directory.path(), &file, &picture).display())
+        });
+        let file = directory.path().join(format!("{name}.yaml"));
+        let output = file.display().to_string();
+        let arguments = ["--lateral", "0.1mm", "-o", &output, "--json"];
+        let ended = calibrate(&sources.collect::<Vec<_>>(), &arguments);
+        (json(&ended), ended.stderr, std::fs::read_to_string(file).unwrap())
+    };
+    let (reported, warning, file) = calibrated("straight", 0.0);
+    assert_eq!(reported["line_curvature_significant"], false, "{reported}");
+    assert!(!warning.contains("curved") && !file.contains("bow"), "{warning} {file}");
+    let straight_u95_m = reported["u95_m"].as_f64().unwrap();
+
+    let (reported, warning, file) = calibrated("curved", -0.1);
+    let curvature_m = reported["line_curvature_m"].as_f64().unwrap();
+    // Over the inner two thirds of the columns: k1 (213 px / f)² of 160 px are 0.18 px of 0.17 mm.
+    assert!((curvature_m - 31e-6).abs() < 5e-6, "{reported}");
+    assert_eq!(reported["line_curvature_significant"], true);
+    assert!(reported["u95_m"].as_f64().unwrap() > straight_u95_m + 10e-6, "{reported}");
+    assert!(warning.contains("curved by") && warning.contains("calibrate plane"), "{warning}");
+    assert!(file.contains("bow"), "{file}");
 }
 
 /// Recordings serve as pictures do: the same pixels, the same heights.

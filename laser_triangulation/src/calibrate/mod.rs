@@ -31,9 +31,9 @@ pub use level::level_part;
 pub use median_stripe::{GaugePicture, GaugeStripe, MedianStripe, MedianStripeError};
 pub use steps::{
     GaugeHeight, GaugePlateau, HeightModel, HeightReference, HeightTerms, KnownDistance,
-    KnownLateral, KnownLength, LateralScale, MIN_HEIGHTS, Plateau, PlateauCheck, PlateauError,
-    StepsCalibration, StepsError, StepsRequest, VerticalGeometry, VerticalIncidenceError,
-    assign_heights, calibrate_steps, find_plateaus, vertical_incidence,
+    KnownLateral, KnownLength, LateralScale, LineBow, MIN_HEIGHTS, Plateau, PlateauCheck,
+    PlateauError, StepsCalibration, StepsError, StepsRequest, VerticalGeometry,
+    VerticalIncidenceError, assign_heights, calibrate_steps, find_plateaus, vertical_incidence,
 };
 #[cfg(feature = "calibrate")]
 pub use vision::*;

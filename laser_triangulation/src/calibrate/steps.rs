@@ -1,6 +1,7 @@
 //! Calibration from known heights: fits the projective map from image positions to heights.
 
 mod assignment;
+mod bow;
 mod fit;
 mod lateral;
 mod model;
@@ -10,6 +11,7 @@ mod uncertainty;
 mod vertical_incidence;
 
 pub use assignment::assign_heights;
+pub use bow::LineBow;
 pub use lateral::{KnownLateral, KnownLength, LateralScale};
 pub use model::{HeightModel, HeightTerms};
 pub use plateau::{GaugeHeight, GaugePlateau, Plateau, find_plateaus};
@@ -22,7 +24,7 @@ pub use crate::metrology::PlateauError;
 use thiserror::Error;
 
 use super::GaugePicture;
-use crate::scanner::calibration::range;
+use crate::{metrology::student::NORMAL_95, scanner::calibration::range};
 use fit::Fit;
 
 /// Fewest different heights: a one-dimensional projective map has three parameters.
@@ -158,6 +160,8 @@ pub struct StepsCalibration {
     /// Size of the residuals over what the stated uncertainty explains, if they contradict it; all uncertainties are
     /// widened accordingly.
     pub excess: Option<f64>,
+    /// How the lines of the plateaus are curved, which widens `sigma_m` and `u95_m`, and what is measured with the calibration.
+    pub bow: LineBow,
 }
 
 /// A plateau and its height by the map.
@@ -192,6 +196,7 @@ pub fn calibrate_steps(
     order::check(&checks, request.reference)?;
     let lens_m = lens_m(&fit, plateaus, &request.picture);
     let found = uncertainty::of_fit(&fit, plateaus, lens_m)?;
+    let bow = LineBow::new(&fit, plateaus).ok_or(StepsError::NoMap)?;
     let residuals = checks.iter().map(|c| c.measured_m - c.plateau.height.height_m);
     let squares: f64 = residuals.clone().map(|residual| residual * residual).sum();
     let heights_m = plateaus.iter().map(|plateau| plateau.height.height_m);
@@ -204,8 +209,9 @@ pub fn calibrate_steps(
         checks,
         offsets_m: fit.offsets_m,
         degrees_of_freedom: found.degrees_of_freedom,
-        sigma_m: found.sigma_m,
-        u95_m: found.u95_m,
+        sigma_m: found.sigma_m.hypot(bow.rms_m()),
+        u95_m: found.u95_m.hypot(NORMAL_95 * bow.rms_m()),
+        bow,
         is_stated: found.is_stated,
         excess: found.excess,
     })

@@ -8,7 +8,9 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use super::surface::Surface;
 use crate::scanner::{
     axis::{Axis, AxisKind},
-    calibration::{AxisQuality, Calibration, CameraAndPlane, Projective, VerticalIncidence},
+    calibration::{
+        AxisQuality, Calibration, CameraAndPlane, Deviation, Projective, VerticalIncidence,
+    },
     params::StripeDirection,
     pose::perpendicular_basis,
 };
@@ -31,6 +33,8 @@ enum Map {
     Vertical(Box<[VerticalIncidence; 2]>),
     /// The nominal and the shifted camera, plane and axis.
     Rays(Box<[Rig; 2]>),
+    /// What a lens adds that the model leaves out.
+    Lens(Deviation),
 }
 
 /// Returns true if the calibration's contribution depends on the positions of the profiles: its axis turns the part or
@@ -45,9 +49,9 @@ pub fn needs_positions(calibration: &Calibration) -> bool {
     leans || geometry.part.is_some()
 }
 
-/// Returns the calibration shifted by one standard deviation along each of its independent directions, the principal
-/// axes of its covariance. Their effects on any result add in quadrature. Plane and axis follow the camera as
-/// the calibration states; where it does not, they are assumed independent of it. The axis varies in direction,
+/// Returns the calibration shifted by one standard deviation along each of its independent directions: the principal
+/// axes of its covariance, and the bow of the line by the lens. Their effects on any result add in quadrature. Plane and
+/// axis follow the camera as the calibration states; where it does not, they are assumed independent of it. The axis varies in direction,
 /// position and scale.
 ///
 /// # Errors
@@ -75,7 +79,8 @@ pub fn perturbations(
             others.map(rays).collect()
         }
     };
-    Ok(maps.into_iter().map(Perturbation).collect())
+    let lens = calibration.deviations().map(Map::Lens);
+    Ok(maps.into_iter().chain(lens).map(Perturbation).collect())
 }
 
 /// Returns the rigs whose axis is off by one standard deviation.
@@ -122,6 +127,7 @@ impl Perturbation {
             Map::Projective(map) => row.iter().map(|point| through(map, point)).collect(),
             Map::Vertical(both) => row.iter().map(|point| vertical(both, point)).collect(),
             Map::Rays(both) => rig::row(both, row, position),
+            Map::Lens(by) => row.iter().map(|point| Some(deviated(by, point))).collect(),
         }
     }
 }
@@ -129,6 +135,10 @@ impl Perturbation {
 fn through(map: &Matrix3<f64>, point: &Point3<f64>) -> Option<Point3<f64>> {
     let moved = map * Vector3::new(point.x, point.z, 1.0);
     (moved.z > 0.0).then(|| Point3::new(moved.x / moved.z, point.y, moved.y / moved.z))
+}
+
+fn deviated(by: &Deviation, point: &Point3<f64>) -> Point3<f64> {
+    Point3::new(point.x, point.y, point.z + by.at_m([point.x, point.z]))
 }
 
 fn vertical(both: &[VerticalIncidence; 2], point: &Point3<f64>) -> Option<Point3<f64>> {

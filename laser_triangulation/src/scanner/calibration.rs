@@ -1,5 +1,6 @@
 //! Step 9 of Yao et al. 2023: from pixels to metres. Holds measured values; the only place that chooses a camera model.
 
+mod bow;
 mod camera_and_plane;
 mod camera_calibration;
 mod equivalent;
@@ -21,6 +22,8 @@ use super::{
 };
 use lines::Source;
 
+pub use bow::Bow;
+pub(crate) use bow::Deviation;
 pub use camera_and_plane::{Alignment, CameraAndPlane, PartPose};
 pub use camera_calibration::CameraCalibration;
 pub use lines::Lines;
@@ -234,13 +237,13 @@ impl Calibration {
         }
     }
 
-    /// Returns the height of each place (along, across) in pixels, metres; NaN where the geometry has none. Places beside
-    /// one another are found faster.
-    fn heights_m(
+    /// Returns x and z of each place (along, across) in pixels, metres; NaN where the geometry has none. Places beside one
+    /// another are found faster.
+    fn points_m(
         &self,
         direction: StripeDirection,
         places_px: impl Iterator<Item = [f64; 2]>,
-    ) -> impl Iterator<Item = f64> {
+    ) -> impl Iterator<Item = [f64; 2]> {
         let mut cuts = match self {
             Self::CameraAndPlane(geometry) => Some(geometry.cuts(direction)),
             Self::VerticalIncidence(_) | Self::Projective(_) => None,
@@ -253,7 +256,7 @@ impl Calibration {
                 }
                 Self::Projective(geometry) => geometry.place(direction, along_px, across_px),
             };
-            point.map_or(f64::NAN, |point| point.z_m)
+            point.map_or([f64::NAN; 2], |point| [point.x_m, point.z_m])
         })
     }
 }

@@ -45,12 +45,7 @@ pub(super) fn run(
         if args.gauge.any_order { Some(assign(args, &mut gauge, &request)?) } else { None };
     let plateaus: Vec<_> = gauge.plateaus.iter().map(|found| found.plateau.clone()).collect();
     let result = calibrate_steps(&plateaus, &request).map_err(|error| Usage(error.to_string()))?;
-    if let Some(excess) = result.excess {
-        tracing::warn!(
-            "the residuals are {excess:.1} times as large as the stated uncertainty of the gauge explains: check the heights, their \
-             order and the lens; all uncertainties are widened accordingly"
-        );
-    }
+    warn(&result);
     let geometry = geometry(args, &result)?;
     let scale = scale(args, &gauge, &result, geometry.as_ref())?;
     if let (Some(path), Some(scale)) = (&args.output, scale) {
@@ -78,6 +73,23 @@ pub(super) fn run(
     };
     output::print(out, &text)?;
     Ok(Outcome::Done)
+}
+
+/// Says what widens the uncertainties.
+fn warn(result: &StepsCalibration) {
+    if let Some(excess) = result.excess {
+        tracing::warn!(
+            "the residuals are {excess:.1} times as large as the stated uncertainty of the gauge explains: check the heights, their \
+             order and the lens; all uncertainties are widened accordingly"
+        );
+    }
+    if result.bow.is_harmful {
+        tracing::warn!(
+            "the line of a flat is curved by {:.1} µm: lens distortion. Calibrate the camera with a board (calibrate camera, calibrate \
+             plane); all uncertainties are widened accordingly",
+            1e6 * result.bow.curvature_m
+        );
+    }
 }
 
 /// Exchanges the heights of each picture so that they fit; returns the sign of the heights.

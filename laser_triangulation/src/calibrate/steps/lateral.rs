@@ -81,14 +81,18 @@ impl StepsCalibration {
         by_scale[..3].copy_from_slice(&of(&self.model)[..3]);
         let by_scale = DMatrix::from_row_slice(9, 1, &by_scale) * scale.relative_sigma;
         let covariance = self.model.propagated(of) + &by_scale * by_scale.transpose();
-        Projective {
+        let mut map = Projective {
             frame_id: frame_id.to_owned(),
             width_px: picture.size_px[0],
             height_px: picture.size_px[1],
             homography: of(&self.model),
-            quality: Some(self.quality(picture, covariance.as_slice())),
+            quality: None,
             calibrated_at: None,
-        }
+        };
+        let bow = self.bow.of_projective(&map, picture.direction).map(Box::new);
+        let quality = self.quality(picture, covariance.as_slice());
+        map.quality = Some(StepsQuality { bow, ..quality });
+        map
     }
 
     /// Returns the calibration by formula 6 of Yao et al. 2023. `pixel_pitch_m` is the distance of pixels on the sensor.
@@ -100,7 +104,7 @@ impl StepsCalibration {
         picture: &GaugePicture,
         frame_id: &str,
     ) -> VerticalIncidence {
-        VerticalIncidence {
+        let mut formula = VerticalIncidence {
             frame_id: frame_id.to_owned(),
             image_distance_m: geometry.image_distance_m[0],
             object_distance_m: geometry.object_distance_m[0],
@@ -109,11 +113,15 @@ impl StepsCalibration {
             base_row_px: geometry.base_px[0],
             center_column_px: picture.middle_px(),
             height_sign: geometry.height_sign,
-            quality: Some(self.quality(picture, geometry.covariance.as_slice())),
-        }
+            quality: None,
+        };
+        let bow = self.bow.of_vertical_incidence(&formula).map(Box::new);
+        let quality = self.quality(picture, geometry.covariance.as_slice());
+        formula.quality = Some(StepsQuality { bow, ..quality });
+        formula
     }
 
-    /// A covariance that the heights do not determine is omitted.
+    /// The quality without the bow of the line. A covariance that the heights do not determine is omitted.
     fn quality(&self, picture: &GaugePicture, covariance: &[f64]) -> StepsQuality {
         let is_known = covariance.iter().all(|value| value.is_finite());
         StepsQuality {
@@ -121,6 +129,7 @@ impl StepsCalibration {
             heights_used: self.checks.len() as u32,
             covariance: if is_known { covariance.to_vec() } else { Vec::new() },
             volume: self.volume(picture.direction),
+            bow: None,
         }
     }
 

@@ -78,6 +78,14 @@ impl HeightModel {
         (denominator > 0.0).then(|| self.numerator(place) / denominator)
     }
 
+    /// Returns the position across the stripe at which a place along it sees that height, pixels; `None` at the horizon.
+    pub(super) fn across_px(&self, along_px: f64, height_m: f64) -> Option<f64> {
+        let [z, w] = self.rows();
+        let across = z[1] - height_m * w[1];
+        let across_px = (height_m * (w[0] * along_px + w[2]) - z[0] * along_px - z[2]) / across;
+        across_px.is_finite().then_some(across_px)
+    }
+
     /// Returns the derivative of the height by the position across the stripe, metres per pixel.
     #[must_use]
     pub fn slope_m_per_px(&self, place: [f64; 2]) -> Option<f64> {

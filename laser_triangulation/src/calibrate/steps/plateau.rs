@@ -41,13 +41,16 @@ pub struct Plateau {
     pub slope: f64,
     /// One standard deviation of `across_px` from the scatter along the line, pixels.
     pub sigma_px: f64,
+    /// Curvature of the line, and one standard deviation of it: the coefficient of the second Legendre polynomial, 1 at both
+    /// ends and -1/2 in the middle, pixels.
+    pub bow_px: [f64; 2],
     /// Points that lie on the line.
     pub num_points: usize,
 }
 
 impl Plateau {
-    /// Fits a straight line to a piece of a stripe, `points` being (along, across) in pixels. Outliers do not bend
-    /// it; the uncertainty accounts for correlated neighbours. `None` if the piece has too few points.
+    /// Fits a line to a piece of a stripe, `points` being (along, across) in pixels: a straight one, and how a lens curves it.
+    /// Outliers do not bend it; the uncertainty accounts for correlated neighbours. `None` if the piece has too few points.
     #[must_use]
     pub(crate) fn fit(
         points: &[[f64; 2]],
@@ -57,9 +60,11 @@ impl Plateau {
         let points = points.get(piece.clone())?;
         let along_px = [points.first()?[0], points.last()?[0]];
         let middle = 0.5 * (along_px[0] + along_px[1]);
-        let equations: Vec<Equation<2>> = points
+        let half = 0.5 * (along_px[1] - along_px[0]);
+        let row = |from: f64| [1.0, from, 1.5 * (from / half).powi(2) - 0.5].into();
+        let equations: Vec<Equation<3>> = points
             .iter()
-            .map(|[along, across]| Equation { row: [1.0, along - middle].into(), value: *across })
+            .map(|[along, across]| Equation { row: row(along - middle), value: *across })
             .collect();
         let fit = robust::solve(&equations)?;
         let kept: Vec<f64> = fit
@@ -76,6 +81,7 @@ impl Plateau {
             across_px: fit.x[0],
             slope: fit.x[1],
             sigma_px: (correlated * fit.covariance[(0, 0)]).sqrt(),
+            bow_px: [fit.x[2], (correlated * fit.covariance[(2, 2)]).sqrt()],
             num_points: fit.weights.iter().filter(|weight| **weight > 0.0).count(),
         })
     }

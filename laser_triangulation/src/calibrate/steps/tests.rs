@@ -1,3 +1,4 @@
+mod lens;
 mod profiles;
 
 use super::*;
@@ -15,6 +16,16 @@ pub(super) struct Pinhole {
     axes: [Vector3<f64>; 3],
     focal_px: f64,
     middle_px: [f64; 2],
+    distortion: Distorted,
+}
+
+/// Coefficients of the lens, as OpenCV has them: k1, p1 and p2, on the plane z = 1.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Distorted {
+    pub(super) k1: f64,
+    pub(super) tangential: [f64; 2],
+    /// Where the lens is centred, on the plane z = 1.
+    pub(super) centre: [f64; 2],
 }
 
 /// a, pixel pitch, b, β of the paper's rig.
@@ -29,14 +40,43 @@ impl Pinhole {
         let down = forward.cross(&right);
         let roll = Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(forward), roll_rad);
         let axes = [roll * right, roll * down, forward];
-        Self { lens, axes, focal_px: a / pitch, middle_px: [1295.5, 1023.5] }
+        Self {
+            lens,
+            axes,
+            focal_px: a / pitch,
+            middle_px: [1295.5, 1023.5],
+            distortion: Distorted::default(),
+        }
+    }
+
+    /// The same camera with another lens.
+    pub(super) fn behind(self, distortion: Distorted) -> Self {
+        Self { distortion, ..self }
     }
 
     /// Column and row of a point of the laser plane.
     pub(super) fn see(&self, x_m: f64, z_m: f64) -> [f64; 2] {
         let ray = Vector3::new(x_m, 0.0, z_m) - self.lens;
         let depth = ray.dot(&self.axes[2]);
-        [0, 1].map(|i| self.middle_px[i] + self.focal_px * ray.dot(&self.axes[i]) / depth)
+        let [x, y] = [0, 1].map(|i| ray.dot(&self.axes[i]) / depth);
+        let Distorted { k1, tangential: [p1, p2], centre } = self.distortion;
+        let [x, y] = [x - centre[0], y - centre[1]];
+        let (r2, xy) = (x * x + y * y, 2.0 * x * y);
+        let seen = [
+            x * (1.0 + k1 * r2) + p1 * xy + p2 * (r2 + 2.0 * x * x),
+            y * (1.0 + k1 * r2) + p2 * xy + p1 * (r2 + 2.0 * y * y),
+        ];
+        [0, 1].map(|i| self.middle_px[i] + self.focal_px * (seen[i] + centre[i]))
+    }
+
+    /// x of the point at a height that a column shows, metres, and its row.
+    pub(super) fn lit(&self, column: f64, z_m: f64) -> [f64; 2] {
+        let metres_per_px = RIG[2] / self.focal_px;
+        let mut x_m = (column - self.middle_px[0]) * metres_per_px;
+        for _ in 0..30 {
+            x_m -= (self.see(x_m, z_m)[0] - column) * metres_per_px;
+        }
+        [x_m, self.see(x_m, z_m)[1]]
     }
 
     /// Returns the image of a flat at a height, column by column, with noise in pixels.
@@ -49,11 +89,9 @@ impl Pinhole {
     ) -> Plateau {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        let ends = [-0.02, 0.02].map(|x_m| self.see(x_m, height_m));
-        let slope = (ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]);
         let points: Vec<[f64; 2]> = (columns[0] as i32..columns[1] as i32)
             .map(f64::from)
-            .map(|u| [u, ends[0][1] + slope * (u - ends[0][0]) + noise_px * normal()])
+            .map(|u| [u, self.lit(u, height_m)[1] + noise_px * normal()])
             .collect();
         Plateau::fit(&points, &(0..points.len()), GaugeHeight::of(height_m)).unwrap()
     }

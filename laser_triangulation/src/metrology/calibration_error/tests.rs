@@ -71,7 +71,13 @@ fn a_homography_with_one_uncertain_entry_moves_along_it() {
         width_px: 640,
         height_px: 480,
         homography: [1e-4, 0.0, 0.0, 0.0, 2e-4, 0.0, 0.0, 0.0, 1.0],
-        quality: Some(StepsQuality { rms_m: 0.0, heights_used: 5, covariance, volume: None }),
+        quality: Some(StepsQuality {
+            rms_m: 0.0,
+            heights_used: 5,
+            covariance,
+            volume: None,
+            bow: None,
+        }),
         calibrated_at: None,
     };
     let calibration = Calibration::Projective(Box::new(map));
@@ -95,7 +101,13 @@ fn profiles_state_the_same() {
         width_px: 640,
         height_px: 480,
         homography: [1e-4, 0.0, -0.03, 0.0, -1e-4, 0.03, 0.0, -2e-4, 1.0],
-        quality: Some(StepsQuality { rms_m: 0.0, heights_used: 5, covariance, volume: None }),
+        quality: Some(StepsQuality {
+            rms_m: 0.0,
+            heights_used: 5,
+            covariance,
+            volume: None,
+            bow: None,
+        }),
         calibrated_at: None,
     };
     let plane = [1e-8, 2e-9, 0.0, 2e-9, 4e-8, 1e-9, 0.0, 1e-9, 1e-8];

@@ -1,12 +1,12 @@
 //! How uncertain a calibration makes the height seen at a place of the image.
 //!
 //! The height is measured again with each calibration that is off by one standard deviation, and the differences add in
-//! quadrature. A table makes this cheap: in each cell of a coarse grid over the image the differences are interpolated
+//! quadrature, with the bow of the line by the lens. A table makes this cheap: in each cell of a coarse grid over the image the differences are interpolated
 //! bilinearly. The sum of their squares is a polynomial of nine coefficients, however many differences there are.
 
 use std::ops::{Add, Mul};
 
-use super::{Calibration, Lines};
+use super::{Calibration, Deviation, Lines};
 use crate::scanner::params::StripeDirection;
 
 /// Cells of the table along and across the stripe.
@@ -80,13 +80,8 @@ impl HeightSigma {
 
     /// Returns one standard deviation of the height seen at (along, across) in pixels without the table, metres.
     fn computed(&self, direction: StripeDirection, place_px: [f64; 2]) -> f64 {
-        let height_m = |calibration: &Calibration| {
-            let mut heights = calibration.heights_m(direction, std::iter::once(place_px));
-            heights.next().unwrap_or(f64::NAN)
-        };
-        let nominal = height_m(&self.nominal);
-        let square = |other| (height_m(other) - nominal).powi(2);
-        let sigma_m = self.others.iter().map(square).sum::<f64>().sqrt();
+        let differences = self.differences(direction, || std::iter::once(place_px));
+        let sigma_m = differences.iter().flatten().map(|by_m| by_m * by_m).sum::<f64>().sqrt();
         if sigma_m.is_nan() { f64::INFINITY } else { sigma_m }
     }
 
@@ -117,18 +112,20 @@ impl HeightSigma {
         Table { direction, image_px, cells_per_px: cell_px.map(f64::recip), cells }
     }
 
-    /// Returns by how much the height at each place differs with each of the other calibrations, metres.
+    /// Returns by how much the height at each place differs with each of the other calibrations, and by the bow of the line,
+    /// metres.
     fn differences<Places: Iterator<Item = [f64; 2]>>(
         &self,
         direction: StripeDirection,
         places: impl Fn() -> Places,
     ) -> Vec<Vec<f64>> {
-        let nominal: Vec<_> = self.nominal.heights_m(direction, places()).collect();
+        let nominal: Vec<_> = self.nominal.points_m(direction, places()).collect();
         let of_other = |other: &Calibration| {
-            let heights = other.heights_m(direction, places());
-            heights.zip(&nominal).map(|(other, nominal)| other - nominal).collect()
+            let points = other.points_m(direction, places());
+            points.zip(&nominal).map(|([_, other], [_, nominal])| other - nominal).collect()
         };
-        self.others.iter().map(of_other).collect()
+        let of_lens = |by: Deviation| nominal.iter().map(|point| by.at_m(*point)).collect();
+        self.others.iter().map(of_other).chain(self.nominal.deviations().map(of_lens)).collect()
     }
 }
 

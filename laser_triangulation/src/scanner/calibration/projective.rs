@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Point2};
 
-use super::{CalibratedVolume, CalibrationError, PlacedPoint, StepsQuality, file::Id};
+use super::{Bow, CalibratedVolume, CalibrationError, PlacedPoint, StepsQuality, file::Id};
 use crate::scanner::{camera::View, params::StripeDirection};
 
 /// A plane seen by a pinhole camera: with `(x, z, w) = H (column, row, 1)`, the point is at x/w and z/w.
@@ -93,6 +93,7 @@ impl Projective {
                 "nine finite numbers of a matrix that can be inverted",
             ));
         }
+        Bow::check(self.quality.as_ref())?;
         CalibratedVolume::check(self.volume(), "steps_quality.volume")
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{CalibratedVolume, CameraAndPlane};
+use super::{Bow, CalibratedVolume, CameraAndPlane};
 use crate::scanner::camera::View;
 
 /// Quality of a camera calibrated from views of a board.
@@ -138,4 +138,7 @@ pub struct StepsQuality {
     /// Part of the image, and heights, of the gauge; `None` if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume: Option<CalibratedVolume>,
+    /// What the lens adds to the uncertainty; `None` if the gauge shows nothing of it, and in files of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bow: Option<Box<Bow>>,
 }

@@ -138,6 +138,11 @@ fn a_file_gives_back_what_was_written() {
         heights_used: 4,
         covariance: vec![],
         volume: Some(CalibratedVolume { heights_m: Some([-1e-3, 0.02]), ..VOLUME }),
+        bow: Some(Box::new(Bow {
+            x_m: [-0.05, 0.05],
+            z_m: [0.0, 0.012],
+            deviations_m: vec![[1e-6; 9]; 2],
+        })),
     };
     let calibration = Calibration::Projective(Box::new(Projective {
         frame_id: "laser".into(),

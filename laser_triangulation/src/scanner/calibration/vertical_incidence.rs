@@ -1,6 +1,6 @@
 //! The camera of Yao et al. 2023: formula 6.
 
-use super::{CalibratedVolume, CalibrationError, PlacedPoint, StepsQuality, file::Id};
+use super::{Bow, CalibratedVolume, CalibrationError, PlacedPoint, StepsQuality, file::Id};
 
 /// Vertical-incidence triangulation, formula 6 of Yao et al. 2023 (doi 10.3390/app13179831), after Figure 2 there:
 /// the laser plane is vertical; the camera's optical axis meets it at the base point under the angle β.
@@ -163,6 +163,7 @@ impl VerticalIncidence {
         if self.frame_id.is_empty() {
             return wrong("frame_id", &"\"\"", "a frame name, as in laser_plane");
         }
+        Bow::check(self.quality.as_ref())?;
         CalibratedVolume::check(self.volume(), "steps_quality.volume")
     }
 }

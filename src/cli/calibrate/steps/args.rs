@@ -32,6 +32,9 @@ times has the same error each time. Without a stated uncertainty it is estimated
 the map has unknowns: four or more; 0 is exact beside stated uncertainties. Both go into the calibration, and from there into `measure`.
 The file also states the part of the image and the heights that the gauge covered (`volume`): points outside are flagged.
 
+Lens distortion curves the line of a flat, which the map cannot follow. It is reported, and widens the uncertainty. Flats over the
+whole width show it best; `calibrate camera` and `calibrate plane`, with a board, remove it.
+
 Heights alone determine three numbers of h = (p v + q) / (r v + 1), v across the stripe; with terms along it five, which are used if they fit
 better than by chance. They do not determine the scale along the stripe: -o needs --lateral, --pitch, or --pixel-pitch with a
 distance. The stripe is extracted as in the node, with the same parameters (roi.* selects a region of interest).
@@ -40,6 +43,7 @@ distance. The stripe is extracted as in the node, with the same parameters (roi.
   model (across | both | vertical_incidence), rms_m, rms_left_out_m, linearity (largest residual over the range of heights),
   degrees_of_freedom (different heights beyond the unknowns), sigma_m, u95_m (of a height), gauge_stated (false: estimated from the
   residuals), excess (residuals over what the stated uncertainty explains, if they contradict it: all uncertainties are widened),
+  line_curvature_m (of a flat's line over the used columns), line_curvature_significant (true: all uncertainties are widened),
   height_sign (with --any-order), offsets_m (of the pictures' zeros, with --differences), lateral_m_per_px (at height 0), geometry,
   output
   heights: [{source, height_m, gauge_sigma_m, measured_m, residual_m, left_out_m, noise_m, along_px: [from, to], across_px, sigma_px, points}]";

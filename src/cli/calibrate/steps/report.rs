@@ -46,6 +46,8 @@ pub(super) fn json(args: &StepsArgs, gauge: &Gauge, answer: &Answer<'_>) -> Stri
         "u95_m": result.u95_m,
         "gauge_stated": result.is_stated,
         "excess": result.excess,
+        "line_curvature_m": result.bow.curvature_m,
+        "line_curvature_significant": result.bow.is_significant,
         "height_sign": height_sign,
         "offsets_m": result.offsets_m,
         "lateral_m_per_px": lateral_m,
@@ -144,7 +146,10 @@ fn quality(result: &StepsCalibration) -> String {
     let (sigma, u95) = (um(result.sigma_m), um(result.u95_m));
     let uncertainty =
         format!("Uncertainty of a height, {origin}: {sigma} (1 sigma), {u95} (95 %).");
-    [fit, left_out, uncertainty].join("\n")
+    let bow = &result.bow;
+    let by_chance = if bow.is_significant { "" } else { ", which may be noise" };
+    let curved = format!("The line of a flat is curved by {}{by_chance}.", um(bow.curvature_m));
+    [fit, left_out, curved, uncertainty].join("\n")
 }
 
 fn sign_text(sign: i8) -> String {

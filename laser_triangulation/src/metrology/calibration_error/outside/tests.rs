@@ -21,7 +21,13 @@ const VOLUME: CalibratedVolume = CalibratedVolume {
 };
 
 fn steps(volume: CalibratedVolume) -> StepsQuality {
-    StepsQuality { rms_m: 0.0, heights_used: 5, covariance: vec![], volume: Some(volume) }
+    StepsQuality {
+        rms_m: 0.0,
+        heights_used: 5,
+        covariance: vec![],
+        volume: Some(volume),
+        bow: None,
+    }
 }
 
 fn projective() -> Calibration {

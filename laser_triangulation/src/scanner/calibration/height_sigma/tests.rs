@@ -30,7 +30,13 @@ fn vertical_incidence() -> Calibration {
         base_row_px: 512.0,
         center_column_px: 640.0,
         height_sign: -1,
-        quality: Some(StepsQuality { rms_m: 0.0, heights_used: 5, covariance, volume: None }),
+        quality: Some(StepsQuality {
+            rms_m: 0.0,
+            heights_used: 5,
+            covariance,
+            volume: None,
+            bow: None,
+        }),
     })
 }
 
@@ -45,7 +51,13 @@ fn projective() -> Calibration {
         width_px: SIZE_PX.0,
         height_px: SIZE_PX.1,
         homography,
-        quality: Some(StepsQuality { rms_m: 0.0, heights_used: 5, covariance, volume: None }),
+        quality: Some(StepsQuality {
+            rms_m: 0.0,
+            heights_used: 5,
+            covariance,
+            volume: None,
+            bow: None,
+        }),
         calibrated_at: None,
     }))
 }
@@ -136,7 +148,7 @@ proptest! {
             camera_and_plane(FOLDING),
         ] {
             let sigma = prepared(&calibration, direction);
-            let nominal = calibration.heights_m(direction, std::iter::once(place_px)).next().unwrap();
+            let nominal = calibration.points_m(direction, std::iter::once(place_px)).next().unwrap()[1];
             if nominal.is_nan() {
                 continue;
             }
