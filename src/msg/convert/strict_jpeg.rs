@@ -40,7 +40,7 @@ impl<'a> StrictJpeg<'a> {
             _ => picture,
         };
         let mut decoder = decoder(&file, ColorSpace::RGB);
-        decoder.decode_headers().map_err(broken)?;
+        decoder.decode_headers().map_err(|error| broken(&error))?;
         let (width, height) = decoder.dimensions().unwrap_or_default();
         let colors = match decoder.input_colorspace() {
             Some(ColorSpace::Luma) => ColorSpace::Luma,
@@ -61,7 +61,7 @@ impl ImageDecoder for StrictJpeg<'_> {
     }
 
     fn read_image(self, pixels: &mut [u8]) -> ImageResult<()> {
-        decoder(&self.file, self.colors).decode_into(pixels).map_err(broken)
+        decoder(&self.file, self.colors).decode_into(pixels).map_err(|error| broken(&error))
     }
 
     fn read_image_boxed(self: Box<Self>, pixels: &mut [u8]) -> ImageResult<()> {
@@ -78,7 +78,7 @@ fn decoder(file: &[u8], colors: ColorSpace) -> JpegDecoder<ZCursor<&[u8]>> {
     JpegDecoder::new_with_options(ZCursor::new(file), options)
 }
 
-fn broken(error: DecodeErrors) -> ImageError {
+fn broken(error: &DecodeErrors) -> ImageError {
     let format = ImageFormatHint::Exact(ImageFormat::Jpeg);
     ImageError::Decoding(DecodingError::new(format, error.to_string()))
 }

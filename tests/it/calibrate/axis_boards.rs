@@ -34,6 +34,10 @@ struct Scene {
     step: f64,
 }
 
+fn arguments<'a>(rig: &'a str, target: &'a str, step: &'a str) -> [&'a str; 7] {
+    ["axis", "--target", target, "--calibration", rig, "--step", step]
+}
+
 impl Scene {
     /// A linear axis, 12 mm from picture to picture.
     fn sliding(surface: &dyn Surface, start: &Isometry3<f64>) -> Self {
@@ -66,14 +70,10 @@ impl Scene {
         self.directory.path().join(name)
     }
 
-    fn arguments<'a>(&self, rig: &'a str, target: &'a str, step: &'a str) -> [&'a str; 7] {
-        ["axis", "--target", target, "--calibration", rig, "--step", step]
-    }
-
     /// Calibrates the axis, whose positions grow by `step` from picture to picture.
     fn calibrated(&self, target: &str, step: f64) -> Json {
         let (rig, step) = (self.file("rig.yaml"), step.to_string());
-        let arguments = self.arguments(rig.to_str().unwrap(), target, &step);
+        let arguments = arguments(rig.to_str().unwrap(), target, &step);
         calibrate(&arguments, &self.file("pictures"), &self.file(&format!("{step}.yaml")))
     }
 
@@ -123,7 +123,7 @@ fn a_table_states_the_positions_of_pictures() {
     let (rig, table) = (scene.file("rig.yaml"), scene.file("positions.csv"));
     fs::write(&table, format!("file,position\n{}", rows.collect::<String>())).unwrap();
     let [axis, target, of_target, calibration, rig, ..] =
-        scene.arguments(rig.to_str().unwrap(), TARGET, "");
+        arguments(rig.to_str().unwrap(), TARGET, "");
     let table = ["--positions", table.to_str().unwrap()];
     let arguments = [&[axis, target, of_target, calibration, rig], &table[..]].concat();
     let found = calibrate(&arguments, &scene.file("pictures"), &scene.file("axis.yaml"));
@@ -170,9 +170,9 @@ fn a_board_of_which_a_part_is_missing_is_refused_with_the_reason() {
     let far = pose(&BOARD, [0.1, 0.0, 0.3], [20.0, -15.0, 5.0]);
     let scene = Scene::sliding(&BOARD, &far);
     let rig = scene.file("rig.yaml");
-    let arguments = scene.arguments(rig.to_str().unwrap(), TARGET, "0.012");
+    let partly = arguments(rig.to_str().unwrap(), TARGET, "0.012");
     let (pictures, output) = (scene.file("pictures"), scene.file("axis.yaml"));
-    refused(&arguments, &pictures, &output, &["corners of the board, at least 48 are needed"]);
-    let arguments = scene.arguments(rig.to_str().unwrap(), "board:8x6:0.020", "0.012");
-    refused(&arguments, &pictures, &output, &["asymmetric-circles:4x11:0.020"]);
+    refused(&partly, &pictures, &output, &["corners of the board, at least 48 are needed"]);
+    let unknown = arguments(rig.to_str().unwrap(), "board:8x6:0.020", "0.012");
+    refused(&unknown, &pictures, &output, &["asymmetric-circles:4x11:0.020"]);
 }

@@ -133,76 +133,84 @@ impl Reason {
     }
 }
 
-impl fmt::Display for Diagnosis {
-    /// One clause with the reason and, behind a colon, what mends it.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.reason {
-            Reason::Saturated { percent } => write!(
+impl Reason {
+    /// Writes a reason that lies in the grey levels, or in another kind.
+    fn write(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Saturated { percent } => write!(
                 f,
                 "{percent} % of the picture is at full scale: shorten the exposure, or close the aperture"
-            )?,
-            Reason::Dark { brightest, full_scale } => write!(
+            ),
+            Self::Dark { brightest, full_scale } => write!(
                 f,
                 "the picture is dark, its brightest sample is {brightest} of {full_scale}: switch the laser on, or expose \
                  longer"
-            )?,
-            Reason::FullScale { brightest, stated, full_scale } => write!(
+            ),
+            Self::FullScale { brightest, stated, full_scale } => write!(
                 f,
-                "the largest sample is {brightest}, but full scale is {stated}: set full_scale: {full_scale}, or to the camera's largest level"
-            )?,
-            Reason::Direction => write!(f, "the line runs in the other direction: set")?,
-            Reason::ThresholdTooHigh { line, full_scale } => write!(
+                "the largest sample is {brightest}, but full scale is {stated}: unless the camera's largest level is higher still, \
+                 set full_scale: {full_scale}"
+            ),
+            Self::ThresholdTooHigh { line, full_scale } => write!(
                 f,
                 "the line is only about {line} of {full_scale} grey levels bright, too dark for the threshold: expose longer, \
                  or set extraction.threshold: adaptive and extraction.threshold_sigmas: {SIGMAS:.1}"
-            )?,
-            Reason::ThresholdTooLow { percent } => write!(
+            ),
+            Self::ThresholdTooLow { percent } => write!(
                 f,
                 "{percent} % of the picture is above extraction.segment_threshold: set extraction.background: local, \
                  extraction.threshold: adaptive and extraction.threshold_sigmas: {SIGMAS:.1}"
-            )?,
-            Reason::Background => write!(
+            ),
+            Self::Background => write!(
                 f,
                 "the surroundings are as bright as the line: set extraction.background: local, extraction.threshold: adaptive and \
                  extraction.threshold_sigmas: {SIGMAS:.1}"
-            )?,
-            Reason::Reference => write!(
-                f,
-                "the reference picture (extraction.background_file) hides the line: take it again without laser"
-            )?,
-            Reason::Area { limit_px, area_px } => write!(
+            ),
+            other => other.write_choice(f),
+        }
+    }
+
+    /// Writes a reason that lies in where and what is looked for.
+    fn write_choice(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Direction => f.write_str("the line runs in the other direction: set"),
+            Self::Reference => f.write_str(
+                "the reference picture (extraction.background_file) hides the line: take it again without laser",
+            ),
+            Self::Area { limit_px, area_px } => write!(
                 f,
                 "the line covers at most extraction.min_segment_area ({limit_px}) pixels: set it to {area_px}"
-            )?,
-            Reason::Limits => write!(
-                f,
-                "the line does not meet extraction.min_width, max_width and min_contrast: relax them"
-            )?,
-            Reason::Region => {
-                write!(f, "the line lies outside the region of interest: correct roi.*")?;
+            ),
+            Self::Limits => f.write_str(
+                "the line does not meet extraction.min_width, max_width and min_contrast: relax them",
+            ),
+            Self::Region => {
+                f.write_str("the line lies outside the region of interest: correct roi.*")
             }
-            Reason::Channel { channel, background } => {
+            Self::Channel { channel, background } => {
                 write!(f, "another channel shows the line: set channel: {}", channel.name())?;
-                if let Some(background) = background {
-                    write!(f, " and extraction.background: {}", background.name())?;
-                }
+                background.map_or(Ok(()), |background| {
+                    write!(f, " and extraction.background: {}", background.name())
+                })
             }
-            Reason::Doubtful { percent } => {
-                return write!(
-                    f,
-                    "something bright was found, but {percent} % of its points do not look like a line: another line or a glow \
-                     beside it (roi.*, extraction.max_stripes), the border of the picture, or no laser"
-                );
-            }
-            Reason::NoLine => {
-                return write!(
-                    f,
-                    "no line was found in either direction: is the laser on, and the line in the picture and in focus?"
-                );
-            }
+            Self::Doubtful { percent } => write!(
+                f,
+                "something bright was found, but {percent} % of its points do not look like a line: another line or a glow \
+                 beside it (roi.*, extraction.max_stripes), the border of the picture, or no laser"
+            ),
+            _ => f.write_str(
+                "no line was found in either direction: is the laser on, and the line in the picture and in focus?",
+            ),
         }
+    }
+}
+
+impl fmt::Display for Diagnosis {
+    /// One clause with the reason and, behind a colon, what mends it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.reason.write(f)?;
         match (self.turned, self.reason) {
-            (None, _) => Ok(()),
+            (None, _) | (_, Reason::NoLine | Reason::Doubtful { .. }) => Ok(()),
             (Some(direction), Reason::Direction) => {
                 write!(f, " stripe_direction: {}", direction.name())
             }
