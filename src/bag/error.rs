@@ -27,7 +27,7 @@ pub enum BagError {
         why: String,
     },
     /// The directory holds no recording.
-    #[error("{}: holds neither metadata.yaml nor an .mcap file. Of pictures, use the results of `replay`", .0.display())]
+    #[error("{}: holds neither metadata.yaml nor an .mcap file; if it holds pictures, replay them first", .0.display())]
     NoBag(PathBuf),
     /// No file of the recording can be read.
     #[error("{}: none of its files can be read: {why}", path.display())]

@@ -53,7 +53,6 @@ pub(crate) struct SuggestArgs {
 
 /// Below this share a line may be something else.
 const DOUBTFUL_SHARE: f64 = 0.6;
-const DOUBT: &str = "The share is low. Look at the picture: it may show edges or reflections, and the laser may be off\n";
 
 const HELP: &str = "\
 Example:
@@ -93,6 +92,12 @@ pub(crate) fn run(args: &SuggestArgs, out: &mut dyn Write) -> anyhow::Result<Out
             sampled.pictures.len()
         );
     }
+    if suggestion.share < DOUBTFUL_SHARE {
+        tracing::warn!(
+            "only {:.0} % of the cross-sections have the line. Look at the picture: it may show edges or reflections, and the laser may be off",
+            100.0 * suggestion.share
+        );
+    }
     let text = file::text(&suggestion, &sampled);
     if let Some(path) = &args.output {
         output::write_file(path, &text)?;
@@ -106,9 +111,8 @@ pub(crate) fn run(args: &SuggestArgs, out: &mut dyn Write) -> anyhow::Result<Out
         (false, Some(path)) => {
             let picture = picture_path.map(|path| path.display().to_string());
             let picture = picture.map(|path| format!("{path}: the line that is measured\n"));
-            let doubt = if suggestion.share < DOUBTFUL_SHARE { DOUBT } else { "" };
             format!(
-                "{}: the line in {:.0} % of the cross-sections ({:.0} % with the defaults)\n{}{doubt}",
+                "{}: the line in {:.0} % of the cross-sections ({:.0} % with the defaults)\n{}",
                 path.display(),
                 100.0 * suggestion.share,
                 100.0 * suggestion.share_of_defaults,

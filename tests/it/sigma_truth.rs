@@ -149,13 +149,18 @@ fn summary(ratios: &[ScatterRatio], value: impl Fn(&ScatterRatio) -> f64) -> [f6
         .map(|share| laser_profiler::statistics::quantile(&values, share).unwrap_or(f64::NAN))
 }
 
+/// A row of the tables.
+struct Row<'a> {
+    name: &'a str,
+    method: Method,
+    noise: NoiseSource,
+    /// Limits of the median for points 7 px apart.
+    median_apart: RangeInclusive<f64>,
+}
+
 /// Prints a row and returns a complaint if it is beyond the limits, or if no frame gave a ratio.
-fn judged(
-    name: &str,
-    (method, noise): (Method, NoiseSource),
-    median_apart: &RangeInclusive<f64>,
-    ratios: &[ScatterRatio],
-) -> Option<String> {
+fn judged(row: Row<'_>, ratios: &[ScatterRatio]) -> Option<String> {
+    let Row { name, method, noise, median_apart } = row;
     let differences = summary(ratios, |ratio| ratio.second_differences);
     let apart = summary(ratios, |ratio| ratio.apart);
     let parabola = summary(ratios, |ratio| ratio.from_parabola);
@@ -174,7 +179,7 @@ fn judged(
     );
     eprintln!("{row}");
     let (p95, median_apart) = match method {
-        Method::GrayGravity => (P95_GRAY, &MEDIAN_APART_GRAY),
+        Method::GrayGravity => (P95_GRAY, MEDIAN_APART_GRAY),
         _ => (P95, median_apart),
     };
     let is_good = !ratios.is_empty()
@@ -202,7 +207,8 @@ fn on_real_recordings() {
             for method in Method::NAMES.iter().filter_map(|name| Method::from_name(name)) {
                 let ratios = ratios(recording, method, noise);
                 assert!(ratios.len() <= recording.images.len());
-                complaints.extend(judged(recording.name, (method, noise), &MEDIAN_APART, &ratios));
+                let row = Row { name: recording.name, method, noise, median_apart: MEDIAN_APART };
+                complaints.extend(judged(row, &ratios));
             }
         }
     }
@@ -222,8 +228,9 @@ fn on_rendered_speckle() {
                 "speckle {} grain {} px: {:.2} about the truth",
                 case.contrast, case.grain_px, found.about_truth
             );
-            let named = (method, params.noise);
-            complaints.extend(judged(&name, named, &MEDIAN_APART_RENDERED, &found.along));
+            let median_apart = MEDIAN_APART_RENDERED;
+            let row = Row { name: &name, method, noise: params.noise, median_apart };
+            complaints.extend(judged(row, &found.along));
             let limits =
                 if case.contrast <= MOST_CONTRAST { ABOUT_TRUTH } else { ABOUT_TRUTH_ABOVE };
             if method != Method::GrayGravity && !limits.contains(&found.about_truth) {

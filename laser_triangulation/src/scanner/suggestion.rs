@@ -142,8 +142,8 @@ fn chosen(views: &[Image<'_>], tried: &[Tried; 2], best_score: f64) -> Option<(P
     Some(simple.copied().unwrap_or(refined))
 }
 
-/// Returns true if a simpler set finds the line that another finds. If it is judged worse, the other hides what makes its
-/// points doubtful, and not the clutter beside it.
+/// Returns true if a simpler set finds the same line as another. The other may be judged better only because its background
+/// hides what makes the points doubtful.
 fn finds_same(simple: &Found, other: &Found) -> bool {
     let (Some((low, high)), Some((from, to))) = (simple.range_px, other.range_px) else {
         return false;

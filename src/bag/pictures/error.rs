@@ -27,7 +27,7 @@ pub enum PictureError {
         others: String,
     },
     /// No picture can be read.
-    #[error("pictures that can be read: none of {num}; {}: {why}", first.display())]
+    #[error("none of the pictures can be read ({num}); {}: {why}", first.display())]
     NoneReadable {
         /// How many there are.
         num: usize,

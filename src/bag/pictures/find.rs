@@ -225,6 +225,11 @@ fn listed(mut names: Vec<String>, [one, several]: [&str; 2]) -> Option<String> {
     (num > 0).then(|| format!("{num} {what}: {}{more}", names.join(", ")))
 }
 
+/// Returns the path without the ending of a picture; an ending such as `.0001` stays.
+pub(super) fn without_ending(path: &Path) -> PathBuf {
+    if has_ending(path, &PICTURES) { path.with_extension("") } else { path.to_owned() }
+}
+
 fn has_ending(path: &Path, endings: &[&str]) -> bool {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
     ending.is_some_and(|ending| endings.contains(&ending.as_str()))

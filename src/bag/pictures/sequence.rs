@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::error::PictureError;
-use super::find::name_of;
+use super::find::{name_of, without_ending};
 use super::natural;
 use super::numbering::{self, Gap, Numbering};
 use super::table::{Row, Table};
@@ -162,9 +162,8 @@ fn numbered(
     notes: &mut Vec<String>,
 ) -> Vec<Entry> {
     // Pictures of one series may have several endings.
-    let stem = |entry: &Entry| entry.path.file_stem().unwrap_or_default().to_owned();
-    let stems: Vec<_> = entries.iter().map(stem).collect();
-    let names: Vec<_> = stems.iter().map(|stem| stem.as_encoded_bytes()).collect();
+    let stems: Vec<_> = entries.iter().map(|entry| without_ending(&entry.path)).collect();
+    let names: Vec<_> = stems.iter().map(|stem| stem.as_os_str().as_encoded_bytes()).collect();
     let numbering = Numbering::of(&names);
     match &numbering {
         Some(numbering) if !numbering.gaps.is_empty() => notes.push(format!(

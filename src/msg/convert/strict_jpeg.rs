@@ -46,7 +46,7 @@ impl<'a> StrictJpeg<'a> {
             Some(ColorSpace::Luma) => ColorSpace::Luma,
             _ => ColorSpace::RGB,
         };
-        // The format has 16 bits for either.
+        // JPEG states sizes with 16 bits.
         Ok(Self { file, size_px: [width as u32, height as u32], colors })
     }
 }

@@ -133,19 +133,39 @@ fn endings_do_not_matter_for_numbers_and_odd_names_are_told() {
     assert_eq!(summary["frames"]["lost"], 1, "{summary}");
     assert!(stderr.contains("missing by their numbers: 1 (7)"), "{stderr}");
     for (name, fault) in [
-        ("dark.png", "1 of 12 names are not numbered like the others, the first is dark"),
+        ("dark.png", "1 of 12 names are not numbered like the others, the first is {}/dark"),
         (
             "frame_2 (1).png",
-            "1 of 12 names are not numbered like the others, the first is frame_2 (1)",
+            "1 of 12 names are not numbered like the others, the first is {}/frame_2 (1)",
         ),
         ("frame_02.png", "have the same number"),
     ] {
         fs::copy(file("frame_2.png"), file(name)).unwrap();
         let (summary, stderr) = replayed(name, 0);
         assert_eq!(summary["frames"]["processed"], NUM, "{name}: {summary}");
+        let fault = fault.replace("{}", &folder.display().to_string());
         let told = format!("{fault}: missing numbers are not looked for");
         assert!(stderr.contains(&told), "{told}: {stderr}");
         fs::remove_file(file(name)).unwrap();
+    }
+}
+
+/// One picture a folder, and numbers where other names have an ending.
+#[test]
+fn numbers_may_stand_anywhere_in_a_path() {
+    let place = tempfile::tempdir().unwrap();
+    let path = |name: &str| place.path().join(name);
+    for number in (0..NUM).filter(|number| *number != 4) {
+        let [folder, file] =
+            [format!("run_{number}"), format!("capture.{number:04}")].map(|name| path(&name));
+        fs::create_dir(&folder).unwrap();
+        write(&folder.join("img.png"), Kind::Png, &Scene::Grey.picture(number));
+        fs::copy(folder.join("img.png"), file).unwrap();
+    }
+    for (pattern, results) in [("run_*/img.png", "of_folders"), ("capture.*", "of_files")] {
+        let (summary, stderr) = replay(&path(pattern), &path(results), 3, &["--frame-rate", "50"]);
+        assert_eq!(summary["frames"]["lost"], 1, "{pattern}: {summary}");
+        assert!(stderr.contains("missing by their numbers: 1 (4)"), "{pattern}: {stderr}");
     }
 }
 
@@ -161,9 +181,9 @@ fn inputs_without_pictures_are_refused_by_name() {
     for (name, reason) in [
         ("empty", "nor pictures"),
         ("deeper", "1 folder whose content is not read: left"),
-        ("texts", "none of 2;"),
+        ("texts", "none of the pictures can be read (2)"),
         ("none*.png", "no file has such a name"),
-        ("gone.png", "none of 1;"),
+        ("gone.png", "none of the pictures can be read (1)"),
     ] {
         let mut command = laser_profiler(&["replay", "-o"]);
         let ended = end(command.arg(path("out")).arg(path(name)));

@@ -213,8 +213,8 @@ impl LineBow {
         self.over_x(x_m, |x_m, z_m| Some(geometry.project(x_m, z_m)?.0))
     }
 
-    /// Returns the errors over x and z of the profiles; `None` if they are not curved, or at the horizon. `x_m` and `along_px` convert (along in pixels,
-    /// z) to x and (x, z) to the place along the stripe.
+    /// Returns the errors over x and z of the profiles; `None` if they are not curved, or at the horizon. `x_m` and
+    /// `along_px` convert (along in pixels, z) to x and (x, z) to the place along the stripe.
     fn over_x(
         &self,
         x_m: impl Fn(f64, f64) -> Option<f64>,

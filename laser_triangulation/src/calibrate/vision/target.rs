@@ -124,7 +124,8 @@ pub(super) fn sides(text: &str, min: u32) -> Option<[u32; 2]> {
     Some([side(columns)?, side(rows)?])
 }
 
-/// Reads a length such as `0.04` or `40mm`. Returns metres. Fields of a metre and more are millimetres without their unit.
+/// Reads a length such as `0.04` or `40mm`. Returns metres. A metre and more is refused: such a number is
+/// in millimetres.
 pub(super) fn metres(text: &str) -> Option<f64> {
     let (number, unit_m) = match text.strip_suffix("mm") {
         Some(number) => (number, 1e-3),

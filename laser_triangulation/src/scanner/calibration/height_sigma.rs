@@ -1,8 +1,9 @@
 //! How uncertain a calibration makes the height seen at a place of the image.
 //!
 //! The height is measured again with each calibration that is off by one standard deviation, and the differences add in
-//! quadrature, with the bow of the line by the lens. A table makes this cheap: in each cell of a coarse grid over the image the differences are interpolated
-//! bilinearly. The sum of their squares is a polynomial of nine coefficients, however many differences there are.
+//! quadrature, with the bow of the line by the lens. A table makes this cheap: in each cell of a coarse grid over the image
+//! the differences are interpolated bilinearly. The sum of their squares is a polynomial of nine coefficients, however many
+//! differences there are.
 
 use std::ops::{Add, Mul};
 

@@ -134,7 +134,7 @@ impl Reason {
 }
 
 impl Reason {
-    /// Writes a reason that lies in the grey levels, or in another kind.
+    /// Writes the reason and what mends it.
     fn write(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Saturated { percent } => write!(
@@ -166,13 +166,6 @@ impl Reason {
                 "the surroundings are as bright as the line: set extraction.background: local, extraction.threshold: adaptive and \
                  extraction.threshold_sigmas: {SIGMAS:.1}"
             ),
-            other => other.write_choice(f),
-        }
-    }
-
-    /// Writes a reason that lies in where and what is looked for.
-    fn write_choice(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
             Self::Direction => f.write_str("the line runs in the other direction: set"),
             Self::Reference => f.write_str(
                 "the reference picture (extraction.background_file) hides the line: take it again without laser",
@@ -198,7 +191,7 @@ impl Reason {
                 "something bright was found, but {percent} % of its points do not look like a line: another line or a glow \
                  beside it (roi.*, extraction.max_stripes), the border of the picture, or no laser"
             ),
-            _ => f.write_str(
+            Self::NoLine => f.write_str(
                 "no line was found in either direction: is the laser on, and the line in the picture and in focus?",
             ),
         }

@@ -53,7 +53,7 @@ pub(super) fn print(
         axis.scale,
         in_words(axis.kind, agreement.sigma)
     )?;
-    if (axis.scale - 1.0).abs() > 0.0 {
+    if (axis.scale - 1.0).abs() > f64::EPSILON {
         let unit = if axis.kind == AxisKind::Revolute { "radians" } else { "metres" };
         writeln!(
             out,
