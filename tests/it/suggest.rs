@@ -99,8 +99,8 @@ impl Scene {
             .into(),
             Self::Glowing => GrayImage::from_fn(ALONG, ACROSS, |x, y| {
                 let away = self.away(x, y, number);
-                let glow = if away > 0.0 { 0.4 * (-away / 14.0).exp() } else { 0.0 };
-                let level = 130.0 * ((-away * away / 98.0).exp() + glow);
+                let glow = if away > 0.0 { 0.6 * (-away / 10.0).exp() } else { 0.0 };
+                let level = 150.0 * ((-away * away / 50.0).exp() + glow);
                 Luma([(8.0 + 2.0 * noise(x, y) + level).round() as u8])
             })
             .into(),
