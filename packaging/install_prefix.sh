@@ -3,7 +3,8 @@
 #
 #   packaging/install_prefix.sh PREFIX [--binary FILE]
 #
-# Without --binary, cargo builds the executable. The directory can be moved and copied to other machines. There:
+# Without --binary, cargo builds the executable with Cyclone DDS, which needs cmake and libclang. The directory can be
+# moved and copied to other machines. There:
 #   source PREFIX/setup.bash && ros2 launch laser_profiler single_camera.launch.py
 #
 # The messages are definitions only: who subscribes to laser_profiler_msgs from C++ or Python builds msgs/laser_profiler_msgs
@@ -33,7 +34,7 @@ fi
 if [[ -z $binary ]]; then
   target="${CARGO_TARGET_DIR:-$repository/target}"
   # In the repository, where rust-toolchain.toml is seen.
-  (cd "$repository" && cargo build --release --locked --bin laser_profiler --target-dir "$target")
+  (cd "$repository" && cargo build --release --locked --features cyclone --bin laser_profiler --target-dir "$target")
   binary="$target/release/laser_profiler"
 fi
 [[ -f $binary ]] || fail "no executable $binary: name it by --binary"

@@ -24,3 +24,6 @@ pub mod report;
 pub mod foxglove;
 pub mod node;
 pub mod cli;
+#[cfg(fuzzing)]
+#[doc(hidden)]
+pub mod fuzzing;

@@ -5,7 +5,10 @@ use std::{
     process::ExitCode,
 };
 
-use laser_profiler::cli::{self, Outcome, Usage};
+use laser_profiler::{
+    cli::{self, Outcome, Usage},
+    msg::printable,
+};
 
 const FAILED: u8 = 1;
 const USAGE: u8 = 2;
@@ -22,7 +25,7 @@ fn main() -> ExitCode {
         drop(clap.print());
         return if clap.use_stderr() { USAGE.into() } else { ExitCode::SUCCESS };
     }
-    drop(writeln!(io::stderr(), "error: {}", with_causes(&error)));
+    drop(writeln!(io::stderr(), "error: {}", printable::paragraph(&with_causes(&error))));
     if error.is::<Usage>() { USAGE.into() } else { FAILED.into() }
 }
 

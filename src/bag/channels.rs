@@ -1,6 +1,6 @@
 //! Schema and channel records, and the topics they make.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use mcap::records::op;
@@ -36,7 +36,14 @@ pub(super) struct Channels {
 struct Schema {
     name: String,
     encoding: String,
-    data: Vec<u8>,
+    data: Arc<[u8]>,
+}
+
+/// The content that files of a bag have in common.
+#[derive(Debug, Default)]
+pub(super) struct Known {
+    pub(super) topics: BTreeSet<Arc<Topic>>,
+    schemas: BTreeSet<Arc<[u8]>>,
 }
 
 impl Channels {
@@ -115,6 +122,25 @@ impl Channels {
         }
     }
 
+    /// Returns the memory of the schemas and topics that a bag does not know yet, bytes.
+    pub(super) fn new_bytes(&self, known: &Known) -> usize {
+        let schemas = self.schemas.values().map(|schema| &schema.data);
+        let schemas = schemas.filter(|data| !known.schemas.contains(*data)).map(|data| data.len());
+        let topics = self.topics.values().filter(|topic| !known.topics.contains(*topic));
+        let entries = self.further.values().flatten().map(|(key, text)| key.len() + text.len());
+        schemas.chain(topics.map(|topic| size_bytes(topic))).chain(entries).sum()
+    }
+
+    /// Shares the schemas and topics that a bag knows already, and adds the others to them.
+    pub(super) fn share(&mut self, known: &mut Known) {
+        for Schema { data, .. } in self.schemas.values_mut() {
+            *data = shared(data, &mut known.schemas);
+        }
+        for topic in self.topics.values_mut() {
+            *topic = shared(topic, &mut known.topics);
+        }
+    }
+
     /// Refuses content beyond the limit.
     fn make_room(&mut self, bytes: usize) -> Result<(), String> {
         let sum = self.bytes.saturating_add(bytes);
@@ -124,6 +150,14 @@ impl Channels {
         self.bytes = sum;
         Ok(())
     }
+}
+
+fn shared<T: Ord + ?Sized>(new: &Arc<T>, known: &mut BTreeSet<Arc<T>>) -> Arc<T> {
+    if let Some(shared) = known.get(new) {
+        return Arc::clone(shared);
+    }
+    known.insert(Arc::clone(new));
+    Arc::clone(new)
 }
 
 fn size_bytes(topic: &Topic) -> usize {
@@ -160,7 +194,7 @@ fn topic(
         type_name: schema.map_or_else(String::new, type_name),
         message_encoding: encoding.into(),
         schema_encoding: schema.map_or_else(String::new, |schema| schema.encoding.clone()),
-        schema: schema.map_or_else(Vec::new, |schema| schema.data.clone()),
+        schema: schema.map_or_else(Vec::new, |schema| schema.data.to_vec()),
         type_hash: entry(TYPE_HASH_KEY),
         qos: entry(QOS_KEY),
     }
@@ -171,7 +205,7 @@ fn schema_of(fields: &mut Fields<'_>) -> Option<(u16, Schema)> {
     let id = fields.u16()?;
     let (name, encoding) = (fields.string()?, fields.string()?);
     let length = fields.u32()?;
-    Some((id, Schema { name, encoding, data: fields.bytes(length.into())?.to_vec() }))
+    Some((id, Schema { name, encoding, data: fields.bytes(length.into())?.into() }))
 }
 
 /// Returns the channel of a record; `None` for malformed fields.
@@ -219,6 +253,26 @@ mod tests {
         assert_eq!(again, Ok(()), "a repeated definition takes no memory");
         let refused = channels.add(op::CHANNEL, &channel(99, 1, "/t99")).unwrap_err();
         assert!(refused.contains("more than 67108864 bytes"), "{refused}");
+    }
+
+    #[test]
+    fn files_of_a_bag_share_what_they_have_in_common() {
+        let file = |name: &str| {
+            let mut channels = Channels::default();
+            channels.add(op::SCHEMA, &schema(1, "a/msg/A", &[b' '; 1000])).unwrap();
+            channels.add(op::CHANNEL, &channel(1, 1, name)).unwrap();
+            channels
+        };
+        let mut known = Known::default();
+        let [mut first, mut second] = ["/a", "/a"].map(file);
+        assert!(first.new_bytes(&known) > 2000);
+        first.share(&mut known);
+        assert_eq!(second.new_bytes(&known), 0);
+        second.share(&mut known);
+        assert!(Arc::ptr_eq(first.get(1).unwrap(), second.get(1).unwrap()));
+        assert!(Arc::ptr_eq(&first.schemas[&1].data, &second.schemas[&1].data));
+        let other = file("/other").new_bytes(&known);
+        assert!((1000..2000).contains(&other), "the topic with its copy of the schema: {other}");
     }
 
     #[test]

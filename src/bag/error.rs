@@ -129,8 +129,8 @@ pub enum RecordError {
     /// The output exists already.
     #[error("{}: exists already; --force replaces a bag", .0.display())]
     Exists(PathBuf),
-    /// The output exists and is not a bag, so it is never replaced.
-    #[error("{}: exists and is not a bag; choose another output", .0.display())]
+    /// The output exists and is not a bag of this program, so it is never replaced.
+    #[error("{}: exists and is not a bag of this program; choose another output", .0.display())]
     NotABag(PathBuf),
     /// The output's last component cannot name a bag.
     #[error("{}: the last component of the path is not a usable bag name", .0.display())]

@@ -1,9 +1,10 @@
 //! Finds the files of a bag: those that `metadata.yaml` lists, and those beside it if it is missing or wrong.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs;
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Component, Path, PathBuf};
 
 use super::convert;
@@ -13,6 +14,9 @@ use super::{BagError, place};
 
 /// Maximum number of files named in a note or an error.
 const MAX_NAMED: usize = 10;
+
+/// Maximum number of files of a bag. Each takes memory as long as the bag is open.
+const MAX_FILES: usize = 10_000;
 
 /// The files of a bag, and notes for the user about the search.
 #[derive(Debug, Default)]
@@ -149,6 +153,7 @@ fn shorten(texts: &mut Vec<String>) {
 struct Beside {
     /// Path and kind, in order of name.
     files: Vec<(PathBuf, Kind)>,
+    kinds: BTreeMap<PathBuf, Kind>,
 }
 
 impl Beside {
@@ -156,8 +161,9 @@ impl Beside {
         let entries = fs::read_dir(directory)?;
         let mut paths = entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
         paths.sort_by_cached_key(|path| natural_key(path));
-        let mut beside = Self { files: kind::recordings(paths) };
+        let mut beside = Self { files: kind::recordings(paths), kinds: BTreeMap::new() };
         beside.drop_twins();
+        beside.kinds.extend(beside.files.iter().cloned());
         Ok(beside)
     }
 
@@ -178,7 +184,7 @@ impl Beside {
     }
 
     fn kind(&self, path: &Path) -> Option<Kind> {
-        self.files.iter().find(|(known, _)| known == path).map(|(_, kind)| *kind)
+        self.kinds.get(path).copied()
     }
 }
 
@@ -189,10 +195,13 @@ fn listed(directory: &Path, information: &BagInformation, beside: &Beside) -> Fo
         has_packed_messages: information.has_packed_messages(),
         ..Found::default()
     };
-    for entry in &information.relative_file_paths {
+    let num_listed = information.relative_file_paths.len();
+    let mut known = BTreeSet::new();
+    for entry in information.relative_file_paths.iter().take(MAX_FILES) {
         let path = match present(directory, entry, beside) {
-            Some(path) if found.files.iter().any(|file| file.path == path) => continue,
+            Some(path) if !known.insert(Identity::of(&path)) => continue,
             Some(path) => path,
+            None if !known.insert(Identity::Missing(entry.clone())) => continue,
             None => {
                 let counted = information.files.iter().find(|file| file.path == *entry);
                 let counted = counted.map_or_else(String::new, |file| {
@@ -219,7 +228,29 @@ fn listed(directory: &Path, information: &BagInformation, beside: &Beside) -> Fo
         };
         found.files.push(FoundFile { path, lost, state: State::Listed });
     }
+    if num_listed > MAX_FILES {
+        let lost = format!("it lists {num_listed} files, of which the first {MAX_FILES} are read");
+        let path = directory.join("metadata.yaml");
+        found.files.push(FoundFile { path, lost: Some(lost), state: State::Listed });
+    }
     found
+}
+
+/// Identity of a file, which may have many names by links.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Identity {
+    /// Number of the device, and of the file on it.
+    File(u64, u64),
+    Missing(String),
+}
+
+impl Identity {
+    fn of(path: &Path) -> Self {
+        match fs::metadata(path) {
+            Ok(found) => Self::File(found.dev(), found.ino()),
+            Err(_gone) => Self::Missing(path.to_string_lossy().into_owned()),
+        }
+    }
 }
 
 /// Returns the file that an entry names, or another form of it: in this directory instead of another, unpacked, or
@@ -258,14 +289,21 @@ impl Found {
         let is_wrong = self.files.is_empty() || self.files.iter().any(is_missing);
         let series: BTreeSet<_> = self.files.iter().map(|file| natural_key(&file.path).0).collect();
         let has_list = !self.is_order_unknown;
+        let mut known: BTreeSet<_> = self.files.iter().map(|it| Identity::of(&it.path)).collect();
         let (mut read, mut ignored) = (Vec::new(), Vec::new());
         for (path, kind) in &beside.files {
-            if self.files.iter().any(|file| file.path == *path) {
+            if !known.insert(Identity::of(path)) {
                 continue;
             }
             if !is_wrong && !series.contains(&natural_key(path).0) {
                 ignored.push(name(path));
                 continue;
+            }
+            if self.files.len() + read.len() >= MAX_FILES {
+                let lost = format!("beyond the {MAX_FILES} files of a bag that are read");
+                let path = path.clone();
+                read.push(FoundFile { path, lost: Some(lost), state: State::Unlisted });
+                break;
             }
             let lost = Some(kind.refusal()).filter(|_| !kind.is_readable());
             read.push(FoundFile { path: path.clone(), lost, state: State::Unlisted });

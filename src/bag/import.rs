@@ -118,7 +118,7 @@ fn description(bag: &BagReader) -> MetadataRecord {
     MetadataRecord { name: OWN_RECORD.to_owned(), entries: BTreeMap::from(entries) }
 }
 
-/// What a recording states about its import: `None` if it was not made of pictures, otherwise true if the time between
+/// Returns a recording's statement about its import: `None` if it was not made of pictures, otherwise true if the time between
 /// two pictures is unknown.
 pub(super) fn has_assumed_stamps(bag: &BagReader) -> Option<bool> {
     let mut records = bag.metadata().filter_map(Result::ok);

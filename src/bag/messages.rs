@@ -16,12 +16,12 @@ use super::layout::{Layout, Part, PartKind};
 use super::open::Opener;
 use super::pictures::SeriesMessages;
 use super::plain::PlainReader;
-use super::take::{Filter, Taker};
+use super::take::{Filter, MAX_CHUNK_MESSAGES, Taker};
 use super::waiting::{Turn, Waiting};
 use super::{BagError, RawMessage, scan};
 
 /// Maximum number of recycled buffers kept for the next messages.
-const SPARE_BUFFERS: usize = 8;
+pub(super) const SPARE_BUFFERS: usize = 8;
 /// Maximum number of distinct faults reported per chunk.
 const MAX_FAULTS: usize = 8;
 
@@ -167,7 +167,7 @@ impl FileMessages {
                 }
             } else if let Some(Reverse(first)) = self.waiting.pop() {
                 return Some(first.item.and_then(|(channel, message)| {
-                    self.waiting_bytes -= message.data.len();
+                    self.waiting_bytes -= cost(&message);
                     self.finish(channel, message, first.turn.offset)
                 }));
             } else {
@@ -218,7 +218,7 @@ impl FileMessages {
 
     fn wait(&mut self, turn: Turn, item: Result<(u16, RawMessage), BagError>) {
         if let Ok((_, message)) = &item {
-            self.waiting_bytes += message.data.len();
+            self.waiting_bytes += cost(message);
         }
         self.has_loss |= item.as_ref().is_err_and(BagError::is_loss);
         self.waiting.push(Reverse(Waiting { turn, item }));
@@ -276,7 +276,7 @@ impl FileMessages {
         let decoded = self.decoder.decode(&mut self.source, chunk, &mut |opcode, body| {
             let fault = if opcode == op::MESSAGE {
                 let taken = Taker { channels, filter, spare }.take(body);
-                taken.map(|message| messages.extend(message))
+                taken.and_then(|message| push(&mut messages, message))
             } else if matches!(opcode, op::SCHEMA | op::CHANNEL | 0x80..) {
                 channels.add(opcode, body)
             } else {
@@ -383,4 +383,17 @@ impl FileMessages {
         }
         self.rescan(what).err()
     }
+}
+
+/// Memory that a message takes while it waits, bytes.
+const fn cost(message: &RawMessage) -> usize {
+    message.data.len() + size_of::<Waiting>()
+}
+
+fn push<T>(messages: &mut Vec<T>, message: Option<T>) -> Result<(), String> {
+    if message.is_some() && messages.len() == MAX_CHUNK_MESSAGES {
+        return Err(format!("the chunk holds more than {MAX_CHUNK_MESSAGES} messages"));
+    }
+    messages.extend(message);
+    Ok(())
 }

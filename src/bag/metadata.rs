@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Write;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{RecordError, Topic, qos};
 use crate::msg::qos::QosProfile;
@@ -142,10 +143,20 @@ pub(super) fn write(directory: &Path, files: &[Recorded]) -> Result<(), RecordEr
         .map_err(|error| RecordError::Format { path: path.clone(), what: error.to_string() })?;
     let unfinished = path.with_extension("yaml.unfinished");
     let write = || {
-        fs::write(&unfinished, text)?;
+        // It may be a link to elsewhere.
+        if fs::symlink_metadata(&unfinished).is_ok() {
+            fs::remove_file(&unfinished)?;
+        }
+        fs::File::create_new(&unfinished)?.write_all(text.as_bytes())?;
         fs::rename(&unfinished, &path)
     };
     write().map_err(|source| RecordError::Io { path: path.clone(), source })
+}
+
+/// Reads a YAML text of rosbag2, which has no references. Each could repeat a text of megabytes.
+pub(super) fn from_yaml<T: DeserializeOwned>(text: &str) -> Result<T, serde_saphyr::Error> {
+    let options = serde_saphyr::options! { budget: serde_saphyr::budget! { max_aliases: 0 } };
+    serde_saphyr::from_str_with_options(text, options)
 }
 
 impl BagInformation {
@@ -187,7 +198,7 @@ impl BagInformation {
 
     /// Reads the YAML of the `rosbag2` metadata record.
     pub(super) fn of_yaml(text: &str) -> Option<Self> {
-        serde_saphyr::from_str(text).ok()
+        from_yaml(text).ok()
     }
 
     /// True if the messages are compressed one by one.

@@ -1,11 +1,17 @@
 //! Location of a bag: its description, and the files that a new bag replaces.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use super::find::stays_inside;
-use super::metadata::{BagInformation, METADATA_LIMIT_BYTES, MetadataFile};
+use mcap::records::op;
+
+use super::fields::Fields;
+use super::metadata::{BagInformation, METADATA_LIMIT_BYTES, MetadataFile, from_yaml};
+
+/// Bytes of a recording's start that hold its header.
+const HEADER_BYTES: u64 = 1024;
 
 /// Rejects an output that is or contains the input, because replacing the output would delete the input.
 ///
@@ -22,19 +28,19 @@ pub(crate) fn refuse_same(input: &Path, output: &Path) -> io::Result<()> {
 }
 
 /// Files in `directory` that a new bag replaces: those that its metadata lists and those numbered after `name`, which
-/// an interrupted recording leaves. `None` if the directory is not a bag.
+/// an interrupted recording leaves. All are regular files in the directory itself, written by this program: links and
+/// folders of the directory are not followed. `None` if the directory is not a bag of this program.
 pub(super) fn replaceable(directory: &Path, name: &str) -> io::Result<Option<Vec<PathBuf>>> {
     let metadata_path = directory.join("metadata.yaml");
-    let mut own: Vec<PathBuf> = mcap_files(directory)?;
-    own.retain(|path| is_numbered(path, name));
+    let files = mcap_files(directory)?;
+    let mut own: Vec<PathBuf> =
+        files.iter().filter(|path| is_numbered(path, name)).cloned().collect();
     match read_metadata(&metadata_path) {
         Ok(information) => {
-            let entries = information.relative_file_paths.iter();
-            let listed = entries
-                .filter(|entry| stays_inside(Path::new(entry)))
-                .map(|entry| directory.join(entry));
-            own.extend(listed.filter(|path| is_mcap(path)));
-            own.push(metadata_path);
+            let entries: BTreeSet<_> =
+                information.relative_file_paths.iter().map(|entry| directory.join(entry)).collect();
+            own.extend(files.into_iter().filter(|path| entries.contains(path)));
+            own.push(metadata_path.clone());
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let is_empty = fs::read_dir(directory)?.next().is_none();
@@ -46,7 +52,21 @@ pub(super) fn replaceable(directory: &Path, name: &str) -> io::Result<Option<Vec
     }
     own.sort();
     own.dedup();
-    Ok(Some(own))
+    let is_foreign = |path: &PathBuf| *path != metadata_path && !is_of_this_program(path);
+    Ok(Some(own).filter(|own| !own.iter().any(is_foreign)))
+}
+
+/// True if the header of a recording names this program, or there is no header yet.
+fn is_of_this_program(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let read = fs::File::open(path).and_then(|it| it.take(HEADER_BYTES).read_to_end(&mut start));
+    if read.is_err() || start.is_empty() {
+        return read.is_ok();
+    }
+    let body = start.strip_prefix(mcap::MAGIC).and_then(|it| it.strip_prefix(&[op::HEADER]));
+    let mut fields = Fields::of(body.unwrap_or_default());
+    let library = fields.u64().and_then(|_length| fields.string()).and_then(|_| fields.string());
+    library.is_some_and(|library| library.split(' ').next() == Some(env!("CARGO_PKG_NAME")))
 }
 
 /// Reads a `metadata.yaml`.
@@ -60,23 +80,21 @@ pub(super) fn read_metadata(path: &Path) -> io::Result<BagInformation> {
             message.lines().next().unwrap_or_default().to_owned(),
         )
     };
-    let file: MetadataFile = serde_saphyr::from_str(&text).map_err(invalid)?;
+    let file: MetadataFile = from_yaml(&text).map_err(invalid)?;
     Ok(file.rosbag2_bagfile_information)
 }
 
 fn mcap_files(directory: &Path) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        if is_mcap(&path) {
+        let entry = entry?;
+        let path = entry.path();
+        // Of a link, this is the type of the link.
+        if entry.file_type()?.is_file() && path.extension().is_some_and(|it| it == "mcap") {
             files.push(path);
         }
     }
     Ok(files)
-}
-
-fn is_mcap(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "mcap") && path.is_file()
 }
 
 fn is_numbered(path: &Path, name: &str) -> bool {
@@ -88,6 +106,8 @@ fn is_numbered(path: &Path, name: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::symlink;
+
     use super::*;
 
     fn bag(files: &[(&str, &str)]) -> tempfile::TempDir {
@@ -129,6 +149,40 @@ mod tests {
             names(bag(&[("metadata.yaml", "title: of another program")]).path(), "out"),
             None
         );
+    }
+
+    #[test]
+    fn links_folders_and_foreign_recordings_are_not_replaced() {
+        let place = bag(&[]);
+        let elsewhere = place.path().join("elsewhere");
+        fs::create_dir(&elsewhere).unwrap();
+        fs::write(elsewhere.join("thesis.mcap"), "years").unwrap();
+        let output = place.path().join("out");
+        fs::create_dir(&output).unwrap();
+        let list = "folder/thesis.mcap, link.mcap, out_0.mcap, ../elsewhere/thesis.mcap";
+        fs::write(output.join("metadata.yaml"), metadata("mcap", list)).unwrap();
+        fs::write(output.join("out_0.mcap"), "").unwrap();
+        symlink(&elsewhere, output.join("folder")).unwrap();
+        symlink(elsewhere.join("thesis.mcap"), output.join("link.mcap")).unwrap();
+        symlink(elsewhere.join("thesis.mcap"), output.join("out_1.mcap")).unwrap();
+        let expected = ["metadata.yaml", "out_0.mcap"].map(|name| output.join(name));
+        assert_eq!(replaceable(&output, "out").unwrap().unwrap(), expected);
+
+        let header = |library: &str| {
+            let text = |text: &str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+            let body = [text("ros2"), text(library)].concat();
+            let length = (body.len() as u64).to_le_bytes();
+            [mcap::MAGIC, &[op::HEADER], &length, &body, b"more"].concat()
+        };
+        for (library, is_ours) in [
+            (concat!("laser_profiler ", env!("CARGO_PKG_VERSION")), true),
+            ("laser_profiler 0.0.1", true),
+            ("libmcap 1.4", false),
+            ("laser_profiler_other 1", false),
+        ] {
+            fs::write(output.join("out_0.mcap"), header(library)).unwrap();
+            assert_eq!(replaceable(&output, "out").unwrap().is_some(), is_ours, "{library}");
+        }
     }
 
     #[test]

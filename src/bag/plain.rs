@@ -5,7 +5,8 @@ use mcap::records::op;
 
 use super::RawMessage;
 use super::format::{ChunkHeader, MESSAGE_HEADER_BYTES, MessageHeader, PREFIX_BYTES, Source};
-use super::take::Taker;
+use super::messages::SPARE_BUFFERS;
+use super::take::{MAX_CHUNK_MESSAGES, Taker};
 
 /// Bytes that are read and hashed at a time; they fit into the level-2 cache.
 const PIECE_BYTES: usize = 128 << 10;
@@ -50,9 +51,8 @@ impl PlainReader {
         let is_read = stream.messages(taker, &mut messages).is_some();
         let is_sound = is_read && stream.hasher.is_none_or(|hasher| hasher.finalize() == chunk.crc);
         if !is_sound {
-            taker
-                .spare
-                .extend(messages.drain(..).map(|(_, message): (u16, RawMessage)| message.data));
+            let buffers = messages.drain(..).map(|(_, message): (u16, RawMessage)| message.data);
+            taker.spare.extend(buffers.take(SPARE_BUFFERS));
             return None;
         }
         Some(messages)
@@ -91,6 +91,8 @@ impl Stream<'_> {
             }
             let (header, _) = MessageHeader::split(self.take(MESSAGE_HEADER_BYTES)?)?;
             match taker.empty(&header).ok()? {
+                // The general decoder reports it.
+                Some(_) if messages.len() == MAX_CHUNK_MESSAGES => return None,
                 Some(mut message) => {
                     let filled = self.fill(data_bytes, &mut message.data);
                     messages.push((header.channel, message));

@@ -1,5 +1,6 @@
 //! Quality of service of a topic in rosbag2's form: a YAML list of profiles.
 
+use super::metadata::from_yaml;
 use crate::msg::qos::QosProfile;
 
 /// Returns the profiles as a YAML list.
@@ -14,7 +15,7 @@ pub(super) fn parse(yaml: &str) -> Option<Vec<QosProfile>> {
     if yaml.trim().is_empty() {
         return Some(Vec::new());
     }
-    serde_saphyr::from_str(yaml).ok()
+    from_yaml(yaml).ok()
 }
 
 /// Joins two lists of profiles without repeating any; `None` for malformed text.

@@ -1,10 +1,11 @@
 //! A bag that is open for reading.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::channels::Known;
 use super::error::Fault;
 use super::find::{self, FoundFile, State};
 use super::format::{RecordSpan, Source};
@@ -15,6 +16,9 @@ use super::{Attachment, BagError, Filter, Messages, MetadataRecord, Topic, conte
 
 /// Room in a record beside the largest image, for its header and the other messages of its chunk, bytes.
 const RECORD_MARGIN_BYTES: u64 = 16 << 20;
+
+/// Limit on the size of the schemas and topics of all files of a bag, bytes. Topics that files have in common count once.
+const MAX_CHANNEL_BYTES: usize = 512 << 20;
 
 /// Options for reading a bag.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +75,8 @@ impl BagReader {
         let opener = Arc::new(Opener::new(options.record_limit_bytes));
         let is_bare = found.files.len() == 1 && found.files.iter().all(|file| file.path == path);
         let mut files = Vec::new();
-        let mut topics = BTreeSet::new();
+        let mut known = Known::default();
+        let mut room_bytes = MAX_CHANNEL_BYTES;
         let mut notes = std::mem::take(&mut found.notes);
         for file in found.files {
             let FoundFile { path, lost, state } = file;
@@ -93,7 +98,17 @@ impl BagReader {
                     layout.profile
                 ));
             }
-            topics.extend(layout.channels.iter().map(|(_, topic)| Arc::clone(topic)));
+            match room_bytes.checked_sub(layout.channels.new_bytes(&known)) {
+                Some(rest) => {
+                    room_bytes = rest;
+                    layout.channels.share(&mut known);
+                }
+                None => {
+                    layout = Layout::lost(format!(
+                        "with it, the topics and schemas of the files take more than {MAX_CHANNEL_BYTES} bytes"
+                    ));
+                }
+            }
             files.push((path, layout, state));
         }
         if found.is_order_unknown {
@@ -106,7 +121,7 @@ impl BagReader {
             name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
             series: None,
             files,
-            topics: topics.into_iter().collect(),
+            topics: known.topics.into_iter().collect(),
             notes,
             stated_messages: found.stated_messages,
             opener,

@@ -94,7 +94,7 @@ pub(crate) fn recover(
     Ok(Recovery { output, num_attachments, num_metadata, damaged, left_out, notes })
 }
 
-/// What is not in the new bag.
+/// Content that is not in the new bag.
 #[derive(Default)]
 struct Losses {
     damaged: Vec<DamagedRange>,

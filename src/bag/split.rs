@@ -13,6 +13,15 @@ use super::{
 /// Overhead of a message in the file, bytes: the record's header and the index entry.
 const MESSAGE_OVERHEAD_BYTES: u64 = 31 + 16;
 
+/// Index of a chunk in the summary of its file, and the overhead of the chunk itself, bytes without the topics.
+const CHUNK_OVERHEAD_BYTES: u64 = 256;
+/// Bytes per topic in the index of a chunk: the offset of its messages, and their index's head.
+const CHUNK_TOPIC_BYTES: u64 = 32;
+/// Entry of a file in `metadata.yaml`, bytes without the topics.
+const FILE_ENTRY_BYTES: u64 = 512;
+/// Rest of the end of a bag, bytes: statistics, and blocks of the disk that are not full.
+const CLOSING_BYTES: u64 = 64 << 10;
+
 /// Limits at which a file of the bag is closed and the next one started; `None` for no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SplitLimits {
@@ -70,6 +79,8 @@ struct OpenFile {
     /// Upper limit of the bytes of messages in the open chunk, which are not in the file yet.
     pending_bytes: u64,
     written_bytes: u64,
+    /// Upper limit of the number of chunks.
+    num_chunks: u64,
     first_log_ns: Option<i64>,
 }
 
@@ -107,6 +118,17 @@ impl SplitRecorder {
     /// The directory.
     pub(crate) fn directory(&self) -> &Path {
         &self.directory
+    }
+
+    /// Upper limit of the bytes that a new file and the end of the bag add to the disk, besides further messages.
+    pub(crate) fn closing_bytes(&self) -> u64 {
+        let num_topics = self.topics.len() as u64;
+        let open = self.current.as_ref().map_or(0, |open| {
+            // The summary repeats the topics, which are in the head.
+            open.num_chunks * (CHUNK_OVERHEAD_BYTES + num_topics * CHUNK_TOPIC_BYTES)
+                + 2 * open.head_bytes
+        });
+        CLOSING_BYTES + open + (1 + self.closed.len() as u64) * FILE_ENTRY_BYTES
     }
 
     /// Changes the limits, from the next message on.
@@ -258,6 +280,7 @@ impl SplitRecorder {
             head_bytes: written_bytes,
             pending_bytes: 0,
             written_bytes,
+            num_chunks: 1,
             first_log_ns: None,
         });
         Ok(())
@@ -305,6 +328,7 @@ impl OpenFile {
         if written_bytes == self.written_bytes {
             self.pending_bytes += message_bytes;
         } else {
+            self.num_chunks += 1;
             // A chunk was closed, with or without this message; assume without.
             self.written_bytes = written_bytes;
             self.pending_bytes = message_bytes;
@@ -314,7 +338,9 @@ impl OpenFile {
 
     fn flush(&mut self) -> Result<(), RecordError> {
         self.recorder.flush()?;
-        self.written_bytes = self.recorder.written_bytes();
+        let written_bytes = self.recorder.written_bytes();
+        self.num_chunks += u64::from(written_bytes > self.written_bytes);
+        self.written_bytes = written_bytes;
         self.pending_bytes = 0;
         Ok(())
     }

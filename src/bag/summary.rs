@@ -53,7 +53,21 @@ pub(super) fn read(source: &mut Source) -> Result<Summary, Fault> {
             .map_err(|why| format!("the summary is unreadable at byte {offset}: {why}"))?;
         offset = span.end;
     }
+    for records in [&mut summary.attachments, &mut summary.metadata] {
+        require_apart(records)?;
+    }
     Ok(summary)
+}
+
+/// Refuses records that are listed twice or within each other: a small file could state any amount of content.
+fn require_apart(records: &mut [RecordSpan]) -> Result<(), String> {
+    records.sort_by_key(|span| span.offset);
+    match records.array_windows().find(|[one, next]| next.offset < one.end) {
+        Some([_, next]) => {
+            Err(format!("the index lists a record at byte {} within another", next.offset))
+        }
+        None => Ok(()),
+    }
 }
 
 impl Summary {
@@ -125,4 +139,22 @@ fn checksum(source: &mut Source, start: u64, end: u64) -> Result<u32, BagError> 
         offset += length as u64;
     }
     Ok(hasher.finalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_within_each_other_are_refused() {
+        let spans = |ranges: &[(u64, u64)]| {
+            let span = |&(offset, end)| RecordSpan { opcode: op::METADATA, offset, end };
+            require_apart(&mut ranges.iter().map(span).collect::<Vec<_>>())
+        };
+        assert_eq!(spans(&[]), Ok(()));
+        assert_eq!(spans(&[(50, 60), (10, 20), (20, 30)]), Ok(()));
+        for ranges in [&[(10, 20), (10, 20)][..], &[(10, 90), (50, 60)], &[(50, 60), (10, 51)]] {
+            assert!(spans(ranges).unwrap_err().contains("within another"), "{ranges:?}");
+        }
+    }
 }

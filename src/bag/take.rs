@@ -42,6 +42,10 @@ impl Filter {
     }
 }
 
+/// Messages of one chunk that are taken. A chunk of 80 MB may hold two million without content, and each takes more
+/// memory than bytes in the file.
+pub(super) const MAX_CHUNK_MESSAGES: usize = 1 << 20;
+
 /// Selects messages and reuses buffers for them.
 pub(super) struct Taker<'a> {
     pub(super) channels: &'a Channels,

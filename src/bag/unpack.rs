@@ -18,6 +18,11 @@ const MIN_FREE_BYTES: u64 = 256 << 20;
 /// Bytes that are written between two looks at the free space.
 const LOOK_EVERY_BYTES: u64 = 16 << 20;
 
+/// Content that any file may have, bytes.
+const MIN_CONTENT_BYTES: u64 = 1 << 30;
+/// Content of larger files, in multiples of their size. Images of a dark scene without noise reach a few hundred.
+const MAX_RATIO: u64 = 1000;
+
 /// The content of a compressed file.
 #[derive(Debug)]
 pub(super) struct Unpacked {
@@ -31,8 +36,16 @@ pub(super) struct Unpacked {
 /// # Errors
 /// The file cannot be read, or there is no room for its content.
 pub(super) fn unpack(path: &Path) -> Result<Unpacked, BagError> {
+    unpack_within(path, MIN_CONTENT_BYTES)
+}
+
+/// Like [`unpack`]; content of up to `min_content_bytes` is never too much.
+fn unpack_within(path: &Path, min_content_bytes: u64) -> Result<Unpacked, BagError> {
     let io_error = |source| BagError::Io { path: path.into(), source };
-    let mut content = zstd::Decoder::new(File::open(path).map_err(io_error)?).map_err(io_error)?;
+    let packed = File::open(path).map_err(io_error)?;
+    let packed_bytes = packed.metadata().map_err(io_error)?.len();
+    let max_bytes = packed_bytes.saturating_mul(MAX_RATIO).max(min_content_bytes);
+    let mut content = zstd::Decoder::new(packed).map_err(io_error)?;
     let place = temporary_directory();
     let no_room = |what: String| {
         let place = place.display();
@@ -54,6 +67,10 @@ pub(super) fn unpack(path: &Path) -> Result<Unpacked, BagError> {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
             Err(error) => return Ok(Unpacked { file, fault: Some(error.to_string()) }),
         };
+        if written_bytes + num_read as u64 > max_bytes {
+            let fault = format!("more than {max_bytes} bytes in a file of {packed_bytes}");
+            return Ok(Unpacked { file, fault: Some(fault) });
+        }
         let (read, _) = block.split_at(num_read);
         file.write_all(read).map_err(|error| no_room(error.to_string()))?;
         written_bytes += num_read as u64;
@@ -103,6 +120,20 @@ mod tests {
         let parts = [vec![1; 300_000], b"the second frame".to_vec(), vec![], vec![7; 5]];
         let packed = parts.each_ref().map(|part| zstd::encode_all(&part[..], 3).unwrap()).concat();
         assert_eq!(content(&packed), (parts.concat(), None));
+    }
+
+    #[test]
+    fn content_out_of_proportion_is_not_unpacked() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.mcap.zstd");
+        let packed = zstd::encode_all(&*vec![0; 64 << 20], 3).unwrap();
+        fs::write(&path, &packed).unwrap();
+        let limit_bytes = packed.len() as u64 * MAX_RATIO;
+        assert!(limit_bytes < 64 << 20, "{limit_bytes}");
+        let unpacked = unpack_within(&path, 1 << 20).unwrap();
+        assert!(unpacked.fault.unwrap().contains("more than"));
+        assert!(unpacked.file.metadata().unwrap().len() <= limit_bytes);
+        assert_eq!(unpack(&path).unwrap().fault, None, "any file may have that much");
     }
 
     #[test]

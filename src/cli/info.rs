@@ -9,6 +9,7 @@ use super::{Outcome, output, units::bytes};
 use crate::bag::images::ImageInfo;
 use crate::bag::info::{BagInfo, Depth, TopicInfo, describe};
 use crate::bag::{ReadOptions, pictures};
+use crate::msg::printable::line;
 use crate::report::date::date;
 
 /// Lists the contents of a bag: topics, types, counts, rates, gaps, sizes, calibration, parameters.
@@ -99,25 +100,25 @@ fn print_text(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
     print_images(info, out)?;
     for attachment in &info.attachments {
         let (name, media_type, size) =
-            (&attachment.name, &attachment.media_type, bytes(attachment.bytes));
+            (line(&attachment.name), line(&attachment.media_type), bytes(attachment.bytes));
         writeln!(out, "Attachment  {name}  {media_type}  {size}  sha256 {}", attachment.sha256)?;
     }
     for (name, entries) in &info.metadata {
-        writeln!(out, "Metadata    {name}")?;
+        writeln!(out, "Metadata    {}", line(name))?;
         // Short texts first, so that version and origin are not lost behind a hundred parameters.
         let (long, short): (Vec<_>, Vec<_>) =
             entries.iter().partition(|(_, text)| text.trim_end().contains('\n'));
         for (key, text) in short.into_iter().chain(long) {
             let text = text.trim_end().replace('\n', "\n    ");
             let separator = if text.contains('\n') { "\n    " } else { " " };
-            writeln!(out, "  {key}:{separator}{text}")?;
+            writeln!(out, "  {}:{separator}{text}", line(key))?;
         }
     }
     for range in &info.damaged {
-        writeln!(out, "Damaged     {range}")?;
+        writeln!(out, "Damaged     {}", line(&range.to_string()))?;
     }
     for note in &info.notes {
-        writeln!(out, "Note        {note}")?;
+        writeln!(out, "Note        {}", line(note))?;
     }
     out.flush()
 }
@@ -133,8 +134,8 @@ fn print_topics(topics: &[TopicInfo], out: &mut dyn Write) -> io::Result<()> {
     let mut rows = vec![heads];
     rows.extend(topics.iter().map(|topic| {
         [
-            topic.name.clone(),
-            topic.type_name.clone(),
+            line(&topic.name).into_owned(),
+            line(&topic.type_name).into_owned(),
             topic.messages.to_string(),
             number(topic.rate_hz, ""),
             number(topic.largest_gap_s, " s"),
@@ -164,10 +165,11 @@ fn print_images(info: &BagInfo, out: &mut dyn Write) -> io::Result<()> {
         let size = width.zip(*height).map_or(String::new(), |(w, h)| format!("  {w} x {h} px"));
         let rate = stamp_rate_hz
             .map_or_else(|| no_rate.to_owned(), |rate| format!("  {rate:.3} Hz by the stamps"));
-        let encoding = if encoding.is_empty() { "no encoding" } else { encoding };
+        let encoding = if encoding.is_empty() { "no encoding".into() } else { line(encoding) };
+        let name = line(name);
         writeln!(out, "Images      {name}  {encoding}{size}{rate}")?;
         if let Some(problem) = problem {
-            writeln!(out, "  not measurable: {problem}")?;
+            writeln!(out, "  not measurable: {}", line(problem))?;
         }
         has_any = true;
     }

@@ -11,10 +11,10 @@ use crate::node::{
 /// Runs a node until `stop` is raised and shows its status.
 ///
 /// # Errors
-/// The system cannot create a thread.
+/// The system cannot create a thread, or a thread of the node panicked.
 pub(super) fn measure(node: LiveNode, stop: &Stop) -> Result<Vec<CameraSummary>, LiveError> {
     let _status = StatusShow::start(node.watcher())?;
-    Ok(node.run(stop))
+    node.run(stop)
 }
 
 /// Returns [`Usage`] for an error of the request, otherwise the error itself.

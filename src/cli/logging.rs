@@ -1,38 +1,54 @@
 //! Logging to standard error; standard output carries only results. A live node also publishes to `/rosout`.
 
+mod flood;
+
 use std::{
     io::{self, IsTerminal},
     sync::atomic::{AtomicBool, Ordering},
 };
 
 use ros2args::{LogLevel, LogLevelAssignment, RemapRule};
-use tracing::{Level, Subscriber, level_filters::LevelFilter};
+use tracing::{Level, Subscriber, field::Field, level_filters::LevelFilter};
 use tracing_subscriber::{
     Layer,
     filter::{Targets, dynamic_filter_fn},
-    fmt,
+    fmt::{
+        self, FormatFields,
+        format::{Writer, debug_fn},
+    },
     layer::SubscriberExt,
     registry,
     util::SubscriberInitExt,
 };
 
+use self::flood::Flood;
+
 use super::{Usage, terminal::LogLines};
 use crate::{
+    msg::printable,
     node::{
         replay::NODE_NAME,
         rosout::{self, RosoutSlot},
     },
-    ros::names::NodeNames,
+    ros::{
+        names::NodeNames,
+        process::{
+            host::Events,
+            log::{LogToNode, MIDDLEWARE},
+        },
+    },
 };
 
 /// Target prefix of this program's events.
 const OWN_TARGET: &str = "laser_profiler";
 /// Dependencies that log, by the prefix of their crate names.
-const DEPENDENCIES: [&str; 4] = ["rustdds", "ros2_client", "zenoh", "foxglove"];
+const DEPENDENCIES: [&str; 3] = ["rustdds", "ros2_client", "zenoh"];
 /// Logs hundreds of errors per second while fragments are lost; the counters report them.
 const NOISE: &str = "rustdds::structure";
-/// Logs every attempt of a viewer with an old protocol; such a viewer keeps retrying.
-const VIEWERS: &str = "foxglove::websocket::server";
+
+/// Logs once for each interest that a peer withdraws and this router does not keep ("Unknown remote interest"), tens of
+/// them when a process with many endpoints ends. The withdrawal has no effect there; nothing is lost.
+const INTERESTS: &str = "zenoh::net::routing::hat::peer::interests";
 
 /// Log levels by logger.
 #[derive(Debug, PartialEq, Eq)]
@@ -79,22 +95,24 @@ impl Levels {
         Ok(Self { own: filter(own.1), others: filter(others), named })
     }
 
-    fn targets(&self) -> Targets {
+    /// Returns the level of every target.
+    pub(super) fn targets(&self) -> Targets {
         // It repeats warnings on foreign datagrams and on peers with incompatible QoS.
         let rustdds =
             if self.others > LevelFilter::WARN { self.others } else { LevelFilter::ERROR };
-        // A viewer that disconnects without closing the connection is not an error.
-        let viewers = if self.others > LevelFilter::WARN { self.others } else { LevelFilter::OFF };
         // The detectors of boards explain in their own terms what our errors say, once for each picture.
+        let detail = if self.others > LevelFilter::WARN { self.others } else { LevelFilter::OFF };
         let detectors =
-            ["calib_targets", "chess_corners", "projective_grid"].map(|name| (name, viewers));
+            ["calib_targets", "chess_corners", "projective_grid"].map(|name| (name, detail));
         Targets::new()
             .with_default(self.others)
             .with_targets(detectors)
             .with_target("rustdds", rustdds)
-            .with_target("foxglove", viewers)
-            .with_target(VIEWERS, self.others)
+            // Its only error: a listener on loopback, which is in no multicast group, cannot leave it at the end.
+            .with_target("rustdds::network::udp_listener", detail)
             .with_target(OWN_TARGET, self.own)
+            // Filtered in its own process.
+            .with_target(MIDDLEWARE, LevelFilter::TRACE)
             .with_targets(self.named.iter().copied())
             .with_target(NOISE, LevelFilter::OFF)
     }
@@ -118,37 +136,69 @@ const fn filter(level: LogLevel) -> LevelFilter {
     }
 }
 
-/// Passes only the first error on viewers.
-fn viewers_once<S: Subscriber>() -> impl Layer<S> {
+/// Lines to log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lines {
+    /// All.
+    All,
+    /// Without floods of the same: for programs to which others connect.
+    Limited,
+}
+
+/// Passes only the first error of a target.
+fn once<S: Subscriber>(target: &'static str) -> impl Layer<S> {
     let was_logged = AtomicBool::new(false);
     dynamic_filter_fn(move |metadata, _| {
-        let is_about_viewers = metadata.target() == VIEWERS && *metadata.level() == Level::ERROR;
-        !is_about_viewers || !was_logged.swap(true, Ordering::Relaxed)
+        let is_meant = metadata.target() == target && *metadata.level() == Level::ERROR;
+        !is_meant || !was_logged.swap(true, Ordering::Relaxed)
     })
 }
 
 /// Starts logging and returns the connection for `/rosout`. A second call has no effect.
-pub(super) fn start(levels: &Levels) -> RosoutSlot {
+pub(super) fn start(levels: &Levels, limit: Lines) -> RosoutSlot {
     let (rosout, slot) = rosout::layer();
     let lines = fmt::layer()
         .with_target(false)
         .without_time()
         .with_ansi(io::stderr().is_terminal())
         .with_writer(|| LogLines)
+        .fmt_fields(fields())
         // It would report its own failure on standard error, and panic if that fails.
         .log_internal_errors(false);
     // Also captures the `log` crate of dependencies. Fails only if a subscriber exists already, as in tests.
-    let filters = registry().with(levels.targets()).with(viewers_once());
+    let flood = (limit == Lines::Limited).then(Flood::default);
+    let filters = registry().with(levels.targets()).with(flood);
     drop(filters.with(lines).with(rosout).try_init());
     slot
 }
 
+/// Starts logging in the middleware process: lines of these targets go to the node.
+pub(super) fn start_in_middleware(targets: Targets, events: Events) {
+    // Fails only if a subscriber exists already.
+    let filters = registry().with(targets).with(Flood::default()).with(once(INTERESTS));
+    drop(filters.with(LogToNode(events)).try_init());
+}
+
+/// Writes a line's text, in which peers and recordings may have a say.
+fn fields() -> impl for<'writer> FormatFields<'writer> + 'static {
+    debug_fn(|writer: &mut Writer<'_>, field: &Field, value| {
+        // The place of a record of the `log` crate.
+        if field.name().starts_with("log.") {
+            return Ok(());
+        }
+        let value = format!("{value:?}");
+        let value = printable::line(&value);
+        if field.name() == "message" {
+            write!(writer, "{value}")
+        } else {
+            write!(writer, " {field}={value}")
+        }
+    })
+}
+
 #[cfg(test)]
 mod tests {
-    use std::sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
-    };
+    use std::sync::{Arc, atomic::AtomicUsize};
 
     use tracing::{Event, Level, Subscriber, subscriber::with_default};
     use tracing_subscriber::layer::{Context, Layer};
@@ -178,6 +228,8 @@ mod tests {
         let debug = "--ros-args --log-level debug";
         assert!(shows(debug, "laser_profiler::node", Level::DEBUG));
         assert!(shows(debug, "rustdds::rtps", Level::DEBUG));
+        let listener = "rustdds::network::udp_listener";
+        assert!(!shows("", listener, Level::ERROR) && shows(debug, listener, Level::ERROR));
         let error = "--ros-args --log-level error";
         assert!(!shows(error, "laser_profiler::node", Level::WARN));
         assert!(!shows(error, "rustdds::rtps", Level::WARN));
@@ -214,7 +266,7 @@ mod tests {
                 error.to_string(),
                 format!(
                     "--log-level {name}:=debug: no logger is called {name:?}, allowed is laser_profiler, rustdds, \
-                     ros2_client, zenoh, foxglove"
+                     ros2_client, zenoh"
                 )
             );
         }
@@ -229,9 +281,23 @@ mod tests {
     }
 
     #[test]
+    fn errors_that_repeat_are_logged_once() {
+        let count = Arc::new(AtomicUsize::new(0));
+        let counted = Counted(Arc::clone(&count));
+        with_default(registry().with(once(INTERESTS)).with(counted), || {
+            for _ in 0..3 {
+                tracing::error!(target: "zenoh::net::routing::hat::peer::interests", "Unknown");
+            }
+            assert_eq!(count.load(Ordering::Relaxed), 1);
+            tracing::error!(target: "zenoh::net::routing", "another");
+            assert_eq!(count.load(Ordering::Relaxed), 2);
+        });
+    }
+
+    #[test]
     fn records_of_the_log_crate_are_filtered_by_target() {
         // Connects the `log` crate, in this or in another test.
-        start(&levels("").unwrap());
+        start(&levels("").unwrap(), Lines::All);
         let count = Arc::new(AtomicUsize::new(0));
         let counted = Counted(Arc::clone(&count));
         with_default(registry().with(levels("").unwrap().targets()).with(counted), || {

@@ -12,6 +12,7 @@ mod plots;
 mod height_picture;
 pub mod replaying;
 mod live_run;
+mod worker_command;
 mod units;
 mod status_line;
 mod settings;
@@ -19,6 +20,7 @@ mod recording;
 mod results_args;
 mod picture_args;
 mod view;
+mod middleware;
 pub(crate) mod run;
 pub(crate) mod replay;
 pub(crate) mod parameters;
@@ -103,6 +105,19 @@ enum Verb {
     Ambient(ambient::AmbientArgs),
     Demo(demo::DemoArgs),
     Parameters(parameters::ParametersArgs),
+    #[command(hide = true)]
+    Middleware(middleware::MiddlewareArgs),
+}
+
+impl Verb {
+    const fn lines(&self) -> logging::Lines {
+        let is_open = match self {
+            Self::Run(_) => true,
+            Self::Replay(args) => args.view.view.view.is_some(),
+            _ => false,
+        };
+        if is_open { logging::Lines::Limited } else { logging::Lines::All }
+    }
 }
 
 /// Runs the program. `arguments` begin with the program's name.
@@ -117,8 +132,13 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         .map_err(|text| Usage(format!("argument {} is not UTF-8", text.display())))?;
     let (ros, rest) = arguments::split(&arguments).map_err(|error| Usage(error.to_string()))?;
     let command_line = CommandLine::try_parse_from(with_verb(rest, &arguments))?;
-    let rosout = logging::start(&logging::Levels::new(&ros.log_levels, &ros.remaps)?);
-    let out = &mut io::stdout().lock();
+    if let Verb::Middleware(args) = &command_line.verb {
+        // Standard output belongs to its node, and logging has another destination.
+        return middleware::run(args);
+    }
+    let levels = logging::Levels::new(&ros.log_levels, &ros.remaps)?;
+    let rosout = logging::start(&levels, command_line.verb.lines());
+    let out = &mut output::Printable::new(io::stdout().lock());
     let ended = match command_line.verb {
         Verb::Run(args) => run::run(args, ros, rosout, out),
         Verb::Replay(args) => replay::run(args, ros, out),
@@ -136,6 +156,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> anyhow::Result<Outc
         Verb::Ambient(args) => ambient::run(&args, out),
         Verb::Demo(args) => demo::run(&args, out),
         Verb::Parameters(args) => parameters::run(&args, out),
+        Verb::Middleware(args) => middleware::run(&args),
     };
     ended.map_err(|error| match error.downcast::<SelectionError>() {
         Ok(error) => Usage(error.0).into(),

@@ -9,6 +9,7 @@ use serde_json::json;
 use super::{Outcome, output, units::bytes};
 use crate::bag::Compression;
 use crate::bag::recover::{RecoverOptions, Recovery, recover};
+use crate::msg::printable::line;
 
 /// Copies everything readable from a damaged bag into a new bag.
 ///
@@ -93,16 +94,16 @@ fn print_json(recovery: &Recovery, out: &mut dyn Write) -> io::Result<()> {
 fn print_text(recovery: &Recovery, out: &mut dyn Write) -> io::Result<()> {
     let output = &recovery.output;
     for (topic, count) in &output.topics {
-        writeln!(out, "{topic}: {count} messages")?;
+        writeln!(out, "{}: {count} messages", line(topic))?;
     }
     for range in &recovery.damaged {
-        writeln!(out, "skipped {range}")?;
+        writeln!(out, "skipped {}", line(&range.to_string()))?;
     }
     for what in &recovery.left_out {
-        writeln!(out, "left out {what}")?;
+        writeln!(out, "left out {}", line(what))?;
     }
     for note in &recovery.notes {
-        writeln!(out, "note: {note}")?;
+        writeln!(out, "note: {}", line(note))?;
     }
     let (messages, attachments, metadata) =
         (output.messages, recovery.num_attachments, recovery.num_metadata);

@@ -11,6 +11,7 @@ use super::{
     output,
     summary::{self, SummaryJson},
     view::{self, ViewArgs},
+    worker_command,
 };
 use crate::{
     node::{
@@ -22,7 +23,7 @@ use crate::{
     ros::{arguments::RosArguments, middleware::Middleware},
 };
 
-const HELP: &str = "\
+pub(super) const HELP: &str = "\
 Examples:
   laser_profiler run --ros-args -r image_raw:=/camera/image_raw
       measures the camera's images and publishes ~/centerline; metric results need a calibration
@@ -40,7 +41,11 @@ ROS_AUTOMATIC_DISCOVERY_RANGE, ROS_LOCALHOST_ONLY and ROS_STATIC_PEERS; Zenoh us
 ZENOH_SESSION_CONFIG_URI, ZENOH_CONFIG_OVERRIDE and ZENOH_ROUTER_CHECK_ATTEMPTS.
 
 Ctrl-C or SIGTERM stops the node cleanly: it closes recordings and prints a summary of the frames.
---json prints the summary as `replay --json` does; with several cameras as {\"cameras\": {NAME: ...}}.";
+A recording that fails does not stop the node; it ends with exit code 3 and names what is missing.
+After a shutdown by a lifecycle manager, the node answers until it is stopped.
+--json prints the summary as `replay --json` does; with several cameras as {\"cameras\": {NAME: ...}}. If one of them is not 0, it
+adds live: {not_recorded (messages), not_published (results), recordings_failed, first_failure (its reason), stamps_not_of_now
+(frames whose stamps are more than a minute from now: no latency), begun_again (times that the stamps began again)}.";
 
 /// Measures cameras live, as a ROS 2 node on DDS or Zenoh.
 #[derive(Debug, Default, clap::Args)]
@@ -100,8 +105,7 @@ fn live(
     rosout: RosoutSlot,
     stop: &Stop,
 ) -> Result<Vec<CameraSummary>, LiveError> {
-    let variable = |name: &str| std::env::var(name).ok();
-    measure(LiveNode::start(request, rosout, &variable)?, stop)
+    measure(LiveNode::start(request, rosout)?, stop)
 }
 
 fn request(args: RunArgs, mut ros: RosArguments) -> anyhow::Result<LiveRequest> {
@@ -111,7 +115,8 @@ fn request(args: RunArgs, mut ros: RosArguments) -> anyhow::Result<LiveRequest> 
     if args.router && middleware != Middleware::Zenoh {
         return Err(Usage("--router requires --transport zenoh".to_owned()).into());
     }
-    Ok(LiveRequest { middleware, is_router: args.router, ros })
+    let worker = worker_command::of(&ros)?;
+    Ok(LiveRequest { middleware, is_router: args.router, ros, worker })
 }
 
 fn text(summaries: &[(String, Summary)]) -> String {

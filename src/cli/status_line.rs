@@ -14,6 +14,7 @@ use super::terminal;
 use crate::node::{
     live::report::{CameraReport, Watcher},
     statistics::Counts,
+    status::NOT_OF_NOW,
     stop::Stop,
 };
 
@@ -140,6 +141,8 @@ fn text(report: &CameraReport, recorder_rate: f64) -> String {
     if load.latency_p50_s.is_finite() {
         let [p50, p99] = [load.latency_p50_s, load.latency_p99_s].map(|seconds| 1e3 * seconds);
         _ = write!(out, ", latency p50 {p50:.1} p99 {p99:.1} ms");
+    } else if load.num_not_of_now > 0 {
+        _ = write!(out, ", {NOT_OF_NOW}");
     }
     _ = write!(
         out,
@@ -208,6 +211,10 @@ mod tests {
     #[test]
     fn a_line_shows_rate_latency_losses_and_recorder() {
         assert_eq!(text(&report(), 0.0), "left: 22.0 frames/s, 20 measured, none lost");
+        let mut old = report();
+        old.reported.load.num_not_of_now = 3;
+        let line = "left: 22.0 frames/s, stamps are not of now, 20 measured, none lost";
+        assert_eq!(text(&old, 0.0), line);
         let load = Load { latency_p50_s: 0.0091, latency_p99_s: 0.0138, ..Load::default() };
         let counts = Counts {
             processed: 20,

@@ -44,6 +44,38 @@ pub(super) struct SummaryJson<'a> {
     stages_ms: Stages,
     /// Path of the results bag; `None` if nothing was recorded.
     output: Option<&'a str>,
+    /// Entries that only a live node has; `None` if there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    live: Option<Live<'a>>,
+}
+
+/// Losses and oddities of a live node.
+#[derive(Debug, Default, PartialEq, Eq, Serialize)]
+struct Live<'a> {
+    /// Messages that should be in a recording and are not.
+    not_recorded: u64,
+    /// Results that were not published.
+    not_published: u64,
+    recordings_failed: u64,
+    /// Reason of the first failed recording.
+    first_failure: Option<&'a str>,
+    /// Frames without a latency.
+    stamps_not_of_now: u64,
+    /// Times that the stamps began again.
+    begun_again: u64,
+}
+
+impl<'a> Live<'a> {
+    fn of(Summary { counts, recordings_failed, .. }: &'a Summary) -> Self {
+        Self {
+            not_recorded: counts.recorder_dropped,
+            not_published: counts.unpublished,
+            recordings_failed: recordings_failed.num,
+            first_failure: recordings_failed.first.as_deref(),
+            stamps_not_of_now: counts.not_of_now,
+            begun_again: counts.begun_again,
+        }
+    }
 }
 
 /// Frames without a stripe.
@@ -118,7 +150,7 @@ struct Percentiles {
 }
 
 impl<'a> SummaryJson<'a> {
-    pub(super) fn of(summary: &Summary, output: Option<&'a str>) -> Self {
+    pub(super) fn of(summary: &'a Summary, output: Option<&'a str>) -> Self {
         let Summary { counts, stages, .. } = summary;
         let of = |times: &Histogram| Percentiles {
             p50: times.percentile_ms(0.50),
@@ -154,6 +186,7 @@ impl<'a> SummaryJson<'a> {
                 encode: of(&stages.encode),
             },
             output,
+            live: Some(Live::of(summary)).filter(|live| *live != Live::default()),
         }
     }
 }
@@ -188,6 +221,7 @@ pub(super) fn text(summary: &Summary) -> String {
     if summary.num_damaged > 0 {
         _ = writeln!(out, "damaged places skipped in the input: {}", summary.num_damaged);
     }
+    write_live(&mut out, &Live::of(summary));
     if counts.unpaired > 0 {
         _ = writeln!(out, "frames without their other exposure: {}", counts.unpaired);
     }
@@ -238,6 +272,23 @@ pub(super) fn text(summary: &Summary) -> String {
     out
 }
 
+/// Writes what a live node lost besides frames.
+fn write_live(out: &mut String, live: &Live<'_>) {
+    if let Some(reason) = live.first_failure {
+        _ = writeln!(out, "recordings failed: {}; the first: {reason}", live.recordings_failed);
+    }
+    for (num, what) in [
+        (live.not_recorded, "messages that should be recorded and are not"),
+        (live.not_published, "results that were not published"),
+        (live.stamps_not_of_now, "frames whose stamps are not of now, without a latency"),
+        (live.begun_again, "times that the stamps began again, as in a recording in a loop"),
+    ] {
+        if num > 0 {
+            _ = writeln!(out, "{what}: {num}");
+        }
+    }
+}
+
 /// Writes the frames without a stripe with their likely reasons, and the shares of the uncertainty.
 fn write_stripes(out: &mut String, counts: &Counts) {
     let without = &counts.no_stripe;
@@ -262,7 +313,7 @@ fn write_stripes(out: &mut String, counts: &Counts) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::statistics::StageTimes;
+    use crate::node::statistics::{Failures, StageTimes};
 
     #[test]
     fn the_summary_has_the_published_keys_in_their_order_and_adds_up() {
@@ -292,6 +343,24 @@ mod tests {
             )
         );
         assert_eq!(json, expected);
+    }
+
+    #[test]
+    fn a_failed_recording_is_named_with_what_is_missing() {
+        let counts = Counts { recorder_dropped: 7, ..Counts::default() };
+        let recordings_failed = Failures { num: 1, first: Some("the disk is full".into()) };
+        let summary = Summary { counts, recordings_failed, ..Summary::default() };
+        assert!(!summary.is_complete());
+        let text = text(&summary);
+        for line in ["recordings failed: 1; the first: the disk is full\n", "and are not: 7\n"] {
+            assert!(text.contains(line), "{text}");
+        }
+        let json = serde_json::to_value(SummaryJson::of(&summary, None)).unwrap();
+        assert_eq!(json["live"]["not_recorded"], 7);
+        assert_eq!(json["live"]["first_failure"], "the disk is full");
+        for key in keys(&json["live"]) {
+            assert!(crate::cli::run::HELP.contains(&key), "{key}");
+        }
     }
 
     /// Every key of an object, and of the objects in it.

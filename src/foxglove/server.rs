@@ -3,32 +3,32 @@
 use std::{
     collections::BTreeMap,
     io,
-    net::SocketAddr,
+    net::{SocketAddr, TcpListener},
     ops::RangeInclusive,
-    sync::{
-        Arc, Mutex, PoisonError, RwLock,
-        atomic::{AtomicBool, Ordering},
-    },
-    time::Duration,
+    sync::{Arc, Mutex, atomic::Ordering},
+    time::{Duration, SystemTime},
 };
 
-use foxglove::{
-    FoxgloveError, WebSocketServer, WebSocketServerHandle,
-    websocket::{Capability, ConnectionGraph, Parameter, PlaybackState, Status},
-};
 use tokio::runtime::{Builder, Runtime};
+use tokio_tungstenite::tungstenite::Message;
 
 use super::{
-    Address, Channel, ChannelDescription, Desk, ServiceDescription, ViewError, channels::Channels,
-    listener::Listener, parameters::Parameters, services,
+    Channel, ChannelDescription, ConnectionGraph, Desk, Entrance, ServiceDescription, ViewError,
+    access::Rights,
+    channels::Channels,
+    door::Door,
+    graph::Graph,
+    protocol::{self, Level, Parameter, PlaybackState, Reply, Time},
+    services::Services,
+    viewers::{Viewer, Viewers, lock},
 };
 
-/// Messages queued per viewer; the oldest are dropped first. About 50 MB of previews.
-const BACKLOG_MESSAGES: usize = 256;
 /// Number of threads for all connections.
 const NUM_THREADS: usize = 2;
 /// Timeout for closing the viewers' connections.
 const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
+/// Time between two looks whether the viewers' connections are closed.
+const CLOSE_PERIOD: Duration = Duration::from_millis(10);
 
 /// Settings of the server.
 #[derive(Clone, Debug, Default)]
@@ -37,6 +37,29 @@ pub(crate) struct Settings {
     pub(crate) name: String,
     /// Times of the first and last message of a recording, nanoseconds since the epoch; `None` for a live node.
     pub(crate) time_range_ns: Option<RangeInclusive<i64>>,
+}
+
+impl Settings {
+    /// Returns the first message to every viewer.
+    fn server_info(&self) -> String {
+        let capabilities: &[&str] = if self.time_range_ns.is_some() {
+            &["parameters", "parametersSubscribe", "time", "playbackControl"]
+        } else {
+            &["parameters", "parametersSubscribe", "services", "connectionGraph"]
+        };
+        let time = |time_ns: i64| Time::from_ns(time_ns.max(0) as u64);
+        // Viewers forget what they know of a server that was started anew.
+        let started = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        let info = Reply::ServerInfo {
+            name: &self.name,
+            capabilities,
+            supported_encodings: &["cdr"],
+            session_id: &started.unwrap_or_default().as_millis().to_string(),
+            data_start_time: self.time_range_ns.as_ref().map(|range| time(*range.start())),
+            data_end_time: self.time_range_ns.as_ref().map(|range| time(*range.end())),
+        };
+        info.encode()
+    }
 }
 
 /// A server that viewers connect to, until it is dropped.
@@ -50,59 +73,42 @@ pub(crate) struct Server {
 pub(super) struct ServerState {
     pub(super) desk: Arc<dyn Desk>,
     pub(super) channels: Channels,
-    handle: RwLock<Option<WebSocketServerHandle>>,
+    pub(super) services: Services,
+    pub(super) graph: Graph,
+    viewers: Arc<Viewers>,
+    info: String,
     /// Warnings shown to every viewer, by key.
     notes: Mutex<BTreeMap<String, String>>,
-    is_graph_wanted: AtomicBool,
 }
 
 impl Server {
-    /// Starts a server that listens on `address`.
+    /// Starts a server at an entrance.
     ///
     /// # Errors
-    /// The port is in use, or the server cannot start.
+    /// The port is in use, a file of the certificate is wrong, or the server cannot start.
     pub(crate) fn start(
-        address: Address,
-        settings: Settings,
+        entrance: &Entrance,
+        settings: &Settings,
         desk: Arc<dyn Desk>,
     ) -> Result<Self, ViewError> {
-        let io = |source| ViewError::Io { address: address.socket(), source };
+        let address = entrance.address.socket();
+        let io = |source| ViewError::Io { address, source };
+        let tls = entrance.tls.as_ref().map(super::TlsFiles::load).transpose()?;
+        let listener = TcpListener::bind(address).map_err(|error| refusal(error, address))?;
+        listener.set_nonblocking(true).map_err(io)?;
         let runtime = Builder::new_multi_thread()
             .worker_threads(NUM_THREADS)
             .thread_name("view")
             .enable_all()
             .build()
             .map_err(io)?;
-        let shared = Arc::new(ServerState {
-            desk,
-            channels: Channels::new(),
-            handle: RwLock::default(),
-            notes: Mutex::default(),
-            is_graph_wanted: AtomicBool::new(false),
-        });
-        let parameters = Parameters::start(Arc::downgrade(&shared)).map_err(io)?;
-        let mut capabilities = vec![Capability::Parameters];
-        let mut server = WebSocketServer::new()
-            .name(settings.name)
-            .bind(address.host(), address.socket().port())
-            .context(&shared.channels.context)
-            .message_backlog_size(BACKLOG_MESSAGES)
-            .supported_encodings(["cdr"])
-            .parameter_handler(Arc::new(parameters))
-            .listener(Arc::new(Listener(Arc::downgrade(&shared))));
-        if let Some(range_ns) = settings.time_range_ns {
-            capabilities.extend([Capability::Time, Capability::PlaybackControl]);
-            server = server.playback_time_range(
-                *range_ns.start().max(&0) as u64,
-                *range_ns.end().max(&0) as u64,
-            );
-        } else {
-            capabilities.extend([Capability::Services, Capability::ConnectionGraph]);
-        }
-        let started = runtime.block_on(server.capabilities(capabilities).start());
-        let handle = started.map_err(|error| refusal(error, address.socket()))?;
-        let address = SocketAddr::new(address.socket().ip(), handle.port());
-        *shared.handle.write().unwrap_or_else(PoisonError::into_inner) = Some(handle);
+        let shared = Arc::new(ServerState::new(desk, settings));
+        let address = listener.local_addr().map_err(io)?;
+        let door = Door::new(Arc::clone(&shared), entrance.access.clone(), tls);
+        let inside = runtime.enter();
+        let listener = tokio::net::TcpListener::from_std(listener).map_err(io)?;
+        drop(inside);
+        runtime.spawn(door.let_in(listener));
         Ok(Self { shared, address, runtime: Some(runtime) })
     }
 
@@ -114,7 +120,7 @@ impl Server {
     /// Serves a topic until the channel is dropped.
     ///
     /// # Errors
-    /// The Foxglove library rejects the topic.
+    /// The definition of its type is no text.
     pub(crate) fn open(&self, topic: ChannelDescription) -> Result<Arc<Channel>, ViewError> {
         self.shared.channels.open(topic)
     }
@@ -133,94 +139,118 @@ impl Server {
         description: ServiceDescription<'_>,
         on_request: impl Fn(&[u8]) -> Option<Vec<u8>> + Send + Sync + 'static,
     ) -> Result<(), ViewError> {
-        let service = services::service(description, on_request);
-        Ok(self.shared.with(|handle| handle.add_services([service])).unwrap_or(Ok(()))?)
+        self.shared.services.offer(description, on_request)
     }
 
     /// Removes a service.
     pub(crate) fn withdraw(&self, name: &str) {
-        self.shared.with(|handle| handle.remove_services([name]));
+        self.shared.services.withdraw(name);
     }
 
     /// Shows a warning to all current and later viewers. A later note with the same key replaces it.
     pub(crate) fn note(&self, key: &str, text: &str) {
-        let mut notes = self.shared.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut notes = lock(&self.shared.notes);
         notes.insert(key.to_owned(), text.to_owned());
-        drop(notes);
-        self.shared.publish_notes();
+        self.shared.viewers.tell(&note(key, text));
     }
 
     /// Publishes the playback time, nanoseconds since the epoch.
     pub(crate) fn publish_time(&self, time_ns: i64) {
-        self.shared.with(|handle| handle.broadcast_time(time_ns.max(0) as u64));
+        self.shared.viewers.send(&Message::binary(protocol::time(time_ns.max(0) as u64)));
     }
 
     /// Publishes the playback state.
-    pub(crate) fn publish_playback(&self, state: PlaybackState) {
-        self.shared.with(|handle| handle.broadcast_playback_state(state));
+    pub(crate) fn publish_playback(&self, state: &PlaybackState) {
+        self.shared.publish_playback(state);
     }
 
     /// Publishes the current parameter values to the viewers that subscribed to them.
     pub(crate) fn publish_parameters(&self) {
-        self.shared.publish_parameters(self.shared.desk.parameters(&[]));
+        self.shared.publish_parameters(&self.shared.desk.parameters(&[]));
     }
 
-    /// True if a viewer has subscribed to the connection graph.
+    /// True while a viewer is subscribed to the connection graph.
     pub(crate) fn is_graph_wanted(&self) -> bool {
-        self.shared.is_graph_wanted.load(Ordering::Relaxed)
+        self.shared.viewers.all().iter().any(|viewer| viewer.wants_graph.load(Ordering::Relaxed))
     }
 
     /// Publishes the connection graph.
     pub(crate) fn publish_graph(&self, graph: ConnectionGraph) {
-        let published = self.shared.with(|handle| handle.publish_connection_graph(graph));
-        if let Some(Err(error)) = published {
-            tracing::debug!("cannot publish the connection graph: {error}");
-        }
+        self.shared.graph.publish(&self.shared.viewers, graph);
     }
 }
 
 impl ServerState {
-    fn with<T>(&self, act: impl FnOnce(&WebSocketServerHandle) -> T) -> Option<T> {
-        self.handle.read().unwrap_or_else(PoisonError::into_inner).as_ref().map(act)
-    }
-
-    pub(super) fn publish_notes(&self) {
-        let notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        for (key, text) in notes {
-            self.with(|handle| handle.publish_status(Status::warning(text).with_id(key)));
+    /// Returns the state of a server without viewers.
+    pub(super) fn new(desk: Arc<dyn Desk>, settings: &Settings) -> Self {
+        let viewers = Arc::<Viewers>::default();
+        Self {
+            desk,
+            channels: Channels::new(Arc::clone(&viewers)),
+            services: Services::new(Arc::clone(&viewers)),
+            graph: Graph::default(),
+            viewers,
+            info: settings.server_info(),
+            notes: Mutex::default(),
         }
     }
 
-    pub(super) fn publish_parameters(&self, parameters: Vec<Parameter>) {
-        self.with(|handle| handle.publish_parameter_values(parameters));
+    /// Lets a viewer in: tells it everything that is there.
+    pub(super) fn introduce(&self, rights: Rights) -> Arc<Viewer> {
+        let viewer = self.channels.introduce(|| {
+            let viewer = self.viewers.add(rights);
+            viewer.outbox.push(Message::text(self.info.clone()));
+            viewer
+        });
+        self.services.introduce(&viewer);
+        for (key, text) in &*lock(&self.notes) {
+            viewer.tell(&note(key, text));
+        }
+        self.desk.on_viewer();
+        viewer
     }
 
-    pub(super) fn want_graph(&self) {
-        self.is_graph_wanted.store(true, Ordering::Relaxed);
+    /// Forgets a viewer.
+    pub(super) fn dismiss(&self, viewer: &Viewer) {
+        self.viewers.remove(viewer.id);
+        self.channels.leave(viewer);
     }
+
+    pub(super) fn publish_playback(&self, state: &PlaybackState) {
+        self.viewers.send(&Message::binary(state.encode()));
+    }
+
+    pub(super) fn publish_parameters(&self, parameters: &[Parameter]) {
+        self.viewers.all().iter().for_each(|viewer| viewer.tell_watched(parameters));
+    }
+}
+
+fn note<'a>(key: &'a str, text: &'a str) -> Reply<'a> {
+    Reply::Status { level: Level::Warning as u8, message: text, id: Some(key) }
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
-        let handle = self.shared.handle.write().unwrap_or_else(PoisonError::into_inner).take();
         let Some(runtime) = self.runtime.take() else { return };
-        if let Some(handle) = handle {
-            let stopped = handle.stop();
-            runtime.block_on(async {
-                // Viewers that do not respond in time are disconnected.
-                _ = tokio::time::timeout(CLOSE_TIMEOUT, stopped.wait()).await;
-            });
-        }
+        let viewers = &self.shared.viewers;
+        viewers.close();
+        runtime.block_on(async {
+            // Viewers that do not respond in time are disconnected.
+            _ = tokio::time::timeout(CLOSE_TIMEOUT, async {
+                while viewers.len() > 0 {
+                    tokio::time::sleep(CLOSE_PERIOD).await;
+                }
+            })
+            .await;
+        });
         runtime.shutdown_background();
     }
 }
 
-fn refusal(error: FoxgloveError, address: SocketAddr) -> ViewError {
-    match error {
-        FoxgloveError::Bind(source) if source.kind() == io::ErrorKind::AddrInUse => {
-            ViewError::PortTaken(address)
-        }
-        FoxgloveError::Bind(source) => ViewError::Io { address, source },
-        other => ViewError::Library(other),
+fn refusal(source: io::Error, address: SocketAddr) -> ViewError {
+    if source.kind() == io::ErrorKind::AddrInUse {
+        ViewError::PortTaken(address)
+    } else {
+        ViewError::Io { address, source }
     }
 }

@@ -56,6 +56,30 @@ message!(
     []
 );
 
+/// A time span.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Duration {
+    /// Whole seconds, rounded down.
+    pub sec: i32,
+    /// Nanoseconds to add, 0 to 999 999 999.
+    pub nanosec: u32,
+}
+
+impl Duration {
+    /// Returns nanoseconds.
+    pub(crate) const fn to_ns(self) -> i64 {
+        join(self.sec, self.nanosec)
+    }
+}
+
+message!(
+    Duration,
+    "builtin_interfaces/msg/Duration",
+    include_str!("definitions/builtin_interfaces/Duration.msg"),
+    "RIHS01_e8d009f659816f758b75334ee1a9ca5b5c0b859843261f14c7f937349599d93b",
+    []
+);
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

@@ -1,5 +1,7 @@
 //! `laser_profiler_msgs`: our own interface package. `msgs/laser_profiler_msgs` documents each field in detail.
 
+pub mod scan;
+
 use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};

@@ -10,7 +10,7 @@ macro_rules! for_each_message {
     ($function:ident, $($argument:expr),*) => {
         $crate::msg::noise::for_each_message!(
             @call $function ($($argument),*)
-            builtin_interfaces::Time, std_msgs::Header<'_>, sensor_msgs::Image<'_>,
+            builtin_interfaces::Time, builtin_interfaces::Duration, std_msgs::Header<'_>, sensor_msgs::Image<'_>,
             sensor_msgs::CompressedImage<'_>, sensor_msgs::CameraInfo<'_>, sensor_msgs::RegionOfInterest,
             sensor_msgs::PointCloud2<'_>, sensor_msgs::PointField<'_>, sensor_msgs::JointState<'_>,
             unique_identifier_msgs::Uuid, rosgraph_msgs::Clock, diagnostic_msgs::DiagnosticArray<'_>,
@@ -19,6 +19,10 @@ macro_rules! for_each_message {
             foxglove_msgs::Point2, foxglove_msgs::Color, laser_profiler_msgs::FrameTrace,
             laser_profiler_msgs::Centerline<'_>, laser_profiler_msgs::Profile<'_>, laser_profiler_msgs::SliceInfo<'_>,
             laser_profiler_msgs::StreamStatus<'_>, laser_profiler_msgs::EncoderStamped<'_>,
+            scan::ScanGoal<'_>, scan::ScanResult<'_>, scan::ScanFeedback, scan::SendGoalRequest<'_>,
+            scan::SendGoalResponse, scan::GetResultRequest, scan::GetResultResponse<'_>, scan::FeedbackMessage,
+            action_msgs::GoalInfo, action_msgs::GoalStatus, action_msgs::GoalStatusArray,
+            action_msgs::CancelGoalRequest, action_msgs::CancelGoalResponse,
             laser_profiler_msgs::StartScanRequest<'_>, laser_profiler_msgs::StartScanResponse<'_>,
             std_srvs::TriggerRequest, std_srvs::TriggerResponse<'_>, std_srvs::SetBoolRequest, std_srvs::SetBoolResponse<'_>,
             geometry_msgs::Vector3, geometry_msgs::Quaternion, geometry_msgs::Transform, geometry_msgs::TransformStamped<'_>,
@@ -119,6 +123,7 @@ macro_rules! number {
 impl<'de> Deserializer<'de> for &mut Noise<'de> {
     type Error = Error;
 
+    number!(deserialize_i8, visit_i8, i8, "int8");
     number!(deserialize_u8, visit_u8, u8, "uint8");
     number!(deserialize_u16, visit_u16, u16, "uint16");
     number!(deserialize_u32, visit_u32, u32, "uint32");
@@ -196,6 +201,6 @@ impl<'de> Deserializer<'de> for &mut Noise<'de> {
     }
 
     serde::forward_to_deserialize_any! {
-        i8 i16 char str byte_buf option unit unit_struct newtype_struct tuple_struct map enum identifier ignored_any
+        i16 char str byte_buf option unit unit_struct newtype_struct tuple_struct map enum identifier ignored_any
     }
 }

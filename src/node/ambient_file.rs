@@ -1,12 +1,13 @@
 //! Loads the frame without laser that a parameter names.
 
 use std::{
-    fs, io,
+    io,
     path::{Path, PathBuf},
 };
 
 use thiserror::Error;
 
+use super::named_file;
 use crate::{
     msg::{
         convert::{compressed, frame::FrameRejected},
@@ -40,20 +41,21 @@ pub(crate) enum AmbientFileError {
 /// Reads the PNG file that a camera's parameters name; `None` if they name none.
 ///
 /// # Errors
-/// The file is missing, not a PNG image, or larger than `max_frame_bytes` allows.
+/// The file is missing, no regular file, not a PNG image, or larger than `max_frame_bytes` allows.
 pub(crate) fn load(camera: &CameraParams) -> Result<Option<OwnedImage>, AmbientFileError> {
     camera.background_file.as_deref().map(|path| read(path, camera.max_frame_bytes)).transpose()
 }
 
 fn read(path: &Path, max_frame_bytes: u64) -> Result<OwnedImage, AmbientFileError> {
     let io = |source| AmbientFileError::Io { path: path.to_owned(), source };
-    let size = fs::metadata(path).map_err(io)?.len();
     // The file of an incompressible image is slightly longer than its pixels.
-    if size > max_frame_bytes.saturating_add(max_frame_bytes / 8 + 4096) {
-        let reason = format!("{size} bytes are more than an image of max_frame_bytes takes");
-        return Err(io(io::Error::other(reason)));
-    }
-    let data = fs::read(path).map_err(io)?;
+    let max_bytes = max_frame_bytes.saturating_add(max_frame_bytes / 8 + 4096);
+    let data = named_file::read(path, max_bytes).map_err(|source| match source.kind() {
+        io::ErrorKind::FileTooLarge => {
+            io(io::Error::other(format!("{source}; raise max_frame_bytes for a larger image")))
+        }
+        _ => io(source),
+    })?;
     let message =
         CompressedImage { format: "png".into(), data: &data, ..CompressedImage::default() };
     let mut pixels = Vec::new();

@@ -1,7 +1,11 @@
 //! Commands to a running camera, carried out between two frames.
 
-use std::sync::{Mutex, PoisonError, mpsc::SyncSender};
+use std::{
+    sync::{Mutex, PoisonError, mpsc::SyncSender},
+    time::Duration,
+};
 
+use super::scan_watch::ScanWatch;
 use crate::scanner::params::Params;
 
 /// A request to the worker, which replies after carrying it out.
@@ -18,12 +22,18 @@ pub(crate) enum Command {
 }
 
 /// The scan to start.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct ScanRequest {
     /// Identity of the part; may be empty.
     pub(crate) part_id: String,
-    /// Length at which the scan ends, metres, above 0; `None`: it ends when stopped.
+    /// Length at which the scan ends, metres, above 0; without any limit, it ends when stopped.
     pub(crate) length_m: Option<f64>,
+    /// Number of frames at which it ends; needs a watch.
+    pub(crate) frames: Option<u64>,
+    /// Time after the request at which it ends.
+    pub(crate) duration: Option<Duration>,
+    /// Told of its progress and its end.
+    pub(crate) watch: Option<ScanWatch>,
 }
 
 /// The answer to a command.

@@ -92,16 +92,57 @@ pub(crate) enum StampStep {
     Forward,
     /// The clock was set back: positions before and after are not comparable.
     ClockSetBack,
+    /// The stamps begin again where they began: a recording is played in a loop.
+    BeginsAgain,
 }
 
 /// Number of consecutive ascending frames before the last stamp after which the clock counts as set back. Fewer are
 /// late frames. Without this limit, one false stamp far in the future would reject the rest of the stream.
 const STRAGGLERS: u32 = 3;
 
+/// Frames that a stamp must be older than before the stream can begin again: more than a network reorders.
+const REORDERED: usize = 8;
+/// Shortest stream that can begin again, nanoseconds.
+const SHORTEST_LOOP_NS: i64 = 1_000_000_000;
+/// Largest difference between the stream's length and the step back with which it begins again, as a part of the
+/// length: frames at either end may be lost.
+const LOOP_TOLERANCE: i64 = 10;
+
+/// The stamps since the stream began.
+#[derive(Debug)]
+struct Stretch {
+    first_ns: i64,
+    /// The last stamps, the oldest at `num % REORDERED`.
+    recent_ns: [i64; REORDERED],
+    num: usize,
+}
+
+impl Stretch {
+    const fn begin(first_ns: i64) -> Self {
+        Self { first_ns, recent_ns: [first_ns; REORDERED], num: 0 }
+    }
+
+    const fn push(&mut self, stamp_ns: i64) {
+        self.recent_ns[self.num % REORDERED] = stamp_ns;
+        self.num += 1;
+    }
+
+    /// True if the stream began at about this stamp, long enough ago that the frame is not a late one.
+    fn begins_again_at(&self, stamp_ns: i64, last_ns: i64) -> bool {
+        let length_ns = last_ns.saturating_sub(self.first_ns);
+        let back_ns = last_ns.saturating_sub(stamp_ns);
+        self.num > REORDERED
+            && self.recent_ns.iter().all(|recent_ns| stamp_ns < *recent_ns)
+            && length_ns >= SHORTEST_LOOP_NS
+            && (back_ns - length_ns).abs() <= length_ns / LOOP_TOLERANCE
+    }
+}
+
 /// Checks that stamps ascend. Accepts stamps of zero, which drivers without a clock send.
 #[derive(Debug, Default)]
 pub(crate) struct StampOrder {
     last_ns: Option<i64>,
+    stretch: Option<Stretch>,
     /// The last rejected stamp, and the number of ascending stamps up to it.
     behind: Option<(i64, u32)>,
 }
@@ -122,6 +163,10 @@ impl StampOrder {
         if stamp_ns == last_ns {
             return Err(StampFault::Duplicate);
         }
+        if self.stretch.as_ref().is_some_and(|seen| seen.begins_again_at(stamp_ns, last_ns)) {
+            self.begin(stamp_ns);
+            return Ok(StampStep::BeginsAgain);
+        }
         if stamp_ns > last_ns {
             self.accept(stamp_ns);
             return Ok(StampStep::Forward);
@@ -131,14 +176,20 @@ impl StampOrder {
             _ => 1,
         };
         if num_behind > STRAGGLERS {
-            self.accept(stamp_ns);
+            self.begin(stamp_ns);
             return Ok(StampStep::ClockSetBack);
         }
         self.behind = Some((stamp_ns, num_behind));
         Err(StampFault::OutOfOrder)
     }
 
+    fn begin(&mut self, stamp_ns: i64) {
+        self.stretch = None;
+        self.accept(stamp_ns);
+    }
+
     fn accept(&mut self, stamp_ns: i64) {
+        self.stretch.get_or_insert(Stretch::begin(stamp_ns)).push(stamp_ns);
         self.last_ns = Some(stamp_ns);
         self.behind = None;
     }
@@ -207,6 +258,7 @@ mod tests {
         let letter = |&stamp: &i64| match order.take(stamp) {
             Ok(StampStep::Forward) => '+',
             Ok(StampStep::ClockSetBack) => '<',
+            Ok(StampStep::BeginsAgain) => '@',
             Err(StampFault::Duplicate) => '=',
             Err(StampFault::OutOfOrder) => '-',
         };
@@ -221,6 +273,41 @@ mod tests {
     #[test]
     fn zero_stamps_are_not_duplicates() {
         assert_eq!(judged(&[0, 0, 10, 0, 10, 20]), "++++=+");
+    }
+
+    /// Stamps of these frames of a recording at 10 Hz.
+    fn recorded(frames: impl IntoIterator<Item = i64>) -> Vec<i64> {
+        frames.into_iter().map(|frame| 1_000_000_000_000 + frame * 100_000_000).collect()
+    }
+
+    #[test]
+    fn a_recording_in_a_loop_begins_again_without_a_rejected_frame() {
+        let looped = recorded((0..20).chain(0..20).chain(0..20));
+        let once = "+".repeat(19);
+        assert_eq!(judged(&looped), format!("+{once}@{once}@{once}"));
+        let lossy = recorded((0..30).chain(2..29).chain(1..30));
+        assert_eq!(judged(&lossy).matches('@').count(), 2, "frames at either end are lost");
+        assert_eq!(judged(&lossy).matches('-').count(), 0);
+    }
+
+    #[test]
+    fn late_and_false_stamps_are_not_a_loop() {
+        // From the middle of the first round: the later rounds are recognised.
+        let joined = judged(&recorded((30..60).chain(0..60).chain(0..60)));
+        assert_eq!((joined.matches('-').count(), joined.matches('@').count()), (3, 1), "{joined}");
+        assert_eq!(judged(&recorded((0..9).chain(0..3))), "+++++++++---", "too short to tell");
+        for late in 2..=REORDERED as i64 {
+            let stamps = recorded((0..12).chain([12 - late, 12, 13]));
+            assert_eq!(judged(&stamps), format!("{}-++", "+".repeat(12)), "{late} frames late");
+        }
+        let mut stamps = recorded(0..40);
+        stamps.insert(30, 1);
+        assert_eq!(judged(&stamps).matches('-').count(), 1, "far before the first");
+        stamps = recorded(0..40);
+        stamps.insert(30, i64::MAX);
+        assert_eq!(judged(&stamps).matches('@').count(), 0, "far ahead");
+        stamps[30] = i64::MIN;
+        assert_eq!(judged(&stamps).matches('-').count(), 1);
     }
 
     #[test]

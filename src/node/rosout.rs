@@ -21,7 +21,7 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::layer::{Context, Layer};
 
 use self::line::Line;
-use super::endpoints;
+use super::{endpoints, watch::Watch};
 use crate::{
     msg::{
         qos::{QosProfile, QosTime},
@@ -114,7 +114,7 @@ pub(crate) struct Rosout {
 }
 
 impl Rosout {
-    /// Starts publishing the events of the slot's layer under the node's logger name.
+    /// Starts publishing the events of the slot's layer under the node's logger name. `watch` notes a panic of the thread.
     ///
     /// # Errors
     /// The middleware rejects the topic, or the thread cannot be started.
@@ -122,12 +122,16 @@ impl Rosout {
         transport: &dyn Transport,
         names: &NodeNames,
         slot: RosoutSlot,
+        watch: Watch,
     ) -> Result<Self, RosoutError> {
         let qos = QosProfile { lifespan: LIFESPAN, ..QosProfile::latched(DEPTH as u64) };
         let publication = endpoints::advertise::<Log<'_>>(transport, names, "/rosout", qos)?;
         let (sender, receiver) = sync_channel(DEPTH);
         let (name, counted, num_reported) = (names.logger(), slot.clone(), slot.num_dropped());
-        let run = move || publish_all(&receiver, publication, &name, &counted, num_reported);
+        let run = move || {
+            let _guard = watch.guard("the thread of /rosout");
+            publish_all(&receiver, publication, &name, &counted, num_reported);
+        };
         let thread = Some(thread::Builder::new().name("rosout".to_owned()).spawn(run)?);
         slot.set(Some(sender));
         Ok(Self { slot, thread })

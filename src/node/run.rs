@@ -40,6 +40,9 @@ pub(crate) enum RunError {
     /// A result cannot be encoded.
     #[error(transparent)]
     Encode(#[from] CdrError),
+    /// The worker has panicked.
+    #[error("a worker ended by a programming error")]
+    Panicked,
     /// The worker found a sink closed that reports no error: a programming error.
     #[error("a sink closed without an error")]
     SinkClosed,

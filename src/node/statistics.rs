@@ -1,11 +1,13 @@
 //! Counters and stage times: every frame ends in exactly one bin.
 
 mod classes;
+mod failures;
 mod no_stripes;
 
 use std::time::Duration;
 
 pub(crate) use classes::Classes;
+pub(crate) use failures::Failures;
 pub(crate) use no_stripes::NoStripes;
 
 use super::histogram::Histogram;
@@ -60,6 +62,10 @@ pub struct Counts {
     pub(crate) chosen: ChosenChannels,
     /// Frames without a stripe.
     pub(crate) no_stripe: NoStripes,
+    /// Times that the stamps began again, as those of a recording in a loop do.
+    pub(crate) begun_again: u64,
+    /// Frames whose stamp is too far from the time of their result to give a latency.
+    pub(crate) not_of_now: u64,
     /// Share of speckle and texture in the uncertainty of each frame, pixels.
     pub(crate) texture_px: Classes,
     /// Median uncertainty from noise of each frame, pixels.
@@ -137,6 +143,8 @@ impl Counts {
         self.flooded += other.flooded;
         self.outside_calibration += other.outside_calibration;
         self.saturated += other.saturated;
+        self.begun_again += other.begun_again;
+        self.not_of_now += other.not_of_now;
         self.chosen.add(&other.chosen);
         self.no_stripe.add(&other.no_stripe);
         self.texture_px.add(&other.texture_px);
@@ -200,6 +208,8 @@ pub struct Summary {
     pub(crate) num_damaged: u64,
     /// True if a signal ended the run before the input did.
     pub(crate) was_interrupted: bool,
+    /// Recordings of a live node that failed.
+    pub(crate) recordings_failed: Failures,
 }
 
 impl Summary {
@@ -210,10 +220,14 @@ impl Summary {
         self.elapsed += other.elapsed;
         self.num_damaged += other.num_damaged;
         self.was_interrupted |= other.was_interrupted;
+        self.recordings_failed.add(&other.recordings_failed);
     }
 
     /// True if all input was read and measured.
     pub(crate) const fn is_complete(&self) -> bool {
-        self.counts.is_complete() && self.num_damaged == 0 && !self.was_interrupted
+        self.counts.is_complete()
+            && self.num_damaged == 0
+            && !self.was_interrupted
+            && self.recordings_failed.num == 0
     }
 }

@@ -18,6 +18,9 @@ use crate::{
 use super::statistics::{Classes, Counts};
 
 const PERIOD_NS: i64 = 1_000_000_000;
+/// Time after which further faults are reported. With the half second until a recording is flushed, less than a second
+/// passes until a loss is counted on the disk, as long as until the frames around it are there.
+const FAULT_PERIOD_NS: i64 = 250_000_000;
 
 /// Identity of the reporting node and camera.
 #[derive(Clone, Debug)]
@@ -68,8 +71,8 @@ pub(crate) struct Interval {
 }
 
 impl Schedule {
-    /// Returns a report if one is due at `now_ns`: a second after the last one, or at once at the first fault of an
-    /// interval. Time that steps back starts a new interval.
+    /// Returns a report if one is due at `now_ns`: a second after the last one, at once at a fault, or a quarter of a
+    /// second after the last one if that reported faults, too. Time that steps back starts a new interval.
     pub(crate) fn poll(&mut self, now_ns: i64, counts: &Counts) -> Option<Interval> {
         let Some(since_ns) = self.since_ns else {
             self.since_ns = Some(now_ns);
@@ -77,9 +80,11 @@ impl Schedule {
             self.base.received = counts.received;
             return None;
         };
-        let is_over = now_ns.checked_sub(since_ns).is_none_or(|age| !(0..PERIOD_NS).contains(&age));
-        let has_new_fault = !self.had_faults && faults(counts) > faults(&self.base);
-        (is_over || has_new_fault).then(|| self.close(now_ns, counts))
+        let age_ns = now_ns.checked_sub(since_ns);
+        let is_over = |period_ns| age_ns.is_none_or(|age_ns| !(0..period_ns).contains(&age_ns));
+        let has_new_fault = faults(counts) > faults(&self.base);
+        let is_due = has_new_fault && (!self.had_faults || is_over(FAULT_PERIOD_NS));
+        (is_over(PERIOD_NS) || is_due).then(|| self.close(now_ns, counts))
     }
 
     /// Ends the interval now.
@@ -126,6 +131,22 @@ pub(crate) struct Load {
     pub(crate) latency_max_s: f32,
     /// Maximum number of frames in the queue.
     pub(crate) queue_depth: u32,
+    /// Frames that have no latency, because their stamps are not of now.
+    pub(crate) num_not_of_now: u32,
+}
+
+/// Text in place of a latency for stamps of a recording or of a clock that is not set.
+pub(crate) const NOT_OF_NOW: &str = "stamps are not of now";
+
+impl Load {
+    /// Returns a latency of this load as text, or the reason that there is none.
+    fn in_ms(&self, latency_s: f32) -> String {
+        match (latency_s.is_finite(), self.num_not_of_now) {
+            (true, _) => format!("{:.1}", 1e3 * latency_s),
+            (false, 0) => "none".to_owned(),
+            (false, _) => NOT_OF_NOW.to_owned(),
+        }
+    }
 }
 
 impl Default for Load {
@@ -135,6 +156,7 @@ impl Default for Load {
             latency_p99_s: f32::NAN,
             latency_max_s: f32::NAN,
             queue_depth: 0,
+            num_not_of_now: 0,
         }
     }
 }
@@ -213,10 +235,14 @@ impl Reporter {
     /// Returns the state as text, for people and aggregators.
     pub(crate) fn diagnostics(&self, now_ns: i64, state: &State) -> DiagnosticArray<'_> {
         let (level, message) = state.summary();
-        let counts = &state.counts;
+        let (counts, load) = (&state.counts, &state.load);
         let values = [
             ("input topic", self.topic.clone()),
             ("rate [Hz]", format!("{:.3}", state.interval.rate_hz)),
+            ("latency, median [ms]", load.in_ms(load.latency_p50_s)),
+            ("latency, 99th percentile [ms]", load.in_ms(load.latency_p99_s)),
+            ("frames with stamps that are not of now", counts.not_of_now.to_string()),
+            ("stamps begun again", counts.begun_again.to_string()),
             ("frames received", counts.received.to_string()),
             ("frames processed", counts.processed.to_string()),
             ("frames lost in transport", counts.lost_transport.to_string()),
@@ -305,13 +331,27 @@ mod tests {
         let report = schedule.poll(1500 * MS, &counts(15, 1)).unwrap();
         assert!(report.has_faults, "at once");
         assert_eq!(schedule.poll(1600 * MS, &counts(16, 2)), None, "already reported");
-        assert!(schedule.poll(2500 * MS, &counts(25, 2)).unwrap().has_faults, "in this second too");
-        assert!(!schedule.poll(3500 * MS, &counts(35, 2)).unwrap().has_faults, "over");
-        assert!(schedule.poll(0, &counts(36, 2)).is_some(), "time stepped back");
+        assert!(schedule.poll(1750 * MS, &counts(17, 2)).unwrap().has_faults, "the next one");
+        assert_eq!(schedule.poll(2490 * MS, &counts(24, 2)), None, "nothing new");
+        assert!(schedule.poll(2500 * MS, &counts(25, 3)).unwrap().has_faults, "in this second too");
+        assert!(!schedule.poll(3500 * MS, &counts(35, 3)).unwrap().has_faults, "over");
+        assert!(schedule.poll(0, &counts(36, 3)).is_some(), "time stepped back");
         schedule.restart();
-        assert_eq!(schedule.poll(9000 * MS, &counts(37, 3)), None, "a new interval");
-        let report = schedule.poll(10_000 * MS, &counts(42, 3)).unwrap();
+        assert_eq!(schedule.poll(9000 * MS, &counts(37, 4)), None, "a new interval");
+        let report = schedule.poll(10_000 * MS, &counts(42, 4)).unwrap();
         assert!((report.rate_hz - 5.0).abs() < 1e-6 && report.has_faults, "{report:?}");
+    }
+
+    #[test]
+    fn a_latency_that_is_none_is_not_shown_as_one() {
+        let shown = |latency_p50_s, num_not_of_now| {
+            let load = Load { latency_p50_s, num_not_of_now, ..Load::default() };
+            load.in_ms(load.latency_p50_s)
+        };
+        assert_eq!(shown(0.0123, 0), "12.3");
+        assert_eq!(shown(0.0123, 5), "12.3", "of the other frames");
+        assert_eq!(shown(f32::NAN, 5), "stamps are not of now");
+        assert_eq!(shown(f32::NAN, 0), "none");
     }
 
     #[test]

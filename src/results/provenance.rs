@@ -68,7 +68,9 @@ impl Provenance {
 /// Returns the values of a YAML text by path; for invalid YAML, the whole text as `text`.
 pub(super) fn yaml_leaves(text: &str) -> Entries {
     let mut entries = Entries::new();
-    match serde_saphyr::from_str::<Json>(text) {
+    // What this program records has no references, each of which could repeat a long text.
+    let options = serde_saphyr::options! { budget: serde_saphyr::budget! { max_aliases: 0 } };
+    match serde_saphyr::from_str_with_options::<Json>(text, options) {
         Ok(value) => add_leaves(String::new(), &value, &mut entries),
         Err(_not_yaml) => drop(entries.insert("text".to_owned(), text.to_owned())),
     }

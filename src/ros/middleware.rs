@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 #[cfg(feature = "dds")]
 use super::dds::{DdsSettings, DdsTransport};
 #[cfg(feature = "zenoh")]
@@ -14,6 +16,7 @@ use laser_triangulation::named_enum;
 
 named_enum! {
     /// A middleware of ROS 2.
+    #[derive(serde::Serialize, serde::Deserialize)]
     Middleware {
         /// DDS: Fast DDS, Cyclone DDS and others.
         Dds = "dds",
@@ -22,13 +25,19 @@ named_enum! {
     }
 }
 
-/// Options for joining a network, in addition to the environment.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct JoinOptions {
+/// How to join a network, in addition to the environment.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct JoinRequest {
+    /// Middleware of the network.
+    pub(crate) middleware: Middleware,
+    /// The node that joins.
+    pub(crate) node: NodeIdentity,
     /// Wire format of services on DDS.
     pub(crate) service_mapping: ServiceMapping,
     /// True if the node is its own Zenoh router.
     pub(crate) is_router: bool,
+    /// Largest memory of the middleware process, bytes.
+    pub(crate) max_memory_bytes: u64,
 }
 
 impl Middleware {
@@ -39,40 +48,36 @@ impl Middleware {
             _ => Self::Dds,
         }
     }
+}
 
-    /// Joins the network as `node`, with the settings of the environment.
-    ///
-    /// # Errors
-    /// An invalid setting, an unreachable network, or a program built without this middleware.
-    pub(crate) fn join(
-        self,
-        node: &NodeIdentity,
-        options: JoinOptions,
-        variable: &dyn Fn(&str) -> Option<String>,
-    ) -> Result<Arc<dyn Transport>, TransportError> {
-        match self {
-            #[cfg(feature = "dds")]
-            Self::Dds => {
-                let settings = DdsSettings::from_environment(variable, options.service_mapping)?;
-                Ok(Arc::new(DdsTransport::open(&settings, node)?))
-            }
-            #[cfg(feature = "zenoh")]
-            Self::Zenoh => {
-                let role = if options.is_router { Role::Router } else { Role::Node };
-                let settings = ZenohSettings::from_environment(variable, role)?;
-                Ok(Arc::new(ZenohTransport::open(&settings, node)?))
-            }
-            #[cfg(not(all(feature = "dds", feature = "zenoh")))]
-            absent => {
-                let (_, _, _) = (node, options, variable);
-                Err(TransportError::Setting {
-                    setting: format!("--transport {}", absent.name()),
-                    reason: format!(
-                        "this program was built without it: rebuild it with the Cargo feature {:?}",
-                        absent.name()
-                    ),
-                })
-            }
+/// Joins the network in this process, with the settings of the environment.
+///
+/// # Errors
+/// An invalid setting, an unreachable network, or a program built without this middleware.
+pub(crate) fn join(request: &JoinRequest) -> Result<Arc<dyn Transport>, TransportError> {
+    let variable = |name: &str| std::env::var(name).ok();
+    match request.middleware {
+        #[cfg(feature = "dds")]
+        Middleware::Dds => {
+            let settings = DdsSettings::from_environment(&variable, request.service_mapping)?;
+            Ok(Arc::new(DdsTransport::open(&settings, &request.node)?))
+        }
+        #[cfg(feature = "zenoh")]
+        Middleware::Zenoh => {
+            let role = if request.is_router { Role::Router } else { Role::Node };
+            let settings = ZenohSettings::from_environment(&variable, role)?;
+            Ok(Arc::new(ZenohTransport::open(&settings, &request.node)?))
+        }
+        #[cfg(not(all(feature = "dds", feature = "zenoh")))]
+        absent => {
+            _ = variable;
+            Err(TransportError::Setting {
+                setting: format!("--transport {}", absent.name()),
+                reason: format!(
+                    "this program was built without it: rebuild it with the Cargo feature {:?}",
+                    absent.name()
+                ),
+            })
         }
     }
 }

@@ -12,6 +12,7 @@ pub mod camera_params;
 pub mod node_params;
 pub mod transport;
 pub(crate) mod middleware;
+pub(crate) mod process;
 #[cfg(feature = "zenoh")]
 pub mod zenoh;
 #[cfg(feature = "dds")]

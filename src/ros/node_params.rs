@@ -26,6 +26,7 @@ named_enum! {
 
 named_enum! {
     /// Wire format that identifies the client of a request; ROS's implementations of DDS differ.
+    #[derive(serde::Serialize, serde::Deserialize)]
     ServiceMapping {
         /// Each request is answered in its own format.
         Auto = "auto",
@@ -48,6 +49,10 @@ parameter_group! {
         /// Wire format of services on DDS. auto: each request is answered in its own format, for Fast DDS and Cyclone
         /// DDS side by side; enhanced: the format of Fast DDS; cyclone: the format of Cyclone DDS.
         service_mapping: ServiceMapping = ServiceMapping::Auto => ["dds.service_mapping", read_only],
+        /// Memory of the middleware process; one that takes more is replaced, which costs the frames of some tenths of
+        /// a second. Raise it for images above 16 MB.
+        max_middleware_bytes: u64 = 192 << 20 =>
+            ["middleware.max_memory_bytes", (64 * MIB)..=MAX_MEMORY_BYTES, "bytes", read_only],
         /// Recording of results and images.
         recording: RecordingParams = RecordingParams::default() => group,
         /// Overrides of the quality of service of topics.

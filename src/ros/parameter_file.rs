@@ -3,7 +3,10 @@
 //! `ros2args::parse_param_file` is not used: it supports neither nested parameters nor nested namespaces, treats `foo*`
 //! as a literal name and silently ignores a second document. Its wildcard matching is used.
 
-use std::path::{Path, PathBuf};
+use std::{
+    io::Read,
+    path::{Path, PathBuf},
+};
 
 use serde_saphyr::options::NonFiniteFloatPolicy;
 use thiserror::Error;
@@ -12,6 +15,8 @@ use super::value::{Value, Yaml};
 
 /// Largest accepted file, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 20;
+/// References in a file. ROS itself allows none.
+const MAX_ALIASES: usize = 100;
 
 /// Errors of parameter files.
 #[derive(Debug, Error)]
@@ -67,17 +72,25 @@ pub(crate) fn read(path: &Path, node: &str) -> Result<FileSettings, FileError> {
     if size > MAX_FILE_BYTES {
         return Err(content(format!("has {size} bytes, more than the limit of {MAX_FILE_BYTES}")));
     }
-    let text = std::fs::read_to_string(path).map_err(read)?;
+    let mut text = String::new();
+    let file = std::fs::File::open(path).map_err(read)?;
+    // A pipe states no size.
+    file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text).map_err(read)?;
+    if text.len() as u64 > MAX_FILE_BYTES {
+        return Err(content(format!("is longer than the limit of {MAX_FILE_BYTES} bytes")));
+    }
     parse(&text, node).map_err(content)
 }
 
 /// Parses the content of a parameter file, like [`read`]; the error describes the problem.
-pub(super) fn parse(text: &str, node: &str) -> Result<FileSettings, String> {
+pub(crate) fn parse(text: &str, node: &str) -> Result<FileSettings, String> {
     let mut out = FileSettings::default();
     // NaN and infinity are accepted here, so that the table can reject them with name and range.
     let options = serde_saphyr::options! {
         non_finite_float_policy: NonFiniteFloatPolicy::PassThrough,
         with_snippet: false,
+        // Each reference could repeat a long text.
+        budget: serde_saphyr::budget! { max_aliases: MAX_ALIASES },
     };
     let document = serde_saphyr::from_str_with_options::<Yaml>(text, options);
     match document.map_err(|error| error.to_string())? {

@@ -2,6 +2,7 @@
 
 mod declared;
 mod hint;
+mod received;
 mod typed;
 
 use std::{
@@ -169,10 +170,11 @@ impl Parameters {
         self.put(name, value, Origin::without_base(origin))
     }
 
-    /// Sets one value of a running node, like [`set`](Self::set).
+    /// Sets one value of a running node, as a peer sent it, like [`set`](Self::set). A text that is a number counts as
+    /// one where a float is needed. A read-only parameter may be set to the value that it has, as in a dump of this node.
     ///
     /// # Errors
-    /// Those of [`set`](Self::set), and a read-only parameter.
+    /// Those of [`set`](Self::set), and another value of a read-only parameter.
     pub(crate) fn change(
         &mut self,
         name: &str,
@@ -182,11 +184,14 @@ impl Parameters {
         let Some(declared) = self.get(name) else {
             return Err(unknown(name, origin, self.hint(name)));
         };
-        if declared.row.is_read_only {
-            let (name, origin) = (name.to_owned(), origin.to_owned());
-            return Err(ParameterError::ReadOnly { name, origin });
+        let value = received::meant(declared.row.kind, value);
+        if !declared.row.is_read_only {
+            return self.set(name, value, origin);
         }
-        self.set(name, value, origin)
+        if declared.value == value {
+            return Ok(());
+        }
+        Err(ParameterError::ReadOnly { name: name.to_owned(), origin: origin.to_owned() })
     }
 
     fn put(&mut self, name: &str, value: Value, origin: Origin) -> Result<(), ParameterError> {

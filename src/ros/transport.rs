@@ -3,8 +3,9 @@
 //! Everything visible to ROS users is implemented once, above this interface; a middleware implements only the traits
 //! here. Bytes are CDR with the four-byte header, in both directions.
 
-use std::sync::Arc;
+use std::sync::{Arc, mpsc::sync_channel};
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::msg::{
@@ -33,7 +34,7 @@ pub struct ServiceEndpoint {
 }
 
 /// Identity of a node in the graph.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NodeIdentity {
     /// Name without the namespace.
     pub name: String,
@@ -57,7 +58,7 @@ pub struct Arrival {
 }
 
 /// A received message that cannot be delivered. It is counted and reported, without further effects.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Error)]
 pub enum Fault {
     /// Larger than the subscription allows.
     #[error(
@@ -81,8 +82,31 @@ pub(crate) type OnArrival = Box<dyn FnMut(Result<Arrival, Fault>) + Send>;
 /// response. Called on a thread that only serves requests, so it may block briefly.
 pub type OnRequest = Box<dyn FnMut(&[u8]) -> Option<Vec<u8>> + Send>;
 
+/// Sends the response to one request, at once or later, from any thread. Dropping it sends none.
+pub struct Responder(Box<dyn FnOnce(Option<Vec<u8>>) + Send>);
+
+impl Responder {
+    /// `respond` gets the CDR bytes of the response, or `None` if there is none.
+    pub(crate) fn new(respond: impl FnOnce(Option<Vec<u8>>) + Send + 'static) -> Self {
+        Self(Box::new(respond))
+    }
+
+    /// Sends the response; `None` if the request is malformed.
+    pub(crate) fn respond(self, response: Option<Vec<u8>>) {
+        (self.0)(response);
+    }
+}
+
+/// Callback for a request whose response may take long. It must not wait for it.
+pub type OnLateRequest = Box<dyn FnMut(&[u8], Responder) + Send>;
+
+/// Returns a callback that responds at once.
+pub(crate) fn at_once(mut on_request: OnRequest) -> OnLateRequest {
+    Box::new(move |request, responder| responder.respond(on_request(request)))
+}
+
 /// Errors of the middleware.
-#[derive(Debug, Error)]
+#[derive(Debug, Serialize, Deserialize, Error)]
 pub enum TransportError {
     /// An invalid setting from the environment, a file or a parameter; the reason states valid values.
     #[error("{setting}: {reason}")]
@@ -106,7 +130,7 @@ pub enum TransportError {
 }
 
 /// A topic of the graph, of this node or others.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct GraphTopic {
     /// Absolute name.
     pub name: String,
@@ -176,6 +200,48 @@ pub trait Transport: Send + Sync {
         on_request: OnRequest,
     ) -> Result<Box<dyn Server>, TransportError>;
 
+    /// Offers a service whose responses may take long, such as the result of an action. By default, the thread that
+    /// serves this service waits for each response; so a middleware with one thread for all services must override it.
+    ///
+    /// # Errors
+    /// The middleware rejects it.
+    fn serve_late(
+        &self,
+        service: &ServiceEndpoint,
+        mut on_request: OnLateRequest,
+    ) -> Result<Box<dyn Server>, TransportError> {
+        let wait = move |request: &[u8]| {
+            let (sender, response) = sync_channel(1);
+            // The receiver outlives the responder, or nobody waits any more.
+            on_request(request, Responder::new(move |response| drop(sender.send(response))));
+            response.recv().ok().flatten()
+        };
+        self.serve(service, Box::new(wait))
+    }
+
     /// Returns the discovered topics of the graph, by name and type.
     fn topics(&self) -> Vec<GraphTopic>;
+
+    /// Returns the reason why this transport no longer works and must be opened again; `None` while it works.
+    fn failure(&self) -> Option<String> {
+        None
+    }
+
+    /// Returns the state of a middleware that runs in a process of its own.
+    fn health(&self) -> Health {
+        Health::default()
+    }
+}
+
+/// State of a middleware in a process of its own.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Health {
+    /// Number of times that the process was replaced.
+    pub num_restarts: u64,
+    /// Reason for the last replacement.
+    pub last_failure: Option<String>,
+    /// Received messages that the node was too slow to take.
+    pub num_overrun: u64,
+    /// Resident memory of the process, bytes; 0: unknown, or no such process.
+    pub resident_bytes: u64,
 }

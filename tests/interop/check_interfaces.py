@@ -33,18 +33,56 @@ def check_message(message):
     return complaints
 
 
-def check_service(service):
+def renamed(part, names):
+    """A field's type with other names in it."""
+    if isinstance(part, (tuple, list)):
+        return type(part)(renamed(element, names) for element in part)
+    return names.get(part, part)
+
+
+def register_part(store, name, text, action=None):
+    """Adds a part of a service or an action. rosbags knows neither: the part is read as a message, and the parts of an
+    action that it contains are named as such afterwards."""
+    message = name.replace("/srv/", "/msg/").replace("/action/", "/msg/")
+    constants, fields = get_types_from_msg(text, message)[message] if text else ([], [])
+    names = {}
+    if action:
+        parts = (f"{action}_{part}" for part in ("Goal", "Result", "Feedback"))
+        names = {part.replace("/action/", "/msg/"): part for part in parts}
+    store.fielddefs[name] = (constants, renamed(fields, names))
+
+
+def register_action(store, action):
+    for part, text in zip(("Goal", "Result", "Feedback"), action["text"].split("---\n"), strict=True):
+        register_part(store, f"{action['name']}_{part}", text)
+
+
+def check_action(action):
+    """Complaints about the parts of an action that are messages."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    register_action(store, action)
+    for part in action["messages"]:
+        if part["name"].endswith("_FeedbackMessage"):
+            register_part(store, part["name"], part["text"].split("=" * 80)[0], action["name"])
+    return [
+        f"{part['name']}: {part['hash']}, rosbags computes {computed}"
+        for part in action["messages"]
+        if (computed := store.hash_rihs01(part["name"])) != part["hash"]
+    ]
+
+
+def check_service(service, actions):
     """Complaints about one service: rosidl makes a message of request, response and event of it."""
     name, store = service["name"], get_typestore(Stores.ROS2_JAZZY)
+    action = next((action for action in actions if name.startswith(f"{action['name']}_")), None)
+    if action:
+        register_action(store, action)
     constants, fields = store.fielddefs[EVENT_INFO]
     # In IDL, which is what is hashed, `char` is `uint8`.
     gid = ("client_gid", (Nodetype.ARRAY, ((Nodetype.BASE, ("uint8", 0)), 16)))
     store.fielddefs[EVENT_INFO] = (constants, [gid if field[0] == gid[0] else field for field in fields])
     for part, text in zip(("Request", "Response"), service["text"].split("---\n"), strict=True):
-        # rosbags knows no services: the parts are read as messages.
-        message = f"{name.replace('/srv/', '/msg/')}_{part}"
-        parsed = get_types_from_msg(text, message)[message] if text else ([], [])
-        store.fielddefs[f"{name}_{part}"] = parsed
+        register_part(store, f"{name}_{part}", text, action and action["name"])
     nested = [(Nodetype.NAME, f"{name}_{part}") for part in ("Request", "Response", "Event")]
     event = [("info", (Nodetype.NAME, EVENT_INFO))]
     event += [(part, (Nodetype.SEQUENCE, (kind, 1))) for part, kind in zip(("request", "response"), nested)]
@@ -57,11 +95,12 @@ def check_service(service):
 
 def main():
     interfaces = json.loads(Path(sys.argv[1]).read_text())
-    messages, services = interfaces["messages"], interfaces["services"]
+    messages, services, actions = interfaces["messages"], interfaces["services"], interfaces["actions"]
     complaints = [line for message in messages for line in check_message(message)]
-    complaints += [line for service in services for line in check_service(service)]
+    complaints += [line for service in services for line in check_service(service, actions)]
+    complaints += [line for action in actions for line in check_action(action)]
     print("\n".join(complaints) or f"{len(messages)} messages and {len(services)} services hash as rosbags says")
-    return 1 if complaints or not messages or not services else 0
+    return 1 if complaints or not messages or not services or not actions else 0
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 //! Outputs that already exist, are not writable, or do not fit on the disk.
 
-use std::{fs, path::Path};
+use std::{fs, os::unix::fs::symlink, path::Path};
 
 use crate::{
     program::{content, end, laser_profiler, limited},
@@ -55,6 +55,49 @@ fn force_replaces_only_bags() {
     }
     assert_eq!(content(&thesis), [("chapter1.tex".to_owned(), b"years".to_vec())]);
     assert_eq!(fs::read_to_string(&file).unwrap(), "text");
+}
+
+#[test]
+fn force_follows_no_links() {
+    let directory = tempfile::tempdir().unwrap();
+    let input = input(directory.path());
+    let elsewhere = directory.path().join("elsewhere");
+    fs::create_dir(&elsewhere).unwrap();
+    let thesis = elsewhere.join("thesis.mcap");
+    fs::write(&thesis, "years").unwrap();
+    let output = directory.path().join("out");
+    let replay = || end(laser_profiler(&["replay", &input, "--force", "-o"]).arg(&output));
+    assert_eq!(replay().code, Some(0));
+    symlink(&elsewhere, output.join("folder")).unwrap();
+    symlink(&thesis, output.join("out_7.mcap")).unwrap();
+    symlink(&thesis, output.join("metadata.yaml.unfinished")).unwrap();
+    let metadata = fs::read_to_string(output.join("metadata.yaml")).unwrap();
+    let listed =
+        metadata.replace("- out_0.mcap", "- out_0.mcap\n  - folder/thesis.mcap\n  - out_7.mcap");
+    assert_ne!(listed, metadata, "more files are listed");
+    fs::write(output.join("metadata.yaml"), listed).unwrap();
+    let ended = replay();
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(fs::read_to_string(&thesis).unwrap(), "years");
+    assert!(output.join("folder").is_symlink() && output.join("out_7.mcap").is_symlink());
+}
+
+#[test]
+fn force_keeps_recordings_of_other_programs() {
+    let directory = tempfile::tempdir().unwrap();
+    let input = input(directory.path());
+    let camera = directory.path().join("camera");
+    record_images(&camera, &good_images(3));
+    let file = camera.join("camera_0.mcap");
+    let bytes = fs::read(&file).unwrap();
+    let own = b"laser_profiler ";
+    let at = bytes.windows(own.len()).position(|part| part == own).unwrap();
+    let foreign = [&bytes[..at], b"rosbag2_storage", &bytes[at + own.len()..]].concat();
+    fs::write(&file, &foreign).unwrap();
+    let ended = end(laser_profiler(&["replay", &input, "--force", "-o"]).arg(&camera));
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert!(ended.stderr.contains("not a bag of this program"), "{ended:?}");
+    assert!(fs::read(&file).unwrap() == foreign, "untouched");
 }
 
 #[test]

@@ -265,7 +265,7 @@ fn a_description_of_zeros_means_that_nothing_is_known() {
     }
 }
 
-/// What is known of the first recording's camera says nothing about the second one's.
+/// The camera of the first recording says nothing about that of the second.
 #[test]
 fn every_recording_waits_for_its_own_description() {
     let bags = Bags::new();

@@ -3,7 +3,11 @@
 use std::fs;
 
 use laser_profiler::msg::{
-    laser_profiler_msgs::START_SCAN,
+    action_msgs::{CANCEL_GOAL, GoalStatusArray},
+    laser_profiler_msgs::{
+        START_SCAN,
+        scan::{FeedbackMessage, GET_RESULT, SEND_GOAL, ScanFeedback, ScanGoal, ScanResult},
+    },
     lifecycle_msgs::{
         CHANGE_STATE, GET_AVAILABLE_STATES, GET_AVAILABLE_TRANSITIONS, GET_STATE,
         TransitionDescription, TransitionEvent,
@@ -22,8 +26,9 @@ use crate::{
     program::{Ended, end},
 };
 
-fn messages() -> [&'static MessageType; 6] {
+fn messages() -> [&'static MessageType; 7] {
     [
+        GoalStatusArray::TYPE,
         <Log<'_>>::TYPE,
         <TFMessage<'_>>::TYPE,
         <TransitionDescription<'_>>::TYPE,
@@ -33,10 +38,18 @@ fn messages() -> [&'static MessageType; 6] {
     ]
 }
 
-const SERVICES: [ServiceType; 7] = [
+/// The parts of the action that are messages.
+fn parts_of_action() -> [&'static MessageType; 4] {
+    [<ScanGoal<'_>>::TYPE, <ScanResult<'_>>::TYPE, ScanFeedback::TYPE, FeedbackMessage::TYPE]
+}
+
+const SERVICES: [ServiceType; 10] = [
     TRIGGER,
     SET_BOOL,
     START_SCAN,
+    SEND_GOAL,
+    GET_RESULT,
+    CANCEL_GOAL,
     CHANGE_STATE,
     GET_STATE,
     GET_AVAILABLE_STATES,
@@ -53,9 +66,15 @@ fn check(first_hash: &str) -> Option<Ended> {
     let mut services: Vec<_> =
         SERVICES.iter().map(|kind| entry(kind.name, kind.text, kind.hash)).collect();
     services[0]["hash"] = first_hash.into();
+    let parts: Vec<_> =
+        parts_of_action().iter().map(|kind| entry(kind.name, &kind.schema(), kind.hash)).collect();
+    let text = include_str!("../../msgs/laser_profiler_msgs/action/Scan.action");
+    let name = "laser_profiler_msgs/action/Scan";
+    let actions = json!([{"name": name, "text": text, "messages": parts}]);
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("interfaces.json");
-    fs::write(&path, json!({"messages": messages, "services": services}).to_string()).unwrap();
+    let document = json!({"messages": messages, "services": services, "actions": actions});
+    fs::write(&path, document.to_string()).unwrap();
     let mut command = std::process::Command::new(python);
     Some(end(command.arg(interop("check_interfaces.py")).arg(path)))
 }

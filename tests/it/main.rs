@@ -44,10 +44,12 @@ mod determinism;
 mod memory;
 mod pictures;
 mod bad_bags;
+mod bombs;
 mod containers;
 mod bad_images;
 mod encodings;
 mod bad_output;
+mod hostile_names;
 mod interop;
 mod browser;
 mod rerun;
@@ -55,6 +57,8 @@ mod interfaces;
 mod tidy;
 #[cfg(feature = "foxglove")]
 mod view;
+#[cfg(feature = "foxglove")]
+mod view_attacks;
 mod launch_configs;
 mod launch_files;
 mod packaging;

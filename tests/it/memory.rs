@@ -23,18 +23,34 @@ const SLACK_KIB: u64 = 8 * 1024;
 /// Largest resident memory of a command, KiB, as Linux counts it. Polled, because it is
 /// lost when the process ends; polling detects growth with the recording nevertheless.
 fn peak_kib(command: &mut Command) -> u64 {
+    let (peak, code) = peak_kib_and_code(command);
+    assert_eq!(code, Some(0));
+    peak
+}
+
+/// Like [`peak_kib`], of a command that may fail; with its exit code.
+pub(crate) fn peak_kib_and_code(command: &mut Command) -> (u64, Option<i32>) {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let peak = resident_peak_kib(child.id());
+    (peak, child.wait().unwrap().code())
+}
+
+/// Largest resident memory of a process, KiB, followed until it has ended.
+pub(crate) fn resident_peak_kib(process: u32) -> u64 {
     let mut peak = 0;
-    while child.try_wait().unwrap().is_none() {
-        let status = fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
-        let resident = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        let kib = resident.and_then(|text| text.trim().strip_suffix(" kB")?.parse().ok());
-        peak = peak.max(kib.unwrap_or(0));
+    // A process that has ended, but that nobody has waited for, has no memory.
+    while let Some(kib) = resident_kib(process) {
+        peak = peak.max(kib);
         thread::sleep(Duration::from_millis(2));
     }
-    assert!(child.wait().unwrap().success());
     assert!(peak > 0, "measured");
     peak
+}
+
+fn resident_kib(process: u32) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let resident = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    resident.trim().strip_suffix(" kB")?.parse().ok()
 }
 
 #[test]

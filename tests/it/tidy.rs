@@ -14,7 +14,7 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 const MAX_LINES: usize = 400;
 
 /// The modules that each module may use.
-const MAY_USE: [(&str, &[&str]); 15] = [
+const MAY_USE: [(&str, &[&str]); 16] = [
     ("parameters", &[]),
     ("statistics", &[]),
     ("scanner", &["parameters", "statistics"]),
@@ -28,6 +28,8 @@ const MAY_USE: [(&str, &[&str]); 15] = [
     ("ros", &["msg", "parameters", "scanner"]),
     ("bag", &["msg"]),
     ("foxglove", &["msg"]),
+    // Only in builds of cargo-fuzz.
+    ("fuzzing", &["bag", "msg", "ros", "scanner"]),
     ("node", &["ros", "bag", "foxglove", "msg", "parameters", "scanner"]),
     (
         "cli",

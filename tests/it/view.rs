@@ -24,15 +24,15 @@ const FILM: &[&str] =
 const FILM_FRAMES: u64 = 147;
 
 /// A process with a view. It is killed when dropped.
-struct Viewed {
+pub(crate) struct Viewed {
     process: Child,
-    url: String,
+    pub(crate) url: String,
     stderr: Option<JoinHandle<String>>,
 }
 
 impl Viewed {
     /// Starts a command with `--view=0` and waits until the view listens.
-    fn start(command: &mut Command) -> Self {
+    pub(crate) fn start(command: &mut Command) -> Self {
         let piped = command.stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut process = piped.spawn().unwrap();
         let mut lines = BufReader::new(process.stderr.take().unwrap());
@@ -51,12 +51,17 @@ impl Viewed {
         Self { process, url, stderr: Some(thread::spawn(rest)) }
     }
 
-    fn replay(arguments: &[&str]) -> Self {
+    pub(crate) fn replay(arguments: &[&str]) -> Self {
         Self::start(laser_profiler(&["replay"]).args(arguments))
     }
 
+    /// Number of the process.
+    pub(crate) fn id(&self) -> u32 {
+        self.process.id()
+    }
+
     /// Waits for its end; standard error from its first line.
-    fn wait(mut self) -> Ended {
+    pub(crate) fn wait(mut self) -> Ended {
         let mut stdout = String::new();
         self.process.stdout.take().unwrap().read_to_string(&mut stdout).unwrap();
         let code = self.process.wait().unwrap().code();
@@ -64,7 +69,7 @@ impl Viewed {
     }
 
     /// Ends it as Ctrl-C does.
-    fn interrupt(self) -> Ended {
+    pub(crate) fn interrupt(self) -> Ended {
         let process = self.process.id().to_string();
         assert!(Command::new("kill").args(["-INT", &process]).status().unwrap().success());
         self.wait()

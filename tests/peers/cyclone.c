@@ -236,8 +236,47 @@ static void subscribe(const struct options *o, dds_entity_t participant) {
   report(&tally);
 }
 
+/* The reply that begins as the request does; null if the time is over. */
+static struct raw *wait_for_reply(dds_entity_t reader, const uint8_t *request, int64_t end_ns) {
+  while (wall_ns() < end_ns) {
+    struct raw *reply;
+    if (!take(reader, &reply)) {
+      dds_sleepfor(DDS_MSECS(1));
+    } else if (reply->size >= 20 && !memcmp(reply->bytes + 4, request + 4, 16)) {
+      return reply;
+    } else {
+      // Replies to others come by the same topic.
+      ddsi_serdata_unref(&reply->c);
+    }
+  }
+  return NULL;
+}
+
+static void discover(const struct options *o, dds_entity_t participant) {
+  dds_entity_t reader = check(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, NULL, NULL), "reader");
+  const int64_t end = wall_ns() + (int64_t)(o->seconds * 1e9);
+  while (wall_ns() < end) {
+    void *samples[1] = {NULL};
+    dds_sample_info_t info;
+    if (dds_take(reader, samples, &info, 1, 1) != 1) {
+      dds_sleepfor(DDS_MSECS(10));
+      continue;
+    }
+    const dds_builtintopic_endpoint_t *found = samples[0];
+    if (info.valid_data && !strcmp(found->topic_name, o->topic)) {
+      void *user_data = NULL;
+      size_t length = 0;
+      dds_qget_userdata(found->qos, &user_data, &length);
+      report_publisher(found->type_name, user_data, length);
+      return;
+    }
+    dds_return_loan(reader, samples, 1);
+  }
+  fail("nobody came");
+}
+
 /* As rmw_cyclonedds does: eight bytes of client and eight of number in front of request and reply. */
-static void call(struct options *o, dds_entity_t participant) {
+static void call(struct options *o, dds_entity_t participant, int is_single) {
   char requests[256], replies[256], request_type[256], reply_type[256];
   snprintf(requests, sizeof requests, "rq%sRequest", o->topic);
   snprintf(replies, sizeof replies, "rr%sReply", o->topic);
@@ -251,22 +290,21 @@ static void call(struct options *o, dds_entity_t participant) {
   dds_entity_t writer = check(dds_create_writer(participant, request_topic, new_qos(o), NULL), "writer");
   await(writer, DDS_PUBLICATION_MATCHED_STATUS, o->seconds);
   await(reader, DDS_SUBSCRIPTION_MATCHED_STATUS, o->seconds);
-  const uint8_t request[] = {0, 1, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 42, 0, 0, 0, 0, 0, 0, 0, 0};
-  write_raw(writer, type, request, sizeof request);
-  const int64_t end = wall_ns() + (int64_t)(o->seconds * 1e9);
-  while (wall_ns() < end) {
-    struct raw *reply;
-    if (!take(reader, &reply)) {
-      dds_sleepfor(DDS_MSECS(1));
-    } else if (reply->size >= 20 && !memcmp(reply->bytes + 4, request + 4, 16)) {
-      report_reply(reply->bytes + 20, reply->size - 20);
-      return;
-    } else {
-      // Replies to others come by the same topic.
-      ddsi_serdata_unref(&reply->c);
-    }
+  static uint8_t request[1 << 16] = {0, 1, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8};
+  const size_t length = 16 + parse_hex(o->request + 8, request + 20, sizeof request - 20) + 4;
+  struct tally answered = {0};
+  for (int number = 1; number <= (is_single ? 1 : o->count); number++) {
+    request[12] = (uint8_t)number;
+    const int64_t sent_ns = wall_ns();
+    write_raw(writer, type, request, length);
+    struct raw *reply = wait_for_reply(reader, request, sent_ns + (int64_t)(o->seconds * 1e9));
+    if (!reply) continue;
+    enter_since(&answered, sent_ns, reply->size - 16);
+    if (is_single) report_reply(reply->bytes + 20, reply->size - 20);
+    ddsi_serdata_unref(&reply->c);
   }
-  fail("no reply");
+  if (is_single && !answered.count) fail("no reply");
+  if (!is_single) report_as("replies", &answered);
 }
 
 int main(int argc, char **argv) {
@@ -274,8 +312,10 @@ int main(int argc, char **argv) {
   dds_entity_t participant = check(dds_create_participant((uint32_t)o.domain, NULL, NULL), "participant");
   if (!strcmp(o.verb, "publish")) publish(&o, participant);
   else if (!strcmp(o.verb, "subscribe")) subscribe(&o, participant);
-  else if (!strcmp(o.verb, "call")) call(&o, participant);
-  else fail("publish, subscribe or call");
+  else if (!strcmp(o.verb, "discover")) discover(&o, participant);
+  else if (!strcmp(o.verb, "call")) call(&o, participant, 1);
+  else if (!strcmp(o.verb, "calls")) call(&o, participant, 0);
+  else fail("publish, subscribe, discover, call or calls");
   dds_delete(participant);
   return 0;
 }

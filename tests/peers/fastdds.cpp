@@ -3,11 +3,13 @@
 //   c++ -O2 -o fastdds fastdds.cpp -lfastrtps -lfastcdr
 #include <atomic>
 #include <condition_variable>
+#include <map>
 #include <mutex>
 #include <vector>
 
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
@@ -16,6 +18,7 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
+#include <fastdds/rtps/writer/WriterDiscoveryInfo.h>
 
 #include "peer.h"
 
@@ -88,8 +91,6 @@ struct ReaderEvents : DataReaderListener {
   int wanted = 0;
   Bytes last;
   SampleInfo info;
-  // Replies to others come by the same topic.
-  eprosima::fastrtps::rtps::GUID_t only{};
   void on_subscription_matched(DataReader*, const SubscriptionMatchedStatus& status) override {
     if (status.current_count > 0) matched.set();
   }
@@ -97,13 +98,55 @@ struct ReaderEvents : DataReaderListener {
     std::lock_guard<std::mutex> lock(mutex);
     while (reader->take_next_sample(&last, &info) == ReturnCode_t::RETCODE_OK) {
       if (!info.valid_data) continue;
-      if (only != eprosima::fastrtps::rtps::GUID_t{} && info.related_sample_identity.writer_guid() != only) continue;
       enter(&received, last.data(), last.size());
       if (received.count >= wanted) {
         done.set();
         return;
       }
     }
+  }
+};
+
+// Replies by the number of their request.
+struct ReplyEvents : DataReaderListener {
+  Event matched;
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::map<uint64_t, Bytes> replies;
+  void on_subscription_matched(DataReader*, const SubscriptionMatchedStatus& status) override {
+    if (status.current_count > 0) matched.set();
+  }
+  void on_data_available(DataReader* reader) override {
+    std::lock_guard<std::mutex> lock(mutex);
+    Bytes reply;
+    SampleInfo info;
+    while (reader->take_next_sample(&reply, &info) == ReturnCode_t::RETCODE_OK) {
+      const auto& to = info.related_sample_identity;
+      // Replies to others come by the same topic.
+      if (!info.valid_data || to.writer_guid() != reader->guid()) continue;
+      replies[to.sequence_number().to64long()] = reply;
+      changed.notify_all();
+    }
+  }
+  // Whether the reply to a request has come; it is forgotten then.
+  bool wait(uint64_t request, double seconds, Bytes* reply) {
+    std::unique_lock<std::mutex> lock(mutex);
+    const auto is_there = [&] { return replies.count(request) > 0; };
+    if (!changed.wait_for(lock, std::chrono::duration<double>(seconds), is_there)) return false;
+    *reply = replies[request];
+    replies.erase(request);
+    return true;
+  }
+};
+
+struct Publishers : DomainParticipantListener {
+  Event found;
+  std::string topic;
+  void on_publisher_discovery(DomainParticipant*, eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) override {
+    if (info.info.topicName() != topic.c_str()) return;
+    const auto& user_data = info.info.m_qos.m_userData;
+    report_publisher(info.info.typeName().c_str(), user_data.data(), user_data.size());
+    found.set();
   }
 };
 
@@ -139,7 +182,7 @@ struct Node {
     if (!writer) fail("writer");
     return writer;
   }
-  DataReader* reader(Topic* topic, const options& o, ReaderEvents* events) {
+  DataReader* reader(Topic* topic, const options& o, DataReaderListener* events) {
     DataReaderQos qos = DATAREADER_QOS_DEFAULT;
     set(qos, o);
     auto* reader = participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT)->create_datareader(topic, qos, events);
@@ -180,37 +223,54 @@ static void subscribe(const options& o, Node& node) {
   report(&events.received);
 }
 
+static void discover(const options& o) {
+  Publishers publishers;
+  publishers.topic = o.topic;
+  auto* factory = DomainParticipantFactory::get_instance();
+  auto* participant =
+      factory->create_participant(o.domain, PARTICIPANT_QOS_DEFAULT, &publishers, StatusMask::none());
+  if (!participant) fail("participant");
+  if (!publishers.found.wait(o.seconds)) fail("nobody came");
+  factory->delete_participant(participant);
+}
+
 // As rmw_fastrtps does: beside the request stands the reader of the reply, beside the reply that and the request's number.
-static void call(options o, Node& node) {
+static void call(options o, Node& node, bool is_single) {
   const std::string topic = o.topic, type = o.type;
   o.is_reliable = 1;
-  ReaderEvents replies;
+  ReplyEvents replies;
   WriterEvents requests;
-  replies.wanted = 1;
   auto* reader = node.reader(node.topic("rr" + topic + "Reply", type + "Response_"), o, &replies);
-  {
-    std::lock_guard<std::mutex> lock(replies.mutex);
-    replies.only = reader->guid();
-  }
   auto* writer = node.writer(node.topic("rq" + topic + "Request", type + "Request_"), o, &requests);
   if (!requests.matched.wait(o.seconds) || !replies.matched.wait(o.seconds)) fail("nobody came");
-  Bytes request{0, 1, 0, 0, 0};
-  WriteParams params;
-  params.related_sample_identity().writer_guid() = reader->guid();
-  if (!writer->write(&request, params)) fail("write");
-  const auto number = params.sample_identity().sequence_number();
-  if (!replies.done.wait(o.seconds)) fail("no reply");
+  Bytes request(strlen(o.request) / 2), reply;
+  request.resize(parse_hex(o.request, request.data(), request.size()));
+  tally answered{};
+  for (int i = 0; i < (is_single ? 1 : o.count); i++) {
+    WriteParams params;
+    params.related_sample_identity().writer_guid() = reader->guid();
+    const int64_t sent_ns = wall_ns();
+    if (!writer->write(&request, params)) fail("write");
+    if (replies.wait(params.sample_identity().sequence_number().to64long(), o.seconds, &reply)) {
+      enter_since(&answered, sent_ns, reply.size());
+    }
+  }
   node.leave();
-  if (replies.info.related_sample_identity.sequence_number() != number) fail("the reply is to another request");
-  report_reply(replies.last.data(), replies.last.size());
+  if (is_single && !answered.count) fail("no reply");
+  if (is_single) report_reply(reply.data(), reply.size());
+  else report_as("replies", &answered);
 }
 
 int main(int argc, char** argv) {
   const options o = parse(argc, argv);
-  Node node(o);
   const std::string verb = o.verb;
+  if (verb == "discover") {
+    discover(o);
+    return 0;
+  }
+  Node node(o);
   if (verb == "publish") publish(o, node);
   else if (verb == "subscribe") subscribe(o, node);
-  else if (verb == "call") call(o, node);
-  else fail("publish, subscribe or call");
+  else if (verb == "call" || verb == "calls") call(o, node, verb == "call");
+  else fail("publish, subscribe, discover, call or calls");
 }

@@ -1,17 +1,30 @@
 #!/usr/bin/env bash
 # The live node between a camera and a reader that are not ours, under load; prints what each of the three says.
 #
-#   tests/peers/load.sh zenoh|cyclone|fastdds WIDTH HEIGHT HZ SECONDS [--pattern]
+#   tests/peers/load.sh zenoh|cyclone|fastdds WIDTH HEIGHT HZ SECONDS [--pattern] [--reliable] [--beside]
 #
-# --pattern sends images that are bright all over, the most work there is, instead of a stripe in the dark.
+# --pattern sends images that are bright all over, the most work there is, instead of a stripe in the dark. On DDS,
+# --reliable makes camera and node reliable, and --beside has a subscriber of the camera's vendor count the images, too.
 # Needs `cargo build --release` and, for the peers, one run of `cargo test --test it` before.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 peer=$1 width=$2 height=$3 hz=$4 seconds=$5
-stripe=(--stripe)
-[ "${6:-}" = --pattern ] && stripe=()
+shift 5
+stripe=(--stripe) reliable=() qos=() is_beside=
+for option in "$@"; do
+  case $option in
+    --pattern) stripe=() ;;
+    --reliable) reliable=(--reliable) qos=(--ros-args -p qos_overrides./image_raw.subscription.reliability:=reliable) ;;
+    --beside) is_beside=1 ;;
+    *) echo "no option $option" >&2; exit 2 ;;
+  esac
+done
 target=${CARGO_TARGET_DIR:-target}
 node=$target/release/laser_profiler
+if [ "$peer" = zenoh ] && [ -n "${reliable[*]}$is_beside" ]; then
+  echo "--reliable and --beside need a camera on DDS" >&2
+  exit 2
+fi
 out=$(mktemp -d)
 export ROS_DOMAIN_ID=$((RANDOM % 90 + 5))
 
@@ -36,22 +49,31 @@ else
       --count 1000000 --seconds $((seconds + 8))
   }
   send_images() {
-    peer publish --topic rt/image_raw --width "$width" --height "$height" --rate "$hz" --count $((hz * seconds)) "${stripe[@]}"
+    peer publish --topic rt/image_raw --width "$width" --height "$height" --rate "$hz" --count $((hz * seconds)) \
+      "${stripe[@]}" "${reliable[@]}"
   }
-  "$node" run --transport dds --json >"$out/node" &
+  read_images() {
+    peer subscribe --topic rt/image_raw "${reliable[@]}" --count 1000000 --seconds $((seconds + 8))
+  }
+  "$node" run --transport dds --json "${qos[@]}" >"$out/node" &
 fi
 process=$!
 trap 'kill -9 $process 2>/dev/null || true; rm -rf "$out"' EXIT
 sleep 3 # A person looks at the result: what comes before everybody has met is seen in it.
 read_results >"$out/reader" &
 reader=$!
+[ -z "$is_beside" ] || read_images >"$out/beside" &
+beside=$!
 sleep 2
 send_images | tee "$out/camera"
-memory=$(grep VmHWM "/proc/$process/status")
-processor=$(awk '{print ($14 + $15) / 100}' "/proc/$process/stat")
-wait $reader
+# The node and its middleware process.
+family="$process $(cat /proc/"$process"/task/*/children)"
+memory=$(for one in $family; do grep VmHWM "/proc/$one/status"; done | awk '{sum += $2} END {print sum / 1024 " MB"}')
+processor=$(for one in $family; do cat "/proc/$one/stat"; done | awk '{sum += ($14 + $15) / 100} END {print sum}')
+wait $reader $beside
 kill $process
 wait $process || true
+[ -z "$is_beside" ] || sed 's/^/the subscriber beside the node: /' "$out/beside"
 cat "$out/reader" "$out/node"
-echo "peak memory ${memory#*:}, processor $processor s"
+echo "peak memory of both processes $memory, processor $processor s"
 uptime

@@ -3,13 +3,17 @@
  *   PEER publish   --domain D --topic T [--type Y] [--width W --height H] [--rate R] [--count N] [--depth K]
  *                  [--reliable] [--held] [--encoding E] [--linger S]
  *   PEER subscribe --domain D --topic T [--type Y] [--count N] [--seconds S] [--depth K] [--reliable] [--latched]
- *   PEER call      --domain D --topic SERVICE --type PACKAGE::srv::dds_::NAME_ [--seconds S]
+ *   PEER discover  --domain D --topic T [--seconds S]
+ *   PEER call      --domain D --topic SERVICE --type PACKAGE::srv::dds_::NAME_ [--seconds S] [--request HEX]
+ *   PEER calls     the same, with [--count N]
  *
  * Topics and types are named as on DDS (rt/camera/image_raw, sensor_msgs::msg::dds_::Image_). `publish` waits for a
  * subscriber, with --held for a line on stdin too, and sends N images a R-th of a second apart, each stamped when it is
  * sent; then it stays for S seconds. E other than 1 is a header that lies: not little-endian CDR. --stripe sends a laser stripe in the dark instead of a pattern. `subscribe` takes any
- * message that begins with a std_msgs/Header, until it has N or S seconds are over. `call` sends an empty request and
- * waits for the reply. K is how many messages are kept. Each line on stdout is one JSON object.
+ * message that begins with a std_msgs/Header, until it has N or S seconds are over. `discover` waits for a publisher and
+ * reports its type and user data. `call` sends a request,
+ * empty without --request, and prints the reply. `calls` sends N, each once the reply to the one before it is there or
+ * S seconds are over, and prints what became of them. A request is CDR with its header. K is how many messages are kept. Each line on stdout is one JSON object.
  */
 #ifndef PEER_H
 #define PEER_H
@@ -26,7 +30,7 @@
 #define MAX_LATENCIES 1000000
 
 struct options {
-  const char *verb, *topic, *type;
+  const char *verb, *topic, *type, *request;
   int domain, width, height, count, depth, encoding, is_reliable, is_latched, is_stripe, is_held;
   double rate, seconds, linger;
 };
@@ -49,7 +53,7 @@ static void fail(const char *what) {
 }
 
 static struct options parse(int argc, char **argv) {
-  struct options o = {"", "", "sensor_msgs::msg::dds_::Image_", 0, 640, 480, 10, 10, 1, 0, 0, 0, 0, 10.0, 30.0, 1.0};
+  struct options o = {"", "", "sensor_msgs::msg::dds_::Image_", "0001000000", 0, 640, 480, 10, 10, 1, 0, 0, 0, 0, 10.0, 30.0, 1.0};
   if (argc > 1) o.verb = argv[1];
   for (int i = 2; i < argc; i++) {
     const char *name = argv[i];
@@ -61,6 +65,7 @@ static struct options parse(int argc, char **argv) {
     if (!strcmp(name, "--domain")) o.domain = atoi(value);
     else if (!strcmp(name, "--topic")) o.topic = value;
     else if (!strcmp(name, "--type")) o.type = value;
+    else if (!strcmp(name, "--request")) o.request = value;
     else if (!strcmp(name, "--width")) o.width = atoi(value);
     else if (!strcmp(name, "--height")) o.height = atoi(value);
     else if (!strcmp(name, "--count")) o.count = atoi(value);
@@ -129,16 +134,21 @@ struct tally {
   int count;
 };
 
-static void enter(struct tally *t, const uint8_t *message, size_t length) {
-  uint32_t seconds, nanoseconds;
-  if (length < STAMP_AT + 8 || t->count == MAX_LATENCIES) return;
-  memcpy(&seconds, message + STAMP_AT, 4);
-  memcpy(&nanoseconds, message + STAMP_AT + 4, 4);
+static void enter_since(struct tally *t, int64_t sent_ns, size_t length) {
+  if (t->count == MAX_LATENCIES) return;
   if (!t->latencies_ns) t->latencies_ns = (int64_t *)malloc(MAX_LATENCIES * sizeof(int64_t));
   t->last_ns = wall_ns();
   if (t->count == 0) t->first_ns = t->last_ns;
-  t->latencies_ns[t->count++] = t->last_ns - (seconds * NS_PER_S + nanoseconds);
+  t->latencies_ns[t->count++] = t->last_ns - sent_ns;
   t->bytes += (int64_t)length;
+}
+
+static void enter(struct tally *t, const uint8_t *message, size_t length) {
+  uint32_t seconds, nanoseconds;
+  if (length < STAMP_AT + 8) return;
+  memcpy(&seconds, message + STAMP_AT, 4);
+  memcpy(&nanoseconds, message + STAMP_AT + 4, 4);
+  enter_since(t, seconds * NS_PER_S + nanoseconds, length);
 }
 
 static int by_size(const void *a, const void *b) {
@@ -146,19 +156,36 @@ static int by_size(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-static void report(struct tally *t) {
+static void report_as(const char *event, struct tally *t) {
   if (t->count) qsort(t->latencies_ns, (size_t)t->count, sizeof(int64_t), by_size);
 #define PERCENTILE(p) (t->count ? (double)t->latencies_ns[(t->count - 1) * (p) / 100] / 1e6 : 0.0)
   const double seconds = (double)(t->last_ns - t->first_ns) / 1e9;
-  printf("{\"event\": \"received\", \"count\": %d, \"bytes\": %lld, \"hz\": %.2f, \"p50_ms\": %.3f, "
+  printf("{\"event\": \"%s\", \"count\": %d, \"bytes\": %lld, \"hz\": %.2f, \"p50_ms\": %.3f, "
          "\"p99_ms\": %.3f, \"max_ms\": %.3f}\n",
-         t->count, (long long)t->bytes, seconds > 0 ? (t->count - 1) / seconds : 0.0, PERCENTILE(50),
+         event, t->count, (long long)t->bytes, seconds > 0 ? (t->count - 1) / seconds : 0.0, PERCENTILE(50),
          PERCENTILE(99), PERCENTILE(100));
   fflush(stdout);
 }
 
+static void report(struct tally *t) { report_as("received", t); }
+
 static void report_sent(int count, int64_t started_ns) {
   printf("{\"event\": \"sent\", \"count\": %d, \"seconds\": %.3f}\n", count, (double)(wall_ns() - started_ns) / 1e9);
+  fflush(stdout);
+}
+
+/* A message written in hexadecimal; returns its length. */
+static size_t parse_hex(const char *hex, uint8_t *message, size_t capacity) {
+  size_t length = 0;
+  for (unsigned byte; length < capacity && sscanf(hex + 2 * length, "%2x", &byte) == 1; length++) {
+    message[length] = (uint8_t)byte;
+  }
+  return length;
+}
+
+static void report_publisher(const char *type, const uint8_t *user_data, size_t length) {
+  printf("{\"event\": \"publisher\", \"type\": \"%s\", \"user_data\": \"%.*s\"}\n", type, (int)length,
+         (const char *)user_data);
   fflush(stdout);
 }
 

@@ -20,6 +20,7 @@ def send(arguments, node):
     node.wait_for_subscribers(arguments.topic, kind, arguments.subscribers)
     node.wait_for_route(publisher)
     count = arguments.count or int(arguments.seconds * arguments.fps)
+    log = open(arguments.log, "w", buffering=1) if arguments.log else None
     start = time.monotonic()
     for number in range(count):
         due = start + number / arguments.fps
@@ -27,6 +28,8 @@ def send(arguments, node):
         now_ns = time.time_ns()
         message = image(number, arguments.width, arguments.height, now_ns, is_stripe=arguments.stripe)
         publisher.put(message, attachment=attachment(number + 1, node.gid, now_ns))
+        if log:
+            print(number + 1, now_ns, file=log)
     seconds = time.monotonic() - start
     say(event="sent", sent=count, seconds=round(seconds, 3), fps=round(count / seconds, 2))
     # Zenoh's queues are emptied behind the last put.
@@ -130,6 +133,7 @@ def main():
     parser.add_argument("--slow", type=float, default=0.0, help="seconds that a receiver takes for each message")
     parser.add_argument("--stripe", action="store_true", help="send a laser stripe instead of a pattern")
     parser.add_argument("--reliable", action="store_true", help="offer reliable instead of best effort")
+    parser.add_argument("--log", help="file for the sequence number and the time of each image that is sent")
     parser.add_argument("--config", action="append", default=[], help="key=value of Zenoh's configuration")
     arguments = parser.parse_args()
     session = open_session([arguments.connect], mode=arguments.mode, overrides=arguments.config)

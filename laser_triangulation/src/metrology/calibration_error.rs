@@ -33,7 +33,7 @@ enum Map {
     Vertical(Box<[VerticalIncidence; 2]>),
     /// The nominal and the shifted camera, plane and axis.
     Rays(Box<[Rig; 2]>),
-    /// What a lens adds that the model leaves out.
+    /// Contribution of a lens that the model leaves out.
     Lens(Deviation),
 }
 

@@ -5,7 +5,8 @@
 /// The description is the field's documentation, followed by the range. The struct gets `Default`, `parameters()` (its
 /// table), `from_values()` (its reader) and `check_ranges()`. After `=>` stands one of
 /// - `["name"]` or `["name", read_only]`: a parameter without a range;
-/// - `["name", range, "unit"]`: a number. A field of type `Option` is `None` where the parameter is 0;
+/// - `["name", range, "unit"]` or `["name", range, "unit", read_only]`: a number. A field of type `Option` is `None`
+///   where the parameter is 0;
 /// - `group`: another struct declared by this macro;
 /// - `computed`: a field that no parameter sets.
 ///
@@ -87,7 +88,7 @@ macro_rules! parameter_group {
         }
     };
 
-    (@doc [$name:literal, $range:expr, $unit:literal]) => {
+    (@doc [$name:literal, $range:expr, $unit:literal $($rest:tt)*]) => {
         concat!("\n Range: `", stringify!($range), "` ", $unit, ". Parameter `", $name, "`.")
     };
     (@doc [$name:literal $($rest:tt)*]) => { concat!("\n Parameter `", $name, "`.") };
@@ -105,6 +106,9 @@ macro_rules! parameter_group {
     };
     (@row $rows:ident, $default:expr, [$name:literal, $range:expr, $unit:literal], $text:tt) => {
         $crate::parameter_group!(@push $rows, $default, $name, $range, $unit, false, $text)
+    };
+    (@row $rows:ident, $default:expr, [$name:literal, $range:expr, $unit:literal, read_only], $text:tt) => {
+        $crate::parameter_group!(@push $rows, $default, $name, $range, $unit, true, $text)
     };
     (@push $rows:ident, $default:expr, $name:literal, $range:expr, $unit:literal, $read_only:literal, [$($text:literal)+]) => {
         $rows.push($crate::parameters::Parameter {

@@ -67,7 +67,7 @@ pub enum CalibrationError {
     Foreign {
         /// The kind of file.
         kind: &'static str,
-        /// What is wrong, and the remedy.
+        /// The fault and the remedy.
         problem: String,
     },
     /// Camera only: a profile needs the plane of light too.

@@ -102,7 +102,7 @@ pub fn suggest(pictures: &[OwnedImage]) -> Option<Suggestion> {
 /// Sets of parameters, and what they find.
 type Scored = Vec<(Params, Found)>;
 
-/// What was tried in one direction.
+/// Trials in one direction.
 struct Tried {
     base: Params,
     simple: Scored,

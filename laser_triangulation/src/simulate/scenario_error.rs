@@ -28,7 +28,10 @@ pub enum ScenarioError {
 
 /// Reads a scenario of any kind without checking its values.
 pub(super) fn parsed<T: DeserializeOwned>(text: &str) -> Result<T, ScenarioError> {
-    serde_saphyr::from_str(text).map_err(|error| ScenarioError::Yaml(Box::new(error)))
+    // A few parts may be alike; each reference could repeat a long text.
+    let options = serde_saphyr::options! { budget: serde_saphyr::budget! { max_aliases: 100 } };
+    serde_saphyr::from_str_with_options(text, options)
+        .map_err(|error| ScenarioError::Yaml(Box::new(error)))
 }
 
 /// Rejects frames at times that ROS cannot represent.

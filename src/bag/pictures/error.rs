@@ -23,7 +23,7 @@ pub enum PictureError {
     NoPictures {
         /// The folder.
         folder: PathBuf,
-        /// What it holds.
+        /// Its content.
         others: String,
     },
     /// No picture can be read.

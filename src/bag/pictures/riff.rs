@@ -1,4 +1,4 @@
-//! Whether an AVI file is whole. `ffmpeg` reads one that ends between two frames without a word, and the number of frames
+//! Checks that an AVI file is whole. `ffmpeg` reads one that ends between two frames without a word, and the number of frames
 //! that such a file states counts dropped ones.
 
 use std::fs::File;

@@ -16,7 +16,7 @@ const POSITION: &str = "position";
 const MAX_SECONDS: i64 = i64::MAX / NS - 1;
 const NS: i64 = 1_000_000_000;
 
-/// What the table states about a picture.
+/// A picture's row of the table.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Row {
     /// Time, nanoseconds. `None` without that column.

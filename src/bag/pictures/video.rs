@@ -294,7 +294,7 @@ impl VideoMessages {
         })
     }
 
-    /// What is missing at the end.
+    /// The part that is missing at the end.
     fn missing(&mut self) -> Option<BagError> {
         let told = self.decoder.as_mut().and_then(Decoder::finish);
         let (found, timed) = (self.next, self.video.stamps_ns.len());

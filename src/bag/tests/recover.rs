@@ -31,7 +31,7 @@ fn file(channels: &[Channel<'_>], message: &[u8]) -> Vec<u8> {
     writer.into_inner().into_inner()
 }
 
-/// What `recover` makes of a file: its report, and the channels in the new one by the mcap crate.
+/// Recovers a file; returns the report, and the channels in the new one by the mcap crate.
 fn recovered(bytes: &[u8]) -> (Recovery, Vec<BTreeMap<String, String>>) {
     let directory = tempfile::tempdir().unwrap();
     let output = directory.path().join("whole");

@@ -16,7 +16,7 @@ use crate::{
         rosout::RosoutSlot,
         stop::Stop,
         view::{
-            Address, Images, ViewRequest,
+            Address, Entrance, Images, TlsFiles, Token, ViewError, ViewRequest,
             live::{LiveView, LiveViewError},
             replay::{AtEnd, ReplayView, ReplayViewError},
         },
@@ -41,9 +41,9 @@ pub(in crate::cli) fn replay(
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     };
     let at_end = if *view_exit { AtEnd::Exit } else { AtEnd::Stay };
-    let shown = ReplayView::start(request, self::request(view)?, at_end, stop.clone());
-    let shown = shown.map_err(classified)?;
-    announce(shown.address());
+    let view = self::request(view)?;
+    let shown = ReplayView::start(request, &view, at_end, stop.clone()).map_err(classified)?;
+    announce(&view, shown.address());
     let written = write();
     while written.is_ok() && !shown.is_finished() && !stop.wait(WATCH_PERIOD) {}
     stop.raise();
@@ -64,11 +64,11 @@ pub(in crate::cli) fn live(
     let view_error = |error: LiveViewError| {
         if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
     };
-    let shown = LiveView::start(request, self::request(view)?).map_err(view_error)?;
-    announce(shown.address());
-    let variable = |name: &str| std::env::var(name).ok();
-    let node =
-        LiveNode::start_through(request, rosout, &variable, &|transport| shown.through(transport));
+    let view = self::request(view)?;
+    let shown = LiveView::start(request, &view).map_err(view_error)?;
+    // Before there is a node: the URL may hold a secret, which must not reach /rosout.
+    announce(&view, shown.address());
+    let node = LiveNode::start_through(request, rosout, &|transport| shown.through(transport));
     let node = node.map_err(classified)?;
     shown.set_parameters_of(node.parameters());
     let summaries = measure(node, stop).map_err(classified)?;
@@ -76,8 +76,9 @@ pub(in crate::cli) fn live(
     Ok(summaries)
 }
 
-fn announce(address: SocketAddr) {
-    tracing::info!("live view at ws://{address}: in Foxglove, Open connection, Foxglove WebSocket");
+fn announce(view: &ViewRequest, address: SocketAddr) {
+    let url = view.entrance.url(address);
+    tracing::info!("live view at {url}: in Foxglove, Open connection, Foxglove WebSocket");
 }
 
 fn log_num_messages(num_sent: u64) {
@@ -85,10 +86,25 @@ fn log_num_messages(num_sent: u64) {
 }
 
 fn request(view: &ViewArgs) -> anyhow::Result<ViewRequest> {
-    let usage = |message: String| Usage(message);
-    let text = view.view.as_deref().unwrap_or(super::DEFAULT_ADDRESS);
-    let address = Address::parse(text).map_err(|error| usage(error.to_string()))?;
+    let entrance = entrance(view).map_err(|error| {
+        if error.is_usage() { Usage(error.to_string()).into() } else { anyhow!(error) }
+    })?;
     let images = Images::from_name(&view.view_image)
-        .ok_or_else(|| usage(format!("--view-image: one of {}", Images::NAMES.join(", "))))?;
-    Ok(ViewRequest { address, images })
+        .ok_or_else(|| Usage(format!("--view-image: one of {}", Images::NAMES.join(", "))))?;
+    Ok(ViewRequest { entrance, images })
+}
+
+fn entrance(view: &ViewArgs) -> Result<Entrance, ViewError> {
+    let address = Address::parse(view.view.as_deref().unwrap_or(super::DEFAULT_ADDRESS))?;
+    let token = match view.view_token.as_deref() {
+        None => None,
+        Some("") => Some(Token::generate()?),
+        Some(text) => Some(Token::new(text)?),
+    };
+    let tls = match (view.view_cert.clone(), view.view_key.clone()) {
+        (None, None) => None,
+        (Some(certificate), Some(key)) => Some(TlsFiles { certificate, key }),
+        _ => return Err(ViewError::HalfCertificate),
+    };
+    Entrance::new(address, view.view_origin.clone(), token, tls)
 }

@@ -8,7 +8,8 @@ use serde::{
 
 use super::*;
 use crate::msg::{
-    builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs, laser_profiler_msgs,
+    action_msgs, builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs,
+    laser_profiler_msgs::{self, scan},
     lifecycle_msgs,
     noise::{self, for_each_message},
     rcl_interfaces, rosgraph_msgs, rosout,

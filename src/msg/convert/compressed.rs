@@ -49,7 +49,7 @@ pub(crate) fn unpack(
     Ok(shape)
 }
 
-/// What a compressed image is, from the header of its file.
+/// Size and encoding of a compressed image, from the header of its file.
 #[derive(Clone, Debug)]
 pub(crate) struct Kind {
     /// Columns.

@@ -138,7 +138,7 @@ pub(crate) const KINDS: &str = "PNG, JPEG, TIFF, BMP or PGM";
 
 type Test = fn(&[u8]) -> bool;
 
-/// What publishers are known to send besides pictures.
+/// Data that publishers are known to send besides pictures.
 const OTHERS: [(Test, &str); 6] = [
     (
         |data| data.starts_with(b"\0\0\0\x01") || data.starts_with(b"\0\0\x01"),
@@ -156,7 +156,7 @@ const OTHERS: [(Test, &str); 6] = [
 pub struct UnknownPicture {
     /// Stated format, truncated to 32 characters.
     pub format: String,
-    /// What the data are.
+    /// Kind of the data.
     pub found: String,
 }
 

@@ -8,7 +8,8 @@ use serde::Deserialize;
 
 use super::*;
 use crate::msg::{
-    builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs, laser_profiler_msgs,
+    action_msgs, builtin_interfaces, diagnostic_msgs, foxglove_msgs, geometry_msgs,
+    laser_profiler_msgs::{self, scan},
     lifecycle_msgs,
     noise::{self, for_each_message},
     rcl_interfaces, rosgraph_msgs, rosout, sensor_msgs, std_msgs, std_srvs, tf2_msgs,
@@ -34,6 +35,13 @@ fn fields(message: &MessageType) -> Vec<ros2msg::Field> {
 fn nested(field: &Type) -> Option<String> {
     let package = field.base_type.pkg_name.as_ref()?;
     Some(format!("{package}/msg/{}", field.base_type.type_name))
+}
+
+/// Returns the full name of a part as it is hashed: the parts of an action are no messages of their own.
+fn full_name(message: &MessageType, nested: String) -> String {
+    let of_action = nested.replace("/msg/", "/action/");
+    let is_part = message.dependencies.iter().any(|part| part.name == of_action);
+    if is_part { of_action } else { nested }
 }
 
 fn description(message: &MessageType) -> TypeDescription {
@@ -68,7 +76,8 @@ fn description(message: &MessageType) -> TypeDescription {
                 type_id: base + array,
                 capacity: kind.array_size.unwrap_or(0).into(),
                 string_capacity: 0,
-                nested_type_name: nested(kind).unwrap_or_default(),
+                nested_type_name: nested(kind)
+                    .map_or_else(String::new, |nested| full_name(message, nested)),
             },
             default_value: String::new(),
         }
@@ -190,6 +199,7 @@ fn wire(message: &MessageType, path: &str, layout: &mut Vec<String>) {
         for path in paths {
             match nested(kind) {
                 Some(name) => {
+                    let name = full_name(message, name);
                     let inner = message.dependencies.iter().find(|message| message.name == name);
                     wire(inner.unwrap_or_else(|| panic!("{path} is {name}")), &path, layout);
                 }

@@ -23,6 +23,7 @@ use crate::{
         sink::Outlet,
         source::Input,
         statistics::Summary,
+        watch::Watch,
         worker::{
             Worker,
             online::{Online, Survey},
@@ -142,10 +143,12 @@ impl Ordered {
 /// The clock, the diagnostics and the sinks of a camera's worker.
 pub(super) struct Environment {
     pub(super) clock: RosClock,
-    pub(super) survey: Survey,
+    pub(super) survey: Box<dyn Survey>,
     pub(super) outlets: Vec<Outlet>,
     /// Topics that the worker publishes on.
     pub(super) num_topics: usize,
+    /// Notes a panic of the worker.
+    pub(super) watch: Watch,
 }
 
 /// The thread of a camera's worker.
@@ -157,7 +160,7 @@ impl Camera {
         Identity { name, part_frame, recording, description }: Identity,
         images: Arc<Images>,
         worker: Worker,
-        Environment { clock, survey, outlets, num_topics }: Environment,
+        Environment { clock, survey, outlets, num_topics, watch }: Environment,
     ) -> io::Result<(Self, Measuring)> {
         let input = Arc::new(Queue::new(INPUT_BOUND, WhenFull::DropOldest));
         let settings = Arc::new(Mailbox::default());
@@ -167,9 +170,12 @@ impl Camera {
         let online = online.with_board(board.clone());
         let worker = worker.with_online(online).with_inbox(Arc::clone(&images.inbox));
         let taken = Arc::clone(&input);
-        let thread = thread::Builder::new()
-            .name(format!("camera {name}"))
-            .spawn(move || measure(worker, &taken, outlets, num_topics))?;
+        let thread_name = format!("camera {name}");
+        let watched_name = format!("the worker of camera {name:?}");
+        let thread = thread::Builder::new().name(thread_name).spawn(move || {
+            let _guard = watch.guard(&watched_name);
+            measure(worker, &taken, outlets, num_topics)
+        })?;
         let camera =
             Self { name, part_frame, recording, description, board, images, input, settings };
         Ok((camera, thread))

@@ -42,6 +42,12 @@ pub(crate) enum LiveError {
     /// A thread cannot be started.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] io::Error),
+    /// A thread panicked.
+    #[error(
+        "{0} ended by a programming error; recordings are closed: start the node again, and report the lines of the log \
+         before this one"
+    )]
+    Panicked(String),
     /// A camera's worker ended early.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -58,6 +64,7 @@ impl LiveError {
             | Self::Rosout(_)
             | Self::Lifecycle(_)
             | Self::Thread(_)
+            | Self::Panicked(_)
             | Self::Run(_) => false,
         }
     }

@@ -13,9 +13,12 @@ mod observer;
 mod recording;
 mod camera;
 mod setup;
+mod watched;
+mod fault_report;
 pub(crate) mod session;
 mod node;
 mod services;
+mod scan_action;
 
 use std::{
     sync::{Arc, Weak},
@@ -28,30 +31,34 @@ use crate::{
         clock::RosClock,
         lifecycle::{
             Managed,
-            machine::State,
             server::{ChangeError, Lifecycle, LifecycleServer},
         },
         parameter_server::{OnChange, ParameterHandle, ParameterServer, ParameterStore},
         replay::NODE_NAME,
         rosout::{Rosout, RosoutSlot},
         stop::Stop,
+        watch::Watch,
     },
     ros::{
         arguments::RosArguments,
-        middleware::{JoinOptions, Middleware},
+        middleware::{JoinRequest, Middleware},
         names::NodeNames,
         node_params::NodeParams,
         parameters::Parameters,
+        process::{link::WorkerCommand, remote::RemoteTransport},
         transport::{NodeIdentity, Server, Transport},
     },
 };
 use error::LiveError;
+use fault_report::FaultReport;
 use node::NodeState;
 use report::Watcher;
+use scan_action::{ActionContext, ScanAction};
 use session::CameraSummary;
 use setup::Context;
+use watched::Watched;
 
-/// Period at which the node checks for a shutdown or the end of a camera.
+/// Period at which the node checks for the end of a camera or of another thread.
 const WATCH_PERIOD: Duration = Duration::from_millis(100);
 
 /// The node to run.
@@ -63,17 +70,23 @@ pub(crate) struct LiveRequest {
     pub(crate) is_router: bool,
     /// Names, remaps and parameters.
     pub(crate) ros: RosArguments,
+    /// How to start the middleware process.
+    pub(crate) worker: WorkerCommand,
 }
 
 /// A node on the network.
 pub(crate) struct LiveNode {
     shared: Arc<NodeState>,
     lifecycle: Lifecycle,
+    watch: Watch,
+    fault_report: FaultReport,
     // Dropped before the transport, so that no request reaches a partly dropped node.
     servers: Servers,
 }
 
 struct Servers {
+    // Before the services of its goals.
+    _actions: Vec<ScanAction>,
     _services: Vec<Box<dyn Server>>,
     parameters: ParameterServer,
     _lifecycle: LifecycleServer,
@@ -81,17 +94,12 @@ struct Servers {
 }
 
 impl LiveNode {
-    /// Reads the parameters, joins the network and, if `autostart` is set, starts measuring. `variable` reads the
-    /// environment.
+    /// Reads the parameters, joins the network and, if `autostart` is set, starts measuring.
     ///
     /// # Errors
     /// The first invalid name, parameter or file, or the middleware or the system rejects a resource.
-    pub(crate) fn start(
-        request: &LiveRequest,
-        rosout: RosoutSlot,
-        variable: &dyn Fn(&str) -> Option<String>,
-    ) -> Result<Self, LiveError> {
-        Self::start_through(request, rosout, variable, &|transport| transport)
+    pub(crate) fn start(request: &LiveRequest, rosout: RosoutSlot) -> Result<Self, LiveError> {
+        Self::start_through(request, rosout, &|transport| transport)
     }
 
     /// As [`start`](Self::start), but on the transport that `through` returns for the middleware.
@@ -101,17 +109,23 @@ impl LiveNode {
     pub(crate) fn start_through(
         request: &LiveRequest,
         rosout: RosoutSlot,
-        variable: &dyn Fn(&str) -> Option<String>,
         through: &dyn Fn(Arc<dyn Transport>) -> Arc<dyn Transport>,
     ) -> Result<Self, LiveError> {
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let values = Parameters::load(&names, &request.ros)?;
-        let service_mapping = NodeParams::new(&values)?.service_mapping;
-        let identity =
-            NodeIdentity { name: names.name().to_owned(), namespace: names.namespace().to_owned() };
-        let options = JoinOptions { service_mapping, is_router: request.is_router };
-        let transport = request.middleware.join(&identity, options, variable)?;
-        let transport = through(transport);
+        let params = NodeParams::new(&values)?;
+        let join = JoinRequest {
+            middleware: request.middleware,
+            node: NodeIdentity {
+                name: names.name().to_owned(),
+                namespace: names.namespace().to_owned(),
+            },
+            service_mapping: params.service_mapping,
+            is_router: request.is_router,
+            max_memory_bytes: params.max_middleware_bytes,
+        };
+        let transport = RemoteTransport::start(request.worker.clone(), join)?;
+        let transport = through(Arc::new(transport));
         Self::on(&transport, &names, values, rosout)
     }
 
@@ -124,10 +138,15 @@ impl LiveNode {
     ) -> Result<Self, LiveError> {
         let params = NodeParams::new(&values)?;
         let clock = RosClock::default();
-        let rosout = Rosout::start(&**transport, names, rosout)?;
+        let watch = Watch::default();
+        let rosout = Rosout::start(&**transport, names, rosout, watch.clone())?;
+        let watched = Watched { transport: Arc::clone(transport), watch: watch.clone() };
+        let transport: &Arc<dyn Transport> = &(Arc::new(watched) as Arc<dyn Transport>);
         let autostart = params.autostart;
         let cameras = values.cameras().to_vec();
+        let fault_report = FaultReport::advertise(&**transport, names, &params, clock.clone())?;
         let context = Context::new(Arc::clone(transport), names.clone(), clock.clone());
+        let context = context.watched_by(watch.clone());
         context.choose_time(&params)?;
         let shared = Arc::new(NodeState::new(context, values.clone())?);
         let node = Arc::downgrade(&shared);
@@ -139,18 +158,22 @@ impl LiveNode {
         let lifecycle_server = LifecycleServer::start(&**transport, names, managed, clock.clone())?;
         let lifecycle = lifecycle_server.lifecycle();
         let services = services::offer(&**transport, names, &node, &cameras)?;
+        let action = ActionContext { names, node: &node, clock: &clock, watch: &watch };
+        let offer = |camera: &String| ScanAction::offer(&**transport, &action, camera);
+        let actions = cameras.iter().map(offer).collect::<Result<_, _>>()?;
         tracing::info!("{} is on {}", names.fully_qualified(), transport.name());
         if autostart && let Err(error) = lifecycle.autostart() {
             shared.cleanup();
             return Err(error.into());
         }
         let servers = Servers {
+            _actions: actions,
             _services: services,
             parameters,
             _lifecycle: lifecycle_server,
             _rosout: rosout,
         };
-        Ok(Self { shared, lifecycle, servers })
+        Ok(Self { shared, lifecycle, watch, fault_report, servers })
     }
 
     /// Returns the parameters for other parts of this process.
@@ -163,27 +186,35 @@ impl LiveNode {
         Watcher(Arc::downgrade(&self.shared))
     }
 
-    /// Measures until `stop` is raised, the node is shut down from outside, or a camera fails. Writes all results
-    /// before it returns; the summary of a camera contains its error.
-    pub(crate) fn run(self, stop: &Stop) -> Vec<CameraSummary> {
-        while !stop.wait(WATCH_PERIOD) {
-            if self.lifecycle.state() == State::Finalized || self.shared.has_failed() {
-                break;
-            }
-        }
+    /// Measures until `stop` is raised, or until a camera or another thread fails. A node that is shut down from outside
+    /// measures nothing more, but answers until then, as every managed node does. Writes all results before it returns;
+    /// the summary of a camera contains its error.
+    ///
+    /// # Errors
+    /// A thread of the node panicked.
+    pub(crate) fn run(mut self, stop: &Stop) -> Result<Vec<CameraSummary>, LiveError> {
+        let has_failed = || self.watch.panicked().is_some() || self.shared.has_failed();
+        while !stop.wait(WATCH_PERIOD) && !has_failed() {}
         self.shut_down();
-        self.shared.take_summaries()
+        let Some(name) = self.watch.panicked() else { return Ok(self.shared.take_summaries()) };
+        self.fault_report.on_panic(name);
+        Err(LiveError::Panicked(name.to_owned()))
     }
 
     /// Shuts down after a running transition, which may wait for a slow disk.
     fn shut_down(&self) {
         loop {
             match self.lifecycle.shutdown() {
-                Ok(_) => return,
+                Ok(_) => break,
                 Err(ChangeError::Busy(_)) => thread::sleep(WATCH_PERIOD),
-                Err(error) => return tracing::error!("{error}"),
+                Err(error) => {
+                    tracing::error!("{error}");
+                    break;
+                }
             }
         }
+        // A transition that panicked never ends: the recordings are closed in any case.
+        self.shared.cleanup();
     }
 }
 

@@ -100,6 +100,13 @@ impl NodeState {
         meant.map(|of| of.recording.clone()).collect()
     }
 
+    /// Returns the number of profiles at which a scan of the named camera ends.
+    pub(super) fn scan_max_profiles(&self, camera: &str) -> u64 {
+        let cameras = &self.lock().params.cameras;
+        let found = cameras.iter().find(|params| params.name == camera);
+        found.map_or(0, |params| params.scanner.scan_max_profiles.into())
+    }
+
     /// Returns the configured cameras.
     pub(super) fn cameras(&self) -> Vec<Camera> {
         self.lock().session.iter().flat_map(Session::cameras).cloned().collect()

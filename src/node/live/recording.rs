@@ -10,25 +10,32 @@ use crate::{
         },
         recording::Description,
         sink::{Outlet, Purpose, Way},
+        statistics::Summary,
         status::Note,
+        watch::Watch,
     },
     ros::node_params::{self, Compression},
 };
 
-/// A recorder of a camera's results, and of its images and positions.
+/// The topics of a camera's results, and of its images and positions.
+pub(super) fn topics(results: Vec<Topic>, inputs: Vec<Topic>) -> RecordedTopics {
+    let num_results = results.len();
+    RecordedTopics {
+        results: results.into_iter().enumerate().collect(),
+        images: (num_results..).zip(inputs).collect(),
+    }
+}
+
+/// A recorder of a camera.
 pub(super) fn recorder(
     camera: &str,
     params: &node_params::RecordingParams,
     description: Description,
-    results: Vec<Topic>,
-    inputs: Vec<Topic>,
+    topics: RecordedTopics,
+    watch: &Watch,
 ) -> (Outlet, RecordingControl) {
-    let num_results = results.len();
-    let topics = RecordedTopics {
-        results: results.into_iter().enumerate().collect(),
-        images: (num_results..).zip(inputs).collect(),
-    };
     let (sink, control) = LiveRecorder::new(camera, topics, chosen(params), description);
+    let sink = sink.watched_by(watch);
     let outlet = Outlet {
         sink: Box::new(sink),
         takes_images: true,
@@ -70,6 +77,14 @@ pub(super) const fn num_dropped(status: &RecordingStatus) -> u64 {
 /// Returns the number of bytes in the bags.
 pub(super) const fn num_bytes(status: &RecordingStatus) -> u64 {
     status.results.bytes + status.images.bytes
+}
+
+/// Returns the summary of a camera with what its recordings have lost in the end.
+pub(super) fn concluded(mut summary: Summary, status: &RecordingStatus) -> Summary {
+    summary.counts.recorder_dropped = num_dropped(status);
+    summary.counts.recorder_bytes = num_bytes(status);
+    summary.recordings_failed.add(&status.failures);
+    summary
 }
 
 /// Returns notes on the state of recordings and their errors.

@@ -164,7 +164,7 @@ fn scan(target: Target) -> OnRequest {
         let answer = if length_m.is_finite() && length_m >= 0.0 {
             let part_id = request.part_id.into_owned();
             let length_m = (length_m > 0.0).then_some(length_m);
-            let request = ScanRequest { part_id, length_m };
+            let request = ScanRequest { part_id, length_m, ..ScanRequest::default() };
             target.order(|reply| Command::StartScan(request.clone(), reply))
         } else {
             refusal(format!("length is {length_m} m, but must be 0 (until stopped) or more"))

@@ -126,9 +126,12 @@ impl Session {
     /// Ends the session after all queued frames are measured and all results are written.
     pub(super) fn end(self) -> Vec<CameraSummary> {
         self.cameras.iter().for_each(Camera::close);
-        let end = |(camera, thread): (Camera, Measuring)| CameraSummary {
-            name: camera.name,
-            summary: thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+        let end = |(camera, thread): (Camera, Measuring)| {
+            // The panic itself is in the log.
+            let ended = thread.join().unwrap_or_else(|_panic| Err(RunError::Panicked));
+            let status = camera.recording.status();
+            let summary = ended.map(|summary| recording::concluded(summary, &status));
+            CameraSummary { name: camera.name, summary }
         };
         self.cameras.into_iter().zip(self.threads).map(end).collect()
     }

@@ -1,6 +1,9 @@
 //! Creates a camera from its parameters: topics, worker and sinks.
 
-use std::sync::{Arc, Mutex};
+use std::sync::{
+    Arc, Mutex,
+    atomic::{AtomicU64, Ordering},
+};
 
 use super::{
     camera::{Camera, Environment, Identity, Images, Measuring},
@@ -28,11 +31,12 @@ use crate::{
         run::INPUT_BOUND,
         sink::{Outlet, Purpose, SINK_BOUND, Way},
         static_tf::StaticTf,
-        status::{Reporter, session_id},
+        status::{Note, Reporter, session_id},
         topics,
+        watch::Watch,
         worker::{
             Worker, WorkerOptions,
-            online::{Surroundings, Survey},
+            online::{Recorded, Survey},
         },
     },
     ros::{
@@ -57,11 +61,18 @@ pub(super) struct Context {
     transport: Arc<dyn Transport>,
     names: NodeNames,
     clock: RosClock,
+    watch: Watch,
 }
 
 impl Context {
     pub(super) fn new(transport: Arc<dyn Transport>, names: NodeNames, clock: RosClock) -> Self {
-        Self { transport, names, clock }
+        Self { transport, names, clock, watch: Watch::default() }
+    }
+
+    /// Notes panics of the threads of the cameras.
+    #[must_use]
+    pub(super) fn watched_by(self, watch: Watch) -> Self {
+        Self { watch, ..self }
     }
 
     /// Chooses the source of time.
@@ -114,14 +125,17 @@ impl Context {
             &camera.name,
             &params.recording,
             description.clone(),
-            topics::recorded(&outputs),
-            inputs,
+            recording::topics(topics::recorded(&outputs), inputs),
+            &self.watch,
         );
         // The recorder comes first: every published message has been recorded.
-        let outlets = vec![recorder, self.publications(&outputs)?];
-        let survey = survey(Arc::clone(&images), recording.clone());
-        let surroundings =
-            Environment { clock: self.clock.clone(), survey, outlets, num_topics: outputs.len() };
+        let outlets = vec![recorder, self.publications(&camera.name, &outputs)?];
+        let (seen, watch) = (Arc::clone(&images), self.watch.clone());
+        let num_restarts = AtomicU64::new(0);
+        let survey = NodeSurvey { images: seen, recording: recording.clone(), watch, num_restarts };
+        let survey: Box<dyn Survey> = Box::new(survey);
+        let (clock, watch) = (self.clock.clone(), self.watch.clone());
+        let surroundings = Environment { clock, survey, outlets, num_topics: outputs.len(), watch };
         let name = camera.name.clone();
         let identity = Identity { name, part_frame, recording, description };
         Ok(Camera::start(identity, images, worker, surroundings)?)
@@ -226,10 +240,11 @@ impl Context {
             .with_camera_info(calibration.cloned(), None))
     }
 
-    fn publications(&self, outputs: &[TopicEndpoint]) -> Result<Outlet, LiveError> {
+    fn publications(&self, camera: &str, outputs: &[TopicEndpoint]) -> Result<Outlet, LiveError> {
         let sink = Publications::advertise(&*self.transport, outputs)?;
+        let name = format!("the publisher of camera {camera:?}");
         Ok(Outlet {
-            sink: Box::new(sink),
+            sink: self.watch.sink(name, Box::new(sink)),
             takes_images: false,
             purpose: Purpose::Publish,
             way: Way::Queued(SINK_BOUND, WhenFull::DropOldest),
@@ -238,23 +253,35 @@ impl Context {
     }
 }
 
-/// Collects a camera's notes and recorder counters, for diagnostics.
-fn survey(images: Arc<Images>, recording: RecordingControl) -> Survey {
-    Arc::new(move || {
-        let status = recording.status();
-        let mut notes = recording::notes(&status);
-        if let Some(num_publishers) = images.num_publishers() {
-            let Images { transport, endpoint, observer, .. } = &*images;
+/// The node's answers to the questions of a camera's worker.
+struct NodeSurvey {
+    images: Arc<Images>,
+    recording: RecordingControl,
+    watch: Watch,
+    /// Replacements of the middleware process that have been reported.
+    num_restarts: AtomicU64,
+}
+
+impl Survey for NodeSurvey {
+    fn notes(&self) -> Vec<Note> {
+        let mut notes = recording::notes(&self.recording.status());
+        notes.extend(self.watch.panicked().map(notes::on_panic));
+        let health = self.images.transport.health();
+        let before = self.num_restarts.swap(health.num_restarts, Ordering::Relaxed);
+        notes.extend(notes::on_health(&health, before));
+        if let Some(num_publishers) = self.images.num_publishers() {
+            let Images { transport, endpoint, observer, .. } = &*self.images;
             notes.extend(notes::on_publishers(&**transport, endpoint, num_publishers));
             notes.extend(observer.notes());
-            notes.extend(notes::on_positions(&**transport, &images.unmatched_positions()));
+            notes.extend(notes::on_positions(&**transport, &self.images.unmatched_positions()));
         }
-        Surroundings {
-            notes,
-            recorder_dropped: recording::num_dropped(&status),
-            recorder_bytes: recording::num_bytes(&status),
-        }
-    })
+        notes
+    }
+
+    fn recorded(&self) -> Recorded {
+        let status = self.recording.status();
+        Recorded { dropped: recording::num_dropped(&status), bytes: recording::num_bytes(&status) }
+    }
 }
 
 /// True if input images are forwarded to the recorder.

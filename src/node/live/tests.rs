@@ -1,10 +1,12 @@
 //! Tests the live node through an in-process middleware.
 
+mod actions;
 mod cameras;
 mod driver;
 mod listener;
 mod lifecycle;
 mod network;
+mod panics;
 mod parameters;
 mod positions;
 mod recordings;

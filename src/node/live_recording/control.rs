@@ -3,7 +3,8 @@
 use std::{
     collections::BTreeMap,
     path::PathBuf,
-    sync::{Arc, Mutex, atomic::AtomicU64},
+    sync::{Arc, Mutex},
+    thread,
     time::{Duration, Instant},
 };
 
@@ -14,10 +15,12 @@ use crate::{
     node::{
         recording::Description,
         sink::{Outgoing, Sink, SinkError},
+        watch::Watch,
     },
 };
 
 use super::{
+    account::Account,
     error::RecordingError,
     lock,
     params::RecordingParams,
@@ -74,8 +77,7 @@ pub(super) struct RecorderState {
 pub(super) struct Recording {
     /// The current recording, or the last one.
     pub(super) session: Option<Arc<Session>>,
-    start_error: Option<String>,
-    dropped: Arc<AtomicU64>,
+    pub(super) account: Arc<Account>,
 }
 
 impl LiveRecorder {
@@ -104,6 +106,7 @@ impl LiveRecorder {
             settings: Arc::new(Settings {
                 params: Mutex::new(RecordingParams::default()),
                 description: Mutex::new(Arc::new(description)),
+                watch: Mutex::default(),
             }),
             orders: Mutex::new(()),
             recordings: Mutex::default(),
@@ -113,6 +116,26 @@ impl LiveRecorder {
         let control = RecordingControl(Arc::clone(&shared));
         control.set_params(params);
         (Self { shared, places }, control)
+    }
+}
+
+impl LiveRecorder {
+    /// Notes panics of the threads that write.
+    #[must_use]
+    pub(crate) fn watched_by(self, watch: &Watch) -> Self {
+        watch.clone_into(&mut lock(&self.shared.settings.watch));
+        self
+    }
+}
+
+/// Closes the bags, even if the worker that owns the recorder panicked.
+impl Drop for LiveRecorder {
+    fn drop(&mut self) {
+        if thread::panicking()
+            && let Err(error) = self.shared.end()
+        {
+            tracing::error!("{error}");
+        }
     }
 }
 
@@ -159,9 +182,28 @@ impl RecordingControl {
     /// A bag is not closed after two seconds because its disk is slow; closing continues.
     pub fn stop(&self) -> Result<Vec<BagStatus>, RecordingError> {
         let _one_at_a_time = lock(&self.0.orders);
-        let sessions = self.0.close_all();
-        wait(&sessions, Instant::now() + STOP_WAIT)?;
-        Ok(sessions.iter().map(|session| session.status()).collect())
+        final_statuses(&self.0.close_all())
+    }
+
+    /// Stops those of the running recordings that are in `directories`, as [`Self::start`] returned them, and waits for
+    /// those of them that others have stopped. Returns their status; an older one may be no longer known.
+    ///
+    /// # Errors
+    /// As of [`Self::stop`].
+    pub(crate) fn stop_in(
+        &self,
+        directories: &[PathBuf],
+    ) -> Result<Vec<BagStatus>, RecordingError> {
+        let _one_at_a_time = lock(&self.0.orders);
+        let sessions = self.0.sessions_in(directories);
+        for (stream, session) in &sessions {
+            if session.is_open() {
+                lock(&self.0.tap).end(*stream);
+                session.close();
+            }
+        }
+        let sessions: Vec<_> = sessions.into_iter().map(|(_, session)| session).collect();
+        final_statuses(&sessions)
     }
 
     /// Writes the last seconds into bags of their own, with or without a running recording. Returns at once; the status
@@ -176,8 +218,14 @@ impl RecordingControl {
 
     /// Returns the status. Never waits for a disk.
     pub(crate) fn status(&self) -> RecordingStatus {
-        let [results, images] = lock(&self.0.recordings).each_ref().map(Recording::status);
-        RecordingStatus { results, images, snapshot: lock(&self.0.snapshots).status() }
+        let (mut failures, snapshot) = {
+            let snapshots = lock(&self.0.snapshots);
+            (snapshots.failures(), snapshots.status())
+        };
+        let recordings = lock(&self.0.recordings);
+        recordings.iter().for_each(|recording| failures.add(&recording.account.failures()));
+        let [results, images] = recordings.each_ref().map(Recording::status);
+        RecordingStatus { results, images, snapshot, failures }
     }
 
     /// Changes the parameters; [`RecordingParams`] states when each takes effect.
@@ -223,10 +271,16 @@ impl RecorderState {
         if let Some(session) = current.filter(|session| session.is_open()) {
             return Ok(session.directory().into());
         }
-        let begun = self.open_session(stream, params, base);
-        lock(&self.recordings)[stream as usize].start_error =
-            begun.as_ref().err().map(ToString::to_string);
-        begun
+        self.open_session(stream, params, base)
+            .inspect_err(|error| self.note_failed_start(stream, error))
+    }
+
+    /// From now on, counts the messages that the recording should have.
+    fn note_failed_start(&self, stream: Stream, error: &RecordingError) {
+        let recording = &mut lock(&self.recordings)[stream as usize];
+        let failed = Arc::new(Session::failed(error, &recording.account));
+        lock(&self.tap).begin(stream, Arc::clone(&failed));
+        recording.session = Some(failed);
     }
 
     fn open_session(
@@ -237,8 +291,8 @@ impl RecorderState {
     ) -> Result<PathBuf, RecordingError> {
         let bag = self.create(stream, params, base)?;
         let directory = bag.directory().to_owned();
-        let dropped = Arc::clone(&lock(&self.recordings)[stream as usize].dropped);
-        let session = Arc::new(Session::new(&directory, params.queue_bytes, &dropped));
+        let account = Arc::clone(&lock(&self.recordings)[stream as usize].account);
+        let session = Arc::new(Session::new(&directory, params.queue_bytes, &account));
         let latched = lock(&self.tap).begin(stream, Arc::clone(&session));
         let started = writer::start(bag, &session, &self.settings, &latched);
         if started.is_err() {
@@ -249,6 +303,15 @@ impl RecorderState {
         tracing::info!("recording into {}", directory.display());
         lock(&self.recordings)[stream as usize].session = Some(session);
         Ok(directory)
+    }
+
+    /// Returns the last recordings that are in these directories.
+    fn sessions_in(&self, directories: &[PathBuf]) -> Vec<(Stream, Arc<Session>)> {
+        let recordings = lock(&self.recordings);
+        let last = Stream::ALL.into_iter().filter_map(|stream| {
+            recordings[stream as usize].session.clone().map(|session| (stream, session))
+        });
+        last.filter(|(_, session)| directories.iter().any(|it| it == session.directory())).collect()
     }
 
     /// Stops passing messages to the recordings. Returns those that were running.
@@ -267,8 +330,18 @@ impl RecorderState {
                 session.abandon_queue();
             }
         }
-        wait(&sessions, deadline + INDEX_WAIT)
+        let closed = wait(&sessions, deadline + INDEX_WAIT);
+        for session in sessions.iter().filter(|session| !session.wait(Duration::ZERO)) {
+            session.note_failure(&RecordingError::StillWriting(session.directory().into()));
+        }
+        closed
     }
+}
+
+/// Waits until all bags are closed, at most [`STOP_WAIT`], and returns their status.
+fn final_statuses(sessions: &[Arc<Session>]) -> Result<Vec<BagStatus>, RecordingError> {
+    wait(sessions, Instant::now() + STOP_WAIT)?;
+    Ok(sessions.iter().map(|session| session.status()).collect())
 }
 
 /// Waits until all bags are closed.
@@ -283,9 +356,6 @@ fn wait(sessions: &[Arc<Session>], deadline: Instant) -> Result<(), RecordingErr
 
 impl Recording {
     fn status(&self) -> BagStatus {
-        let mut status =
-            self.session.as_ref().map_or_else(BagStatus::default, |session| session.status());
-        status.last_error = self.start_error.clone().or(status.last_error);
-        status
+        self.session.as_ref().map_or_else(BagStatus::default, |session| session.status())
     }
 }

@@ -17,8 +17,8 @@ pub enum RecordingError {
     Write(#[from] RecordError),
     /// The disk is nearly full.
     #[error(
-        "the disk is nearly full: {} has {free_bytes} bytes free, less than recording.min_free_bytes \
-         {min_free_bytes}; existing recordings are complete; free some space or set another recording.directory, then \
+        "the disk is nearly full: {} has {free_bytes} bytes free; {needed_bytes} more would leave less than \
+         recording.min_free_bytes {min_free_bytes}; existing recordings are complete; free some space or set another recording.directory, then \
          record again", directory.display()
     )]
     LowSpace {
@@ -26,6 +26,8 @@ pub enum RecordingError {
         directory: PathBuf,
         /// Free space, bytes.
         free_bytes: u64,
+        /// Space for the next message and for the end of the bag, bytes.
+        needed_bytes: u64,
         /// Space that must stay free, bytes.
         min_free_bytes: u64,
     },
@@ -37,6 +39,12 @@ pub enum RecordingError {
         /// Cause.
         source: io::Error,
     },
+    /// The thread that writes has panicked.
+    #[error(
+        "recording into {}: its thread ended by a programming error; messages of the last second may be missing; record \
+         again", .0.display()
+    )]
+    Panicked(PathBuf),
     /// The command is still in progress.
     #[error("{}: is still being written; wait and query the status", .0.display())]
     StillWriting(PathBuf),
@@ -48,4 +56,16 @@ pub enum RecordingError {
     /// The snapshot buffer is empty.
     #[error("no snapshot: nothing was sent in the last {0} seconds (recording.snapshot_seconds)")]
     SnapshotEmpty(u32),
+}
+
+impl RecordingError {
+    /// True if data is lost; false if the command was refused or is still in progress.
+    pub(super) const fn is_failure(&self) -> bool {
+        match self {
+            Self::Write(_) | Self::LowSpace { .. } | Self::System { .. } | Self::Panicked(_) => {
+                true
+            }
+            Self::StillWriting(_) | Self::SnapshotOff | Self::SnapshotEmpty(_) => false,
+        }
+    }
 }

@@ -8,6 +8,9 @@ use crate::bag::{Compression, RecordError, SplitLimits, SplitRecorder, Topic};
 
 use super::{error::RecordingError, params::RecordingParams};
 
+/// Space for the head of a new bag, bytes.
+const HEAD_BYTES: u64 = 256 << 10;
+
 /// Maximum number of bags with the same base name.
 const MAX_SAME_NAME: u32 = 10_000;
 
@@ -38,7 +41,7 @@ pub(super) fn create(
     let BagName { base, suffix } = name;
     fs::create_dir_all(directory)
         .map_err(|source| RecordingError::System { directory: directory.clone(), source })?;
-    require_space(directory, params.min_free_bytes)?;
+    require_space(directory, params.min_free_bytes, HEAD_BYTES)?;
     let limits: SplitLimits = params.split_limits();
     for number in 0..MAX_SAME_NAME {
         let number = if number == 0 { String::new() } else { format!("_{number}") };
@@ -60,21 +63,26 @@ pub(crate) fn free_bytes(directory: &Path) -> io::Result<u64> {
     Ok(found.f_bavail.saturating_mul(found.f_frsize))
 }
 
-/// Checks the free space.
+/// Checks that `min_free_bytes` stay free if `needed_bytes` are written. Returns the free space, bytes.
 ///
 /// # Errors
-/// Less than `min_free_bytes` are free, or the directory does not exist.
-pub(super) fn require_space(directory: &Path, min_free_bytes: u64) -> Result<(), RecordingError> {
+/// Less would be free, or the directory does not exist.
+pub(super) fn require_space(
+    directory: &Path,
+    min_free_bytes: u64,
+    needed_bytes: u64,
+) -> Result<u64, RecordingError> {
     let free_bytes = free_bytes(directory)
         .map_err(|source| RecordingError::System { directory: directory.into(), source })?;
-    if free_bytes < min_free_bytes {
+    if free_bytes < min_free_bytes.saturating_add(needed_bytes) {
         return Err(RecordingError::LowSpace {
             directory: directory.into(),
             free_bytes,
+            needed_bytes,
             min_free_bytes,
         });
     }
-    Ok(())
+    Ok(free_bytes)
 }
 
 #[cfg(test)]
@@ -108,12 +116,17 @@ mod tests {
     #[test]
     fn too_little_space_is_reported_with_its_figures() {
         let place = tempfile::tempdir().unwrap();
-        require_space(place.path(), 0).unwrap();
-        let text = require_space(place.path(), u64::MAX).unwrap_err().to_string();
-        for part in [&*place.path().display().to_string(), "min_free_bytes 18446744073709551615"] {
+        require_space(place.path(), 0, 0).unwrap();
+        assert!(require_space(place.path(), 0, u64::MAX).is_err());
+        let text = require_space(place.path(), u64::MAX, 7).unwrap_err().to_string();
+        for part in [
+            &*place.path().display().to_string(),
+            "min_free_bytes 18446744073709551615",
+            "free; 7 more",
+        ] {
             assert!(text.contains(part), "{text}");
         }
-        let gone = require_space(&place.path().join("gone"), 0).unwrap_err().to_string();
+        let gone = require_space(&place.path().join("gone"), 0, 0).unwrap_err().to_string();
         assert!(gone.contains("gone") && gone.contains("No such file"), "{gone}");
     }
 }

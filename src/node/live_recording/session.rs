@@ -14,7 +14,7 @@ use crate::node::{
     stop::Stop,
 };
 
-use super::{error::RecordingError, lock, status::BagStatus, tap::Tapped};
+use super::{account::Account, error::RecordingError, lock, status::BagStatus, tap::Tapped};
 
 /// Maximum number of queued messages. The limit that users set is in bytes.
 const MAX_WAITING: usize = 16_384;
@@ -23,12 +23,14 @@ const MAX_WAITING: usize = 16_384;
 pub(super) struct Session {
     queue: Queue<Tapped>,
     directory: PathBuf,
+    /// False if the bag could not be created.
+    has_bag: bool,
     is_open: AtomicBool,
     bytes: AtomicU64,
     messages: AtomicU64,
     dropped: AtomicU64,
-    /// Number of messages dropped by all recordings of the stream.
-    all_dropped: Arc<AtomicU64>,
+    /// Losses of all recordings of the stream.
+    account: Arc<Account>,
     error: Mutex<Option<String>>,
     is_abandoned: Stop,
     ended: Stop,
@@ -36,19 +38,24 @@ pub(super) struct Session {
 
 impl Session {
     /// Returns a recording that accepts messages.
-    pub(super) fn new(directory: &Path, queue_bytes: usize, all_dropped: &Arc<AtomicU64>) -> Self {
+    pub(super) fn new(directory: &Path, queue_bytes: usize, account: &Arc<Account>) -> Self {
         let bound = Bound { items: MAX_WAITING, bytes: queue_bytes };
-        Self::with_queue(directory, Queue::new(bound, WhenFull::DropOldest), all_dropped)
+        Self::with_queue(directory, Queue::new(bound, WhenFull::DropOldest), account)
+    }
+
+    /// Returns a recording that could not start: it counts every message as dropped.
+    pub(super) fn failed(error: &RecordingError, account: &Arc<Account>) -> Self {
+        let queue = Queue::new(Bound { items: 1, bytes: 0 }, WhenFull::DropOldest);
+        let session = Self { has_bag: false, ..Self::with_queue(Path::new(""), queue, account) };
+        session.note_failure(error);
+        session.end();
+        session
     }
 
     /// Returns a recording of these messages that accepts no more.
-    pub(super) fn of(
-        directory: &Path,
-        messages: Vec<Tapped>,
-        all_dropped: &Arc<AtomicU64>,
-    ) -> Self {
+    pub(super) fn of(directory: &Path, messages: Vec<Tapped>, account: &Arc<Account>) -> Self {
         let bound = Bound { items: messages.len(), bytes: usize::MAX };
-        let session = Self::with_queue(directory, Queue::new(bound, WhenFull::Wait), all_dropped);
+        let session = Self::with_queue(directory, Queue::new(bound, WhenFull::Wait), account);
         for message in messages {
             // The queue has room for all of them.
             let _pushed = session.push(message);
@@ -57,15 +64,16 @@ impl Session {
         session
     }
 
-    fn with_queue(directory: &Path, queue: Queue<Tapped>, all_dropped: &Arc<AtomicU64>) -> Self {
+    fn with_queue(directory: &Path, queue: Queue<Tapped>, account: &Arc<Account>) -> Self {
         Self {
             queue,
             directory: directory.into(),
+            has_bag: true,
             is_open: AtomicBool::new(true),
             bytes: AtomicU64::new(0),
             messages: AtomicU64::new(0),
             dropped: AtomicU64::new(0),
-            all_dropped: Arc::clone(all_dropped),
+            account: Arc::clone(account),
             error: Mutex::new(None),
             is_abandoned: Stop::default(),
             ended: Stop::default(),
@@ -109,7 +117,14 @@ impl Session {
 
     pub(super) fn count_dropped(&self, num: u64) {
         self.dropped.fetch_add(num, Ordering::Relaxed);
-        self.all_dropped.fetch_add(num, Ordering::Relaxed);
+        self.account.count_dropped(num);
+    }
+
+    /// Counts written messages as dropped, because they are in no file.
+    pub(super) fn take_back(&self, num: u64) {
+        let before = self.messages.fetch_sub(num, Ordering::Relaxed);
+        debug_assert!(before >= num, "{num} of {before} messages");
+        self.count_dropped(num);
     }
 
     pub(super) fn set_bytes(&self, bytes: u64) {
@@ -119,7 +134,22 @@ impl Session {
     /// Logs an error, and keeps the first one for the status.
     pub(super) fn fail(&self, error: &RecordingError) {
         tracing::error!("{error}");
-        lock(&self.error).get_or_insert(error.to_string());
+        self.note_failure(error);
+    }
+
+    /// Keeps the first error for the status, and counts the failed recording once.
+    pub(super) fn note_failure(&self, error: &RecordingError) {
+        let kept = &mut *lock(&self.error);
+        if kept.is_none() {
+            let text = error.to_string();
+            self.account.count_failure(&text);
+            *kept = Some(text);
+        }
+    }
+
+    /// True if it failed.
+    pub(super) fn has_failed(&self) -> bool {
+        lock(&self.error).is_some()
     }
 
     /// Makes the writer drop the queued messages and close the bag.
@@ -161,10 +191,10 @@ impl Session {
         BagStatus {
             is_recording,
             is_ending: !is_recording && !self.ended.is_raised(),
-            directory: Some(self.directory.clone()),
+            directory: self.has_bag.then(|| self.directory.clone()),
             bytes: self.bytes.load(Ordering::Relaxed),
             messages: self.messages(),
-            dropped: self.all_dropped.load(Ordering::Relaxed),
+            dropped: self.account.dropped(),
             last_error: lock(&self.error).clone(),
         }
     }

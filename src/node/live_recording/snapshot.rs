@@ -1,14 +1,11 @@
 //! Snapshots: the last seconds in bags of their own, written without affecting a running recording.
 
-use std::{
-    path::PathBuf,
-    sync::{Arc, atomic::AtomicU64},
-    time::Instant,
-};
+use std::{path::PathBuf, sync::Arc, time::Instant};
 
 use jiff::Timestamp;
 
 use super::{
+    account::Account,
     control::RecorderState,
     error::RecordingError,
     lock, place,
@@ -17,6 +14,7 @@ use super::{
     tap::{SnapshotMessages, Stream, Tapped},
     writer,
 };
+use crate::node::statistics::Failures;
 
 /// The snapshots of the node.
 #[derive(Default)]
@@ -24,13 +22,17 @@ pub(super) struct Snapshots {
     num_taken: u32,
     /// Sessions of the last snapshot, one per stream with messages.
     sessions: Vec<Arc<Session>>,
-    dropped: Arc<AtomicU64>,
+    account: Arc<Account>,
     start_error: Option<String>,
 }
 
 impl Snapshots {
     pub(super) fn sessions(&self) -> &[Arc<Session>] {
         &self.sessions
+    }
+
+    pub(super) fn failures(&self) -> Failures {
+        self.account.failures()
     }
 
     pub(super) fn status(&self) -> BagStatus {
@@ -51,12 +53,16 @@ impl Snapshots {
 pub(super) fn take(shared: &RecorderState) -> Result<Vec<PathBuf>, RecordingError> {
     let _one_at_a_time = lock(&shared.snapshot_orders);
     let taken = write(shared);
-    lock(&shared.snapshots).start_error = taken.as_ref().err().map(ToString::to_string);
+    let snapshots = &mut *lock(&shared.snapshots);
+    snapshots.start_error = taken.as_ref().err().map(ToString::to_string);
+    if let Some(error) = taken.as_ref().err().filter(|error| error.is_failure()) {
+        snapshots.account.count_failure(&error.to_string());
+    }
     taken
 }
 
 fn write(shared: &RecorderState) -> Result<Vec<PathBuf>, RecordingError> {
-    let (number, dropped) = next(&lock(&shared.snapshots))?;
+    let (number, account) = next(&lock(&shared.snapshots))?;
     let params = lock(&shared.settings.params).clone();
     let kept = lock(&shared.tap).snapshot(Instant::now());
     let SnapshotMessages { recent, earlier_latched } = kept.ok_or(RecordingError::SnapshotOff)?;
@@ -75,21 +81,21 @@ fn write(shared: &RecorderState) -> Result<Vec<PathBuf>, RecordingError> {
             continue;
         }
         let bag = shared.create(stream, &params, &base)?;
-        let session = Arc::new(Session::of(bag.directory(), recent, &dropped));
+        let session = Arc::new(Session::of(bag.directory(), recent, &account));
         writer::start(bag, &session, &shared.settings, &earlier)?;
         sessions.push(session);
     }
     let directories = sessions.iter().map(|session| session.directory().into()).collect();
     *lock(&shared.snapshots) =
-        Snapshots { num_taken: number, sessions, dropped, start_error: None };
+        Snapshots { num_taken: number, sessions, account, start_error: None };
     Ok(directories)
 }
 
-/// Returns the number of the next snapshot, and the counter of messages dropped by snapshots.
-fn next(snapshots: &Snapshots) -> Result<(u32, Arc<AtomicU64>), RecordingError> {
+/// Returns the number of the next snapshot, and the losses of all snapshots.
+fn next(snapshots: &Snapshots) -> Result<(u32, Arc<Account>), RecordingError> {
     match snapshots.sessions.iter().find(|session| session.status().is_ending) {
         // Two snapshots at a time would take twice the memory.
         Some(session) => Err(RecordingError::StillWriting(session.directory().into())),
-        None => Ok((snapshots.num_taken + 1, Arc::clone(&snapshots.dropped))),
+        None => Ok((snapshots.num_taken + 1, Arc::clone(&snapshots.account))),
     }
 }

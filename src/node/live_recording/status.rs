@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::node::statistics::Failures;
+
 /// Status of all recordings of a camera.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct RecordingStatus {
@@ -11,6 +13,8 @@ pub(crate) struct RecordingStatus {
     pub(crate) images: BagStatus,
     /// Bags of the last snapshot, which may still be being written.
     pub(crate) snapshot: BagStatus,
+    /// Recordings and snapshots that failed since the node started.
+    pub(crate) failures: Failures,
 }
 
 impl RecordingStatus {
@@ -34,7 +38,8 @@ pub struct BagStatus {
     /// Number of messages in the bag.
     pub(crate) messages: u64,
     /// Number of messages dropped on their way into bags of this kind since the node started, because the disk was too
-    /// slow or failed, or because their time cannot be stored.
+    /// slow or failed, or because their time cannot be stored. After a failure, all messages count until the recording
+    /// is stopped or started again.
     pub dropped: u64,
     /// Error that prevented or ended the last recording; `None` again when one starts.
     pub last_error: Option<String>,

@@ -7,7 +7,10 @@ use std::{
     thread,
 };
 
-use crate::node::queue::{Bound, Queue, WhenFull};
+use crate::node::{
+    queue::{Bound, Queue, WhenFull},
+    watch::Watch,
+};
 
 use super::lock;
 
@@ -23,11 +26,12 @@ pub(super) struct Syncer {
 
 impl Syncer {
     /// Starts the thread.
-    pub(super) fn start() -> io::Result<Self> {
+    pub(super) fn start(watch: Watch) -> io::Result<Self> {
         let files = Arc::new(Queue::<File>::new(BOUND, WhenFull::DropOldest));
         let fault = Arc::new(Mutex::new(None));
         let syncer = Self { files: Arc::clone(&files), fault: Arc::clone(&fault) };
         thread::Builder::new().name("recording sync".to_owned()).spawn(move || {
+            let _guard = watch.guard("the thread that syncs recordings to the disk");
             while let Some(file) = files.pop() {
                 if let Err(error) = file.sync_data() {
                     lock(&fault).get_or_insert(error);
@@ -63,7 +67,7 @@ mod tests {
 
     #[test]
     fn a_disk_error_is_reported() {
-        let syncer = Syncer::start().unwrap();
+        let syncer = Syncer::start(Watch::default()).unwrap();
         let (reader, _writer) = pipe().unwrap();
         // Syncing a pipe fails.
         syncer.sync(File::from(std::os::fd::OwnedFd::from(reader)));

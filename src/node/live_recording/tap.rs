@@ -81,8 +81,11 @@ impl Tap {
         if line.is_latched[tapped.place] {
             line.latched[tapped.place] = Some(tapped.clone());
         }
-        if line.session.as_ref().is_some_and(|session| session.push(tapped.clone()).is_err()) {
-            line.session = None;
+        if let Some(session) = &line.session
+            && session.push(tapped.clone()).is_err()
+        {
+            // It has failed; only a command ends it here.
+            session.count_dropped(1);
         }
         if tapped.stream == Stream::Results || self.keeps_images {
             self.ring.push(now, tapped);

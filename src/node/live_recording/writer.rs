@@ -12,12 +12,12 @@ use jiff::Timestamp;
 
 use crate::{
     bag::{MetadataRecord, RecordError, SplitRecorder, Times},
-    node::{queue::Popped, recording::Description},
+    node::{queue::Popped, recording::Description, watch::Watch},
 };
 
 use super::{
-    error::RecordingError, lock, params::RecordingParams, place, session::Session, sync::Syncer,
-    tap::Tapped,
+    error::RecordingError, lock, params::RecordingParams, session::Session, space::Space,
+    sync::Syncer, tap::Tapped,
 };
 
 /// Period of flushing to the operating system, with or without messages. It is half the maximum age of messages that a
@@ -25,13 +25,13 @@ use super::{
 const TICK: Duration = Duration::from_millis(500);
 /// Ticks between syncs to the disk, which take place every 5 s.
 const TICKS_PER_SYNC: u32 = 10;
-/// Bytes between checks of the free space, in addition to those at every tick.
-const SPACE_CHECK_BYTES: u64 = 8 << 20;
 
 /// Settings that may change during a recording.
 pub(super) struct Settings {
     pub(super) params: Mutex<RecordingParams>,
     pub(super) description: Mutex<Arc<Description>>,
+    /// Notes panics of the threads that write.
+    pub(super) watch: Mutex<Watch>,
 }
 
 /// A bag being written.
@@ -42,7 +42,9 @@ struct BagWriter {
     description: Arc<Description>,
     syncer: Syncer,
     num_ticks: u32,
-    next_check_bytes: u64,
+    space: Space,
+    /// Messages since the last flush: they may be in no file if writing fails.
+    num_unflushed: u64,
     has_refused: bool,
 }
 
@@ -60,7 +62,8 @@ pub(super) fn start(
         bag.set_latched(*place, Times::from(message), &message.data);
     }
     let system = |source| RecordingError::System { directory: session.directory().into(), source };
-    let syncer = Syncer::start().map_err(system)?;
+    let watch = lock(&settings.watch).clone();
+    let syncer = Syncer::start(watch.clone()).map_err(system)?;
     let description = Arc::clone(&lock(&settings.description));
     describe(&mut bag, &description)?;
     // The description is readable even if the process dies in the first second.
@@ -73,11 +76,16 @@ pub(super) fn start(
         description,
         syncer,
         num_ticks: 0,
-        next_check_bytes: SPACE_CHECK_BYTES,
+        space: Space::default(),
+        num_unflushed: 0,
         has_refused: false,
     };
     let thread = thread::Builder::new().name("recording".to_owned());
-    thread.spawn(move || writer.run()).map(drop).map_err(system)
+    let run = move || {
+        let _guard = watch.guard("the thread that records");
+        writer.run();
+    };
+    thread.spawn(run).map(drop).map_err(system)
 }
 
 fn describe(bag: &mut SplitRecorder, description: &Description) -> Result<(), RecordError> {
@@ -86,10 +94,14 @@ fn describe(bag: &mut SplitRecorder, description: &Description) -> Result<(), Re
 }
 
 /// Ends the session, even after a panic, so that no thread waits for a terminated writer.
-struct EndOnDrop(Arc<Session>);
+pub(super) struct EndOnDrop(pub(super) Arc<Session>);
 
 impl Drop for EndOnDrop {
     fn drop(&mut self) {
+        if thread::panicking() {
+            self.0.fail(&RecordingError::Panicked(self.0.directory().into()));
+        }
+        self.0.close_and_drop();
         self.0.end();
     }
 }
@@ -104,10 +116,16 @@ impl BagWriter {
             session.fail(error);
         }
         session.close_and_drop();
-        let finished = self.finish(&recorded);
-        // An error of `finish` after an error of `record` is the same disk error again.
-        if let (Ok(()), Err(error)) = (recorded, finished) {
-            session.fail(&error.into());
+        let (directory, num_unflushed) = (session.directory(), self.num_unflushed);
+        if let Err(error) = self.finish(&recorded) {
+            session.take_back(num_unflushed);
+            // An error of `finish` after an error of `record` is the same disk error again.
+            if recorded.is_ok() {
+                session.fail(&error.into());
+            }
+        }
+        if session.has_failed() && !directory.exists() {
+            session.take_back(session.messages());
         }
     }
 
@@ -131,8 +149,15 @@ impl BagWriter {
     }
 
     fn write(&mut self, Tapped { place, message, .. }: &Tapped) -> Result<(), RecordingError> {
+        if !self.space.take(message.data.len()) {
+            let checked = self.flush().and_then(|()| self.check_space(message.data.len()));
+            checked.inspect_err(|_| self.session.count_dropped(1))?;
+        }
         match self.bag.write(*place, Times::from(message), &message.data) {
-            Ok(()) => self.session.count_written(),
+            Ok(()) => {
+                self.session.count_written();
+                self.num_unflushed += 1;
+            }
             Err(error @ RecordError::NegativeTime { .. }) => {
                 self.session.count_dropped(1);
                 if !self.has_refused {
@@ -147,17 +172,21 @@ impl BagWriter {
                 return Err(error.into());
             }
         }
-        if self.bag.written_bytes() >= self.next_check_bytes {
-            self.check_space()?;
-        }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<(), RecordingError> {
+        self.bag.flush()?;
+        self.num_unflushed = 0;
+        self.session.set_bytes(self.bag.written_bytes());
         Ok(())
     }
 
     fn tick(&mut self) -> Result<(), RecordingError> {
         self.bag.set_limits(lock(&self.settings.params).split_limits());
         self.update_description()?;
-        self.bag.flush()?;
-        self.check_space()?;
+        self.flush()?;
+        self.check_space(0)?;
         self.num_ticks += 1;
         if self.num_ticks.is_multiple_of(TICKS_PER_SYNC)
             && let Some(file) = self.bag.sync_handle()?
@@ -179,12 +208,10 @@ impl BagWriter {
         describe(&mut self.bag, &self.description)
     }
 
-    fn check_space(&mut self) -> Result<(), RecordingError> {
-        let written_bytes = self.bag.written_bytes();
-        self.session.set_bytes(written_bytes);
-        self.next_check_bytes = written_bytes + SPACE_CHECK_BYTES;
+    /// Checks that a message of `bytes` bytes leaves the space that must stay free.
+    fn check_space(&mut self, bytes: usize) -> Result<(), RecordingError> {
         let min_free_bytes = lock(&self.settings.params).min_free_bytes;
-        place::require_space(self.bag.directory(), min_free_bytes)
+        self.space.check(self.bag.directory(), min_free_bytes, self.bag.closing_bytes(), bytes)
     }
 
     fn system_error(&self, source: std::io::Error) -> RecordingError {

@@ -53,12 +53,23 @@ pub(super) fn value(message: &ParameterValue<'_>) -> Result<Value, String> {
             let texts = message.string_array_value.iter();
             Ok(Value::TextList(texts.map(|Text(text)| text.clone().into_owned()).collect()))
         }
+        // rclpy guesses the type of a list from its elements, and of an empty one it cannot.
+        parameter_type::BYTE_ARRAY..=parameter_type::DOUBLE_ARRAY if is_empty_array(message) => {
+            Ok(Value::TextList(Vec::new()))
+        }
         parameter_type::NOT_SET => Err("a parameter of this node always has a value".to_owned()),
         parameter_type::BYTE_ARRAY..=parameter_type::DOUBLE_ARRAY => {
             Err("no parameter of this node is an array of bytes or numbers".to_owned())
         }
         other => Err(format!("type {other} is not one of rcl_interfaces/msg/ParameterType")),
     }
+}
+
+fn is_empty_array(message: &ParameterValue<'_>) -> bool {
+    message.byte_array_value.is_empty()
+        && message.bool_array_value.is_empty()
+        && message.integer_array_value.is_empty()
+        && message.double_array_value.is_empty()
 }
 
 /// Returns the descriptor of a parameter, with its allowed values.

@@ -229,7 +229,12 @@ impl ServerState {
     fn set_all(&self, changes: &[(&str, Value)]) -> Result<(), String> {
         let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
         self.store.set_atomically(changes)?;
-        events.publish_changed(changes);
+        // The values in force: a peer may have sent them with another type.
+        let in_force = |values: &Parameters| -> Vec<_> {
+            let of = |name| values.get(name).map(|declared| (name, declared.value().clone()));
+            changes.iter().filter_map(|&(name, _)| of(name)).collect()
+        };
+        events.publish_changed(&self.store.read(in_force));
         Ok(())
     }
 }

@@ -2,8 +2,11 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::ros::{
-    node_params::NodeParams, parameters::ParameterError, parameters::Parameters, value::Value,
+use crate::{
+    node::allowed_directories::AllowedDirectories,
+    ros::{
+        node_params::NodeParams, parameters::ParameterError, parameters::Parameters, value::Value,
+    },
 };
 
 /// Names the source of a value in messages.
@@ -20,6 +23,8 @@ pub(crate) type OnChange =
 /// The parameters of a running node.
 pub(crate) struct ParameterStore {
     current: Mutex<Current>,
+    /// Where changed values may name files.
+    allowed: AllowedDirectories,
     on_change: OnChange,
 }
 
@@ -29,13 +34,15 @@ struct Current {
 }
 
 impl ParameterStore {
-    /// Creates a store with these values; `on_change` is called only for later changes.
+    /// Creates a store with these values; `on_change` is called only for later changes. These may name files only where
+    /// the values of the start do.
     ///
     /// # Errors
     /// Values that contradict one another.
     pub(crate) fn new(values: Parameters, on_change: OnChange) -> Result<Self, ParameterError> {
         let params = NodeParams::new(&values)?;
-        Ok(Self { current: Mutex::new(Current { values, params }), on_change })
+        let allowed = AllowedDirectories::of(&values);
+        Ok(Self { current: Mutex::new(Current { values, params }), allowed, on_change })
     }
 
     /// Calls `look` with the effective values.
@@ -46,7 +53,8 @@ impl ParameterStore {
     /// Sets all parameters in order, or none.
     ///
     /// # Errors
-    /// The reason as text: a name is not declared, a value is not allowed, values contradict one another, a parameter
+    /// The reason as text: a name is not declared, a value is not allowed, a file is outside the allowed directories,
+    /// values contradict one another, a parameter
     /// is read-only, or `on_change` refuses the change.
     pub(crate) fn set_atomically(&self, changes: &[(&str, Value)]) -> Result<(), String> {
         let mut current = self.lock();
@@ -60,6 +68,8 @@ impl ParameterStore {
             }
             values.change(name, value.clone(), ORIGIN).map_err(|error| error.to_string())?;
         }
+        let outside = |reason| format!("{ORIGIN}: {reason}");
+        self.allowed.check(&current.values, &values).map_err(outside)?;
         let params = NodeParams::new(&values).map_err(|error| format!("{ORIGIN}: {error}"))?;
         if params != current.params {
             (self.on_change)(&params, &values)?;

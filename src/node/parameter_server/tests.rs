@@ -1,3 +1,5 @@
+mod rclpy;
+
 use std::{collections::BTreeMap, sync::atomic::AtomicBool, thread};
 
 use proptest::prelude::*;
@@ -202,7 +204,8 @@ fn refusals_give_their_reason() {
         assert!(reason.len() < 400, "{name}: {} bytes", reason.len());
     }
     for (kind, words) in [(0, "always has a value"), (8, "array"), (200, "type 200")] {
-        let value = rcl::ParameterValue { kind, ..Default::default() };
+        let double_array_value = vec![1.0];
+        let value = rcl::ParameterValue { kind, double_array_value, ..Default::default() };
         let parameter = Parameter { name: "slice.profiles".into(), value };
         let (is_set, reason) = node.set(vec![parameter]).remove(0);
         assert!(!is_set && reason.contains(words), "{reason}");
@@ -301,6 +304,8 @@ fn is_allowed(name: &str, value: &Value) -> bool {
         ("extraction.read_noise", Value::Float(value)) => (0.0..=100.0).contains(value),
         ("channel", Value::Text(word)) => word == "red" || word == "auto",
         ("recording.enabled", Value::Bool(_)) => true,
+        // Read-only: it may be set to the value that it has.
+        ("autostart", Value::Bool(value)) => *value,
         _ => false,
     }
 }

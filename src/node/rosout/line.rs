@@ -10,7 +10,7 @@ use tracing::{
     field::{Field, Visit},
 };
 
-use crate::msg::{builtin_interfaces::Time, rosout::Log};
+use crate::msg::{builtin_interfaces::Time, printable, rosout::Log};
 
 /// Maximum size of a text, bytes. Longer texts are truncated, so that the queue takes bounded memory.
 const MAX_TEXT_BYTES: usize = 4096;
@@ -102,8 +102,7 @@ impl Write for Text {
         if self.0.ends_with(CUT) {
             return Ok(());
         }
-        // In CDR, NUL ends a text.
-        self.0.extend(text.chars().filter(|letter| *letter != '\0'));
+        self.0.push_str(&printable::line(text));
         if self.0.len() > MAX_TEXT_BYTES {
             self.0.truncate(self.0.floor_char_boundary(MAX_TEXT_BYTES - CUT.len()));
             self.0.push_str(CUT);

@@ -60,7 +60,7 @@ impl Rig {
     }
 
     fn start(&self, slot: &RosoutSlot) -> Rosout {
-        Rosout::start(&self.network, &self.names, slot.clone()).unwrap()
+        Rosout::start(&self.network, &self.names, slot.clone(), Watch::default()).unwrap()
     }
 
     fn next(&self) -> ReceivedLine {
@@ -145,7 +145,7 @@ fn logging_never_waits_and_dropped_lines_are_reported() {
 }
 
 #[test]
-fn long_lines_are_truncated_and_nul_is_removed() {
+fn long_lines_are_truncated_and_control_characters_escaped() {
     let rig = Rig::new(|| ());
     let (layer, slot) = layer();
     with_default(registry().with(layer), || {
@@ -154,7 +154,7 @@ fn long_lines_are_truncated_and_nul_is_removed() {
         tracing::warn!("{}", "\u{b5}".repeat(100_000));
         drop(rosout);
     });
-    assert_eq!(rig.next().text, "ab");
+    assert_eq!(rig.next().text, "a\\u0000b");
     let long = rig.next().text;
     assert!(long.len() <= 4096 && long.ends_with("\u{b5} [...]"), "{}", long.len());
 }

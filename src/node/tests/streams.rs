@@ -88,7 +88,19 @@ fn counted() -> Counts {
         standing: 18,
         points: 20,
         saturated: 19,
+        not_of_now: 22,
+        begun_again: 23,
         ..Counts::default()
+    }
+}
+
+fn reporter() -> Reporter {
+    Reporter {
+        node: "/cell/top".into(),
+        camera: "left".into(),
+        topic: "/image_raw".into(),
+        queue_capacity: 4,
+        session_id: [7; 16],
     }
 }
 
@@ -97,13 +109,6 @@ fn every_counter_reaches_its_field_of_the_status() {
     let mut counts = counted();
     counts.no_stripe.frames = 21;
     counts.texture_px.extend(Some(0.033));
-    let reporter = Reporter {
-        node: "/cell/top".into(),
-        camera: "left".into(),
-        topic: "/image_raw".into(),
-        queue_capacity: 4,
-        session_id: [7; 16],
-    };
     let note = |level, text: &str| Note { level, key: "disk", text: text.to_owned() };
     let state = State {
         counts,
@@ -113,6 +118,7 @@ fn every_counter_reaches_its_field_of_the_status() {
         last_rejection: Some("odd".to_owned()),
         channel: Some("green"),
     };
+    let reporter = reporter();
     let status = reporter.stream_status(5, &state);
     let fields = [
         status.frames_received,
@@ -134,6 +140,10 @@ fn every_counter_reaches_its_field_of_the_status() {
     let expected = [
         ("input topic", "/image_raw"),
         ("rate [Hz]", "12.500"),
+        ("latency, median [ms]", "none"),
+        ("latency, 99th percentile [ms]", "none"),
+        ("frames with stamps that are not of now", "22"),
+        ("stamps begun again", "23"),
         ("frames received", "1"),
         ("frames processed", "2"),
         ("frames lost in transport", "7"),

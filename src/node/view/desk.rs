@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, OnceLock};
 
+use serde_json::Value as Json;
+
 use crate::{
     foxglove::{
         Desk, Parameter, ParameterType, ParameterValue, PlaybackControlRequest, PlaybackState,
@@ -119,8 +121,7 @@ fn parameter(declared: &Declared) -> Parameter {
         Value::Float(value) => (Some(ParameterType::Float64), ParameterValue::Float64(*value)),
         Value::Text(text) => (None, ParameterValue::String(text.clone())),
         Value::TextList(texts) => {
-            let texts = texts.iter().map(|text| ParameterValue::String(text.clone()));
-            (None, ParameterValue::Array(texts.collect()))
+            (None, ParameterValue::Array(texts.iter().cloned().map(Json::String).collect()))
         }
     };
     Parameter { name: declared.name().to_owned(), r#type: kind, value: Some(value) }
@@ -146,7 +147,7 @@ fn value_for(value: ParameterValue, current: Option<&Value>) -> Result<Value, St
         ParameterValue::String(text) => Ok(Value::Text(text)),
         ParameterValue::Array(items) => {
             let text = |item| match item {
-                ParameterValue::String(text) => Ok(text),
+                Json::String(text) => Ok(text),
                 _ => Err("list parameters of this node hold texts only".to_owned()),
             };
             Ok(Value::TextList(items.into_iter().map(text).collect::<Result<_, _>>()?))
@@ -200,9 +201,9 @@ mod tests {
             ("slice.profiles", ParameterValue::Float64(1.5), "not a float"),
             ("extraction.method", ParameterValue::String("best".to_owned()), "one of "),
             ("slice.profile", ParameterValue::Integer(1), "no parameter is called"),
-            ("cameras", ParameterValue::Array(Vec::new()), "read-only"),
-            ("cameras", ParameterValue::Array(vec![ParameterValue::Integer(1)]), "texts only"),
-            ("channel", ParameterValue::Dict(std::collections::BTreeMap::new()), "dictionary"),
+            ("cameras", ParameterValue::Array(vec!["left".into()]), "read-only"),
+            ("cameras", ParameterValue::Array(vec![1.into()]), "texts only"),
+            ("channel", ParameterValue::Dict(serde_json::Map::new()), "dictionary"),
         ] {
             let before = all_values(&desk);
             let reason = refused(name, value);

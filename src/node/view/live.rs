@@ -29,7 +29,7 @@ use crate::{
 };
 
 use super::{
-    ViewRequest,
+    Images, ViewRequest,
     camera::{CameraImage, CameraView, PREVIEW_GAP},
     desk::NodeDesk,
     transport::Viewed,
@@ -76,7 +76,7 @@ impl LiveView {
     ///
     /// # Errors
     /// A parameter or name is invalid, or the server cannot start.
-    pub(crate) fn start(request: &LiveRequest, view: ViewRequest) -> Result<Self, LiveViewError> {
+    pub(crate) fn start(request: &LiveRequest, view: &ViewRequest) -> Result<Self, LiveViewError> {
         let names = NodeNames::new(NODE_NAME, &request.ros.remaps)?;
         let values = Parameters::load(&names, &request.ros)?;
         Self::of(&names, &values, view)
@@ -89,14 +89,14 @@ impl LiveView {
     pub(crate) fn of(
         names: &NodeNames,
         values: &Parameters,
-        view: ViewRequest,
+        view: &ViewRequest,
     ) -> Result<Self, LiveViewError> {
         let params = NodeParams::new(values)?;
         let desk = Arc::new(NodeDesk::default());
         let settings = Settings { name: names.fully_qualified(), time_range_ns: None };
         let handler = Arc::clone(&desk);
-        let server = Arc::new(Server::start(view.address, settings, handler)?);
-        let camera = |camera: &CameraParams| LiveCamera::new(&server, names, camera, view);
+        let server = Arc::new(Server::start(&view.entrance, &settings, handler)?);
+        let camera = |camera: &CameraParams| LiveCamera::new(&server, names, camera, view.images);
         let cameras = params.cameras.iter().map(camera).collect::<Result<_, LiveViewError>>()?;
         Ok(Self { server, desk, cameras })
     }
@@ -142,13 +142,13 @@ impl LiveCamera {
         server: &Server,
         names: &NodeNames,
         camera: &CameraParams,
-        view: ViewRequest,
+        images: Images,
     ) -> Result<Self, LiveViewError> {
         let raw = input::image_topic_of(&camera.name, names)?;
         let compressed = format!("{raw}/compressed");
         let annotations = names.resolve(&of_camera(&camera.name, "~/annotations"))?;
         let limit = camera.max_frame_bytes;
-        let view = Arc::new(CameraView::open(server, names, &camera.name, limit, view.images)?);
+        let view = Arc::new(CameraView::open(server, names, &camera.name, limit, images)?);
         Ok(Self { images: [raw, compressed], annotations, view })
     }
 
@@ -204,14 +204,13 @@ fn publish_graph(transport: &Weak<dyn Transport>, server: &Weak<Server>) {
 }
 
 fn graph(transport: &dyn Transport) -> ConnectionGraph {
-    let mut graph = ConnectionGraph::new();
+    let mut graph = ConnectionGraph::default();
     // A middleware reports the number of peers, not their identity.
     let ids = |kind: &str, num: usize| (1..=num).map(|id| format!("{kind} {id}")).collect();
     for topic in transport.topics() {
-        let publishers: Vec<String> = ids("publisher", topic.num_publishers);
-        let subscribers: Vec<String> = ids("subscriber", topic.num_subscribers);
-        graph.set_published_topic(topic.name.as_str(), publishers);
-        graph.set_subscribed_topic(topic.name, subscribers);
+        let publishers = ids("publisher", topic.num_publishers);
+        let subscribers = ids("subscriber", topic.num_subscribers);
+        graph.add(topic.name, publishers, subscribers);
     }
     graph
 }

@@ -13,13 +13,13 @@ pub(crate) mod replay;
 pub(crate) mod live;
 mod transport;
 
-pub(crate) use crate::foxglove::Address;
+pub(crate) use crate::foxglove::{Address, Entrance, TlsFiles, Token, ViewError};
 
 use std::sync::Arc;
 
 use crate::{
     bag::Topic,
-    foxglove::{Channel, ChannelDescription, Server, ViewError},
+    foxglove::{Channel, ChannelDescription, Server},
     msg::{qos::Durability, schema::MessageType},
     ros::transport::TopicEndpoint,
 };
@@ -54,10 +54,10 @@ impl Images {
 }
 
 /// Options of the view.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct ViewRequest {
-    /// Address to listen on.
-    pub(crate) address: Address,
+    /// Where viewers come in.
+    pub(crate) entrance: Entrance,
     /// Display of images.
     pub(crate) images: Images,
 }

@@ -154,7 +154,7 @@ impl Player {
         self.show_related(act);
         let shown = *lock(&self.shown);
         self.server.publish_time(shown.time_ns);
-        self.server.publish_playback(shown.state());
+        self.server.publish_playback(&shown.state());
         has_frame
     }
 
@@ -286,7 +286,7 @@ impl Player {
                     lock(&self.shown).status = PlaybackStatus::Playing;
                     self.set_pace(act);
                 }
-                self.server.publish_playback(lock(&self.shown).state());
+                self.server.publish_playback(&lock(&self.shown).state());
                 None
             }
             Order::Refresh => {
@@ -318,7 +318,7 @@ impl Player {
         let mut shown = lock(&self.shown);
         shown.status = PlaybackStatus::Ended;
         self.server.publish_time(shown.time_ns);
-        self.server.publish_playback(shown.state());
+        self.server.publish_playback(&shown.state());
     }
 }
 

@@ -22,7 +22,7 @@ use crate::{
 };
 
 use super::{
-    ViewRequest,
+    Images, ViewRequest,
     camera::CameraView,
     desk::NodeDesk,
     lanes::Camera,
@@ -93,7 +93,7 @@ impl ReplayView {
     /// server or a thread cannot start.
     pub(crate) fn start(
         request: ReplayRequest,
-        view: ViewRequest,
+        view: &ViewRequest,
         at_end: AtEnd,
         stop: Stop,
     ) -> Result<Self, ReplayViewError> {
@@ -108,8 +108,8 @@ impl ReplayView {
         let name = replay.names().fully_qualified();
         let settings = Settings { name, time_range_ns: Some(range_ns.clone()) };
         let handler = Arc::clone(&desk);
-        let server = Arc::new(Server::start(view.address, settings, handler)?);
-        let cameras = cameras(&server, &replay, &values, view)?;
+        let server = Arc::new(Server::start(&view.entrance, &settings, handler)?);
+        let cameras = cameras(&server, &replay, &values, view.images)?;
         let own = |name: &str| {
             cameras.iter().any(|camera| camera.publishes(name))
                 || replay.image_topics().any(|images| images.name == name)
@@ -177,7 +177,7 @@ impl ReplayView {
 
 fn warn(server: &Server, key: &str, text: &str) {
     if !text.is_empty() {
-        tracing::warn!("{text}");
+        text.lines().for_each(|line| tracing::warn!("{line}"));
         server.note(key, text);
     }
 }
@@ -197,7 +197,7 @@ fn cameras(
     server: &Server,
     replay: &Replay,
     values: &Parameters,
-    view: ViewRequest,
+    images: Images,
 ) -> Result<Vec<Camera>, ReplayViewError> {
     let params = NodeParams::new(values).map_err(ReplayError::from)?.cameras;
     let mut cameras = Vec::new();
@@ -205,7 +205,7 @@ fn cameras(
         let limit = params.iter().find(|camera| camera.name == stage.camera);
         let limit = limit.map_or(0, |camera| camera.max_frame_bytes);
         let (names, camera) = (replay.names(), &stage.camera);
-        let pictures = CameraView::open(server, names, camera, limit, view.images)?;
+        let pictures = CameraView::open(server, names, camera, limit, images)?;
         if let Some(topic) = recorded(replay, &stage.images.name) {
             pictures.serve_full(server, topic)?;
         }

@@ -10,8 +10,9 @@ use crate::{
     foxglove::{Channel, Server, ServiceDescription},
     msg::{foxglove_msgs::ImageAnnotations, rcl_interfaces::ParameterEvent, schema::Message},
     ros::transport::{
-        GraphTopic, OnArrival, OnRequest, Publication, Server as ServiceServer, ServiceEndpoint,
-        Subscription, TopicEndpoint, Transport, TransportError,
+        GraphTopic, Health, OnArrival, OnLateRequest, OnRequest, Publication,
+        Server as ServiceServer, ServiceEndpoint, Subscription, TopicEndpoint, Transport,
+        TransportError,
     },
 };
 
@@ -31,6 +32,10 @@ pub(super) struct Viewed {
 impl Viewed {
     /// Serves a topic, or logs the reason that viewers cannot receive it. An error does not prevent ROS publication.
     fn channel(&self, topic: &TopicEndpoint) -> Option<Arc<Channel>> {
+        // Those of an action are for its client, and hidden in ROS, too.
+        if topic.name.contains("/_action/") {
+            return None;
+        }
         let served = serve(&self.server, topic);
         served.inspect_err(|error| tracing::warn!("{} is not viewed: {error}", topic.name)).ok()
     }
@@ -102,8 +107,24 @@ impl Transport for Viewed {
         Ok(Box::new(ViewedService { _inner: inner, name, server }))
     }
 
+    fn serve_late(
+        &self,
+        service: &ServiceEndpoint,
+        on_request: OnLateRequest,
+    ) -> Result<Box<dyn ServiceServer>, TransportError> {
+        self.inner.serve_late(service, on_request)
+    }
+
     fn topics(&self) -> Vec<GraphTopic> {
         self.inner.topics()
+    }
+
+    fn failure(&self) -> Option<String> {
+        self.inner.failure()
+    }
+
+    fn health(&self) -> Health {
+        self.inner.health()
     }
 }
 

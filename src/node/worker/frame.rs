@@ -69,8 +69,9 @@ impl Worker {
             Ok(outcome) => {
                 self.ledger.count_processed(&outcome);
                 self.standing.note_profile(&outcome, &self.measurer.pipeline);
+                self.note_scanned(&outcome);
                 if let Some(online) = &mut self.online {
-                    online.note_latency(outcome.stamp_ns);
+                    self.ledger.count_not_of_now(online.note_latency(outcome.stamp_ns));
                 }
             }
             Err(NotMeasured::Rejected(reason)) => {
@@ -81,7 +82,7 @@ impl Worker {
         self.ledger.set_unpublished(out.num_dropped(Purpose::Publish));
         // On a network, the recorder has counters of its own, and reports are also due without frames: see `tick`.
         if self.online.is_some() {
-            return self.end_at_length(out);
+            return self.end_at_limit(out);
         }
         self.ledger.set_recorded(out.num_bytes(), out.num_dropped(Purpose::Record));
         match self.schedule.poll(message.log_time_ns, self.ledger.counts()) {
@@ -125,9 +126,15 @@ impl Worker {
     ) -> Result<Outcome, NotMeasured> {
         let &Decoded { started, ref header, image } = decoded;
         let stamp_ns = header.stamp.to_ns();
-        if self.ledger.check_stamp(stamp_ns, message.sequence)? == StampStep::ClockSetBack {
-            tracing::warn!("the camera's clock was set back to {stamp_ns} ns: starting a new scan");
-            self.end_scan(out)?;
+        match self.ledger.check_stamp(stamp_ns, message.sequence)? {
+            StampStep::Forward => {}
+            StampStep::ClockSetBack => {
+                tracing::warn!(
+                    "the camera's clock was set back to {stamp_ns} ns: starting a new scan"
+                );
+                self.end_scan(out)?;
+            }
+            StampStep::BeginsAgain => self.begin_again(stamp_ns, out)?,
         }
         let (width, height) = (image.width(), image.height());
         let of_image = ImageHeader { stamp_ns, frame_id: &header.frame_id, width, height };

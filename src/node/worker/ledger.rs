@@ -4,7 +4,9 @@ use std::cmp::Ordering;
 
 use thiserror::Error;
 
-use super::{chosen_channel::ChosenChannel, measurer::Outcome, missing_stripe::NoStripe};
+use super::{
+    chosen_channel::ChosenChannel, measurer::Outcome, missing_stripe::NoStripe, online::Stamped,
+};
 use crate::{
     msg::{cdr::CdrError, convert::FrameRejected},
     node::{
@@ -230,6 +232,26 @@ impl Ledger {
         self.stamps = StampOrder::default();
         self.sequence.restart();
         self.channel = ChosenChannel::default();
+    }
+
+    /// Counts a stream that begins again after [`restart`](Self::restart), with its first stamp. Logs the first one.
+    pub(super) fn begin_again(&mut self, stamp_ns: i64) {
+        self.counts.begun_again += 1;
+        // After a restart, any stamp is right.
+        _ = self.stamps.take(stamp_ns);
+        if self.counts.begun_again == 1 {
+            tracing::info!(
+                "the stamps begin again at {stamp_ns} ns, as in a recording that is played in a loop: starting a new session; \
+                 further ones are only counted"
+            );
+        }
+    }
+
+    /// Counts a frame by the relation of its stamp to the present.
+    pub(super) const fn count_not_of_now(&mut self, stamped: Stamped) {
+        if matches!(stamped, Stamped::NotOfNow) {
+            self.counts.not_of_now += 1;
+        }
     }
 
     fn count_missing(&mut self, missing: u32) {

@@ -10,6 +10,7 @@ mod ledger;
 mod measurer;
 mod missing_stripe;
 mod opening;
+mod requested_scan;
 mod standing;
 pub(crate) mod online;
 
@@ -32,7 +33,6 @@ use super::{
     publisher::{PublishError, Publisher},
     queue::{Popped, Queue},
     results::Results,
-    sink::Purpose,
     source::Input,
     static_tf::RecordedTf,
     statistics::{Counts, StageTimes},
@@ -213,6 +213,7 @@ impl Worker {
     ) -> Result<(), PublishError> {
         self.release(Now::End, spare, out)?;
         self.end_scan(out)?;
+        self.count_recorded(out);
         let now_ns = self.report_time_ns();
         let interval = self.schedule.close(now_ns, self.ledger.counts());
         self.report(now_ns, interval, out)
@@ -309,8 +310,23 @@ impl Worker {
 
     /// Prepares for input that does not continue the earlier one.
     fn restart_stream(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
-        self.end_scan(out)?;
+        self.restart_frames(out)?;
         self.measurer.positions.iter_mut().for_each(Positions::restart);
+        Ok(())
+    }
+
+    /// Starts a session with the frame at `stamp_ns`, with which the stamps begin again. Positions see that by themselves,
+    /// and those of this frame may be there.
+    fn begin_again(&mut self, stamp_ns: i64, out: &mut Publisher<'_>) -> Result<(), PublishError> {
+        self.restart_frames(out)?;
+        self.ledger.begin_again(stamp_ns);
+        self.reporter.begin_session(self.report_time_ns());
+        Ok(())
+    }
+
+    /// Prepares for frames that do not continue the earlier ones.
+    fn restart_frames(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
+        self.end_scan(out)?;
         self.measurer.explainer = Explainer::default();
         self.ledger.restart();
         self.schedule.restart();
@@ -327,6 +343,7 @@ impl Worker {
         let gap = self.ledger.take_gap();
         let has_slice = self.measurer.end_scan(gap, self.last_time_ns, out)?;
         self.standing.end_scan();
+        self.note_interruption();
         self.ledger.count_last_slices(usize::from(has_slice));
         Ok(())
     }
@@ -340,10 +357,7 @@ impl Worker {
     ) -> Result<(), PublishError> {
         let (mut stamp_ns, mut load, mut notes) = (now_ns, Load::default(), Vec::new());
         if let Some(online) = &mut self.online {
-            let surroundings = online.surroundings();
-            let num_dropped = out.num_dropped(Purpose::Record) + surroundings.recorder_dropped;
-            self.ledger.set_recorded(surroundings.recorder_bytes, num_dropped);
-            (stamp_ns, load, notes) = (online.now_ns(), online.take_load(), surroundings.notes);
+            (stamp_ns, load, notes) = (online.now_ns(), online.take_load(), online.notes());
         }
         if let Some(online) = &self.online {
             let rate_hz = interval.rate_hz;

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Now, Worker, missing_stripe::Explainer};
+use super::{Now, Worker, missing_stripe::Explainer, requested_scan::RequestedScan};
 use crate::node::{
     board::Board,
     camera_info::{CameraMatch, ImageHeader},
@@ -14,25 +14,44 @@ use crate::node::{
     histogram::Histogram,
     publisher::{PublishError, Publisher},
     queue::Queue,
-    status::{self, Load, Note},
+    scan_watch::ScanEnd,
+    sink::Purpose,
+    status::{Load, Note},
 };
 
 /// Period at which a worker without frames checks for due reports and new parameters.
 const TICK: Duration = Duration::from_millis(100);
 
-/// The state of a camera outside its worker.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Surroundings {
-    /// Notes for the diagnostics.
-    pub(crate) notes: Vec<Note>,
-    /// Messages that the recorders dropped.
-    pub(crate) recorder_dropped: u64,
-    /// Bytes in the bags.
-    pub(crate) recorder_bytes: u64,
+/// Longest latency, nanoseconds: a stamp further from now, before or after, is that of a recording, or of a clock that is
+/// not set. No queue here holds a frame for as long.
+const MAX_LATENCY_NS: u64 = 60_000_000_000;
+
+/// Relation of a stamp to the present.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stamped {
+    /// It gives a latency, unless it lies in the near future.
+    OfNow,
+    /// It gives none.
+    NotOfNow,
 }
 
-/// Returns the surroundings; called once per report.
-pub(crate) type Survey = Arc<dyn Fn() -> Surroundings + Send + Sync>;
+/// Counters of a camera's recorders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Recorded {
+    /// Messages that they dropped.
+    pub(crate) dropped: u64,
+    /// Bytes in the bags.
+    pub(crate) bytes: u64,
+}
+
+/// Looks at the state of a camera outside its worker.
+pub(crate) trait Survey: Send {
+    /// Returns notes for the diagnostics; called once per report.
+    fn notes(&self) -> Vec<Note>;
+
+    /// Returns what the recorders have done; called ten times a second.
+    fn recorded(&self) -> Recorded;
+}
 
 /// The descriptions of a camera on a network.
 pub(crate) trait Describe: Send {
@@ -49,17 +68,19 @@ pub(crate) struct Online {
     clock: RosClock,
     /// Number of the clock's time discontinuities at the start of this session.
     num_breaks: u64,
-    survey: Survey,
+    survey: Box<dyn Survey>,
     describe: Box<dyn Describe>,
     /// Board for the last report.
     pub(super) board: Board,
     next_tick: Instant,
     latency: Histogram,
+    /// Frames since the last report that have no latency.
+    num_not_of_now: u32,
     queue_depth: u32,
-    /// Length at which the open scan ends, metres; `None`: it ends when stopped.
-    length_m: Option<f64>,
+    /// The requested scan; `None` if it ends when stopped and nobody waits for it.
+    pub(super) scan: Option<RequestedScan>,
     /// Number of requested scans, which makes their identities differ.
-    num_requested: u64,
+    pub(super) num_requested: u64,
     /// Reply to a request to drain, until all frames are measured.
     drain_reply: Option<Reply>,
 }
@@ -69,7 +90,7 @@ impl Online {
     pub(crate) fn new(
         settings: Arc<Mailbox<Settings>>,
         clock: RosClock,
-        survey: Survey,
+        survey: Box<dyn Survey>,
         describe: Box<dyn Describe>,
     ) -> Self {
         Self {
@@ -81,8 +102,9 @@ impl Online {
             board: Board::default(),
             next_tick: Instant::now() + TICK,
             latency: Histogram::default(),
+            num_not_of_now: 0,
             queue_depth: 0,
-            length_m: None,
+            scan: None,
             num_requested: 0,
             drain_reply: None,
         }
@@ -103,8 +125,8 @@ impl Online {
         self.drain_reply.is_some()
     }
 
-    pub(super) fn surroundings(&self) -> Surroundings {
-        (self.survey)()
+    pub(super) fn notes(&self) -> Vec<Note> {
+        self.survey.notes()
     }
 
     pub(super) fn now_ns(&self) -> i64 {
@@ -125,18 +147,26 @@ impl Online {
         self.describe.is_described()
     }
 
-    /// Records the latency from stamp to result. Ignores stamps in the future, which come from a clock that runs ahead.
-    pub(super) fn note_latency(&mut self, stamp_ns: i64) {
-        if let Ok(nanos) = u64::try_from(self.now_ns().saturating_sub(stamp_ns)) {
+    /// Records the latency from stamp to result. Ignores stamps in the future, which come from a clock that runs ahead,
+    /// and stamps that are not of now.
+    pub(super) fn note_latency(&mut self, stamp_ns: i64) -> Stamped {
+        let now_ns = self.now_ns();
+        if now_ns.abs_diff(stamp_ns) > MAX_LATENCY_NS {
+            self.num_not_of_now = self.num_not_of_now.saturating_add(1);
+            return Stamped::NotOfNow;
+        }
+        if let Ok(nanos) = u64::try_from(now_ns - stamp_ns) {
             self.latency.record(Duration::from_nanos(nanos));
         }
+        Stamped::OfNow
     }
 
     /// The load of the camera since the last call.
     pub(super) fn take_load(&mut self) -> Load {
         let queue_depth = std::mem::take(&mut self.queue_depth);
+        let num_not_of_now = std::mem::take(&mut self.num_not_of_now);
         if self.latency.is_empty() {
-            return Load { queue_depth, ..Load::default() };
+            return Load { queue_depth, num_not_of_now, ..Load::default() };
         }
         let seconds = |share| (self.latency.percentile_ms(share) / 1e3) as f32;
         let load = Load {
@@ -144,6 +174,7 @@ impl Online {
             latency_p99_s: seconds(0.99),
             latency_max_s: seconds(1.0),
             queue_depth,
+            num_not_of_now,
         };
         self.latency.clear();
         load
@@ -206,10 +237,11 @@ impl Worker {
         match command {
             Command::StartScan(request, reply) => self.start_scan(request, &reply, out)?,
             Command::StopScan(reply) => {
-                self.stop_scan(out)?;
+                self.stop_scan(ScanEnd::Stopped, out)?;
                 answer(&reply, scan_id.map_or("no scan was open", |_| "scan ended"), scan_id);
             }
             Command::Reset(reply) => {
+                self.give_up_scan(ScanEnd::Discarded);
                 self.measurer.pipeline.discard();
                 self.ledger.take_gap();
                 self.measurer.pipeline.start_scanning();
@@ -225,72 +257,11 @@ impl Worker {
         Ok(())
     }
 
-    fn start_scan(
-        &mut self,
-        request: ScanRequest,
-        reply: &Reply,
-        out: &mut Publisher<'_>,
-    ) -> Result<(), PublishError> {
-        if let Err(message) = self.check_scan(&request) {
-            drop(reply.try_send(Answer { success: false, message, scan_id: None }));
-            return Ok(());
-        }
-        self.end_scan(out)?;
-        let scan_id = self.next_scan_id();
-        self.measurer.pipeline.start_scanning();
-        self.measurer.pipeline.set_next_scan_id(scan_id);
-        self.set_scan(request);
-        answer(reply, "the scan begins with the next frame", scan_id);
-        Ok(())
-    }
-
-    /// `Err`: the reason to refuse the request.
-    fn check_scan(&self, request: &ScanRequest) -> Result<(), String> {
-        if !self.measurer.pipeline.is_calibrated() {
-            return Err("a scan needs a calibration: set calibration_file".to_owned());
-        }
-        match request.length_m {
-            Some(length_m) if self.measurer.pipeline.travels_by_angle() => Err(format!(
-                "length is {length_m} m, but the axis is revolute and turns by an angle: set length to 0 and end the scan \
-                 with ~/stop_scan, or limit its frames with scan.max_profiles"
-            )),
-            _ => Ok(()),
-        }
-    }
-
-    /// The identity is chosen before the first frame: the caller may wait for the answer before it starts the motion.
-    fn next_scan_id(&mut self) -> Option<[u8; 16]> {
-        let online = self.online.as_mut()?;
-        online.num_requested += 1;
-        let seed =
-            format!("{:?} {} {}", self.reporter.session_id, online.num_requested, system_ns());
-        Some(status::session_id(&self.reporter.topic, &seed))
-    }
-
-    fn stop_scan(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
-        self.end_scan(out)?;
-        self.measurer.pipeline.stop_scanning();
-        self.set_scan(ScanRequest::default());
-        Ok(())
-    }
-
-    fn set_scan(&mut self, request: ScanRequest) {
-        self.measurer.results.set_part_id(request.part_id);
-        if let Some(online) = &mut self.online {
-            online.length_m = request.length_m;
-        }
-    }
-
-    /// Ends a scan that has reached the requested length.
-    pub(super) fn end_at_length(&mut self, out: &mut Publisher<'_>) -> Result<(), PublishError> {
-        let length_m = self.online.as_ref().and_then(|online| online.length_m);
-        let is_open = self.measurer.pipeline.scan_id().is_some();
-        match (length_m, self.measurer.travelled) {
-            (Some(length_m), Some(travelled)) if is_open && travelled.reaches_m(length_m) => {
-                tracing::info!("the scan ends at its length of {length_m} m");
-                self.stop_scan(out)
-            }
-            _ => Ok(()),
+    /// Counts what the recorders of a camera on a network have done.
+    pub(super) fn count_recorded(&mut self, out: &Publisher<'_>) {
+        if let Some(online) = &self.online {
+            let Recorded { dropped, bytes } = online.survey.recorded();
+            self.ledger.set_recorded(bytes, out.num_dropped(Purpose::Record) + dropped);
         }
     }
 
@@ -307,13 +278,17 @@ impl Worker {
         if is_due {
             online.next_tick = Instant::now() + TICK;
         }
+        self.end_at_limit(out)?;
         if let Some(reply) = drained {
+            // Publishes the last slice of a scan before it ends for whoever waits for it.
             self.begin_session(out)?;
+            self.abort_watched_scan();
             answer(&reply, "all queued frames are measured", None);
         }
         if !is_due {
             return Ok(());
         }
+        self.count_recorded(out);
         let now_ns = self.report_time_ns();
         match self.schedule.poll(now_ns, self.ledger.counts()) {
             Some(interval) => self.report(now_ns, interval, out),
@@ -322,7 +297,7 @@ impl Worker {
     }
 }
 
-fn answer(reply: &Reply, message: &str, scan_id: Option<[u8; 16]>) {
+pub(super) fn answer(reply: &Reply, message: &str, scan_id: Option<[u8; 16]>) {
     // The caller may have timed out.
     drop(reply.try_send(Answer { success: true, message: message.to_owned(), scan_id }));
 }

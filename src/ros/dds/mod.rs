@@ -2,34 +2,43 @@
 //!
 //! Endpoints are those of RustDDS, because ros2-client's are typed: bytes pass through undecoded in both directions.
 //!
-//! Memory of RustDDS: a reader stores `depth + 1` messages, and for ten seconds up to 128 incomplete messages per
-//! publisher. On a network that loses fragments, a best-effort subscription to images of 5 MB can take 700 MB; a
-//! reliable one has fragments sent again and stays below 150 MB. RustDDS allocates the length stated in a fragment
-//! before this module sees it: `limit_bytes` of a subscription applies to complete messages only. A reliable writer
-//! stores sent messages for about six seconds.
-//!
-//! RustDDS orders the messages of a best-effort subscription by the machine's clock: if that is set back, nothing
-//! arrives until it has caught up. Reliable subscriptions are ordered by sequence number.
+//! With the feature `cyclone`, topics are Cyclone's (`cyclone/`), and RustDDS has only the services.
 
 mod settings;
 mod names;
 mod qos;
 mod raw;
 mod endpoints;
+mod vitals;
+mod stream;
+mod loopback_only;
 mod announcer;
 mod listener;
-mod participant;
+mod rtps;
+mod second_copies;
+mod first_requests;
 mod static_peers;
+mod participant;
+#[cfg_attr(feature = "cyclone", expect(dead_code, reason = "topics are Cyclone's"))]
 mod reader;
+#[cfg_attr(feature = "cyclone", expect(dead_code, reason = "topics are Cyclone's"))]
 mod writer;
 mod rpc;
 mod service;
+#[cfg(feature = "cyclone")]
+mod cyclone;
+#[cfg(not(feature = "cyclone"))]
+mod rust_topics;
 
 use std::sync::Arc;
 
 pub use settings::{DdsSettings, DiscoveryRange};
 
-use self::{participant::Participant, reader::Reader, service::Service, writer::Writer};
+#[cfg(feature = "cyclone")]
+use self::cyclone::Topics;
+#[cfg(not(feature = "cyclone"))]
+use self::rust_topics::Topics;
+use self::{participant::Participant, service::Service, vitals::Vitals};
 use super::{
     node_params::ServiceMapping,
     transport::{
@@ -38,14 +47,12 @@ use super::{
     },
 };
 
-/// Largest reliably delivered message, bytes. RustDDS sends fragments of 256 bytes without pacing, so larger messages
-/// overrun the default socket buffers of a Fast DDS reader (measured: 96 KiB always arrive, two thirds of 256 KiB are
-/// lost).
-const MAX_RELIABLE_BYTES: usize = 96 * 1024;
-
 /// A node in a DDS domain. Leaves the domain when it and all its endpoints are dropped.
 pub struct DdsTransport {
-    participant: Arc<Participant>,
+    topics: Topics,
+    /// `None` if nobody can be found who calls services.
+    services: Option<Arc<Participant>>,
+    vitals: Vitals,
     service_mapping: ServiceMapping,
 }
 
@@ -55,10 +62,17 @@ impl DdsTransport {
     /// # Errors
     /// An invalid setting, or a domain that cannot be joined; states the remedy.
     pub fn open(settings: &DdsSettings, node: &NodeIdentity) -> Result<Self, TransportError> {
-        let participant = Arc::new(Participant::join(settings, node)?);
-        Ok(Self { participant, service_mapping: settings.service_mapping })
+        let topics = Topics::join(settings, node)?;
+        let services = topics.services(settings)?;
+        let (vitals, service_mapping) = (Vitals::of_participant(), settings.service_mapping);
+        Ok(Self { topics, services, vitals, service_mapping })
     }
 }
+
+/// A service without callers.
+struct Uncalled;
+
+impl Server for Uncalled {}
 
 impl Transport for DdsTransport {
     fn name(&self) -> &'static str {
@@ -66,11 +80,11 @@ impl Transport for DdsTransport {
     }
 
     fn max_reliable_bytes(&self) -> Option<usize> {
-        Some(MAX_RELIABLE_BYTES)
+        Topics::MAX_RELIABLE_BYTES
     }
 
     fn advertise(&self, topic: &TopicEndpoint) -> Result<Box<dyn Publication>, TransportError> {
-        Ok(Box::new(Writer::open(&self.participant, topic)?))
+        self.topics.advertise(topic)
     }
 
     fn subscribe(
@@ -79,7 +93,7 @@ impl Transport for DdsTransport {
         limit_bytes: usize,
         on_arrival: OnArrival,
     ) -> Result<Box<dyn Subscription>, TransportError> {
-        Ok(Box::new(Reader::open(&self.participant, topic, limit_bytes, on_arrival)?))
+        self.topics.subscribe(topic, limit_bytes, on_arrival)
     }
 
     fn serve(
@@ -87,10 +101,25 @@ impl Transport for DdsTransport {
         service: &ServiceEndpoint,
         on_request: OnRequest,
     ) -> Result<Box<dyn Server>, TransportError> {
-        Ok(Box::new(Service::open(&self.participant, service, self.service_mapping, on_request)?))
+        let Some(participant) = &self.services else { return Ok(Box::new(Uncalled)) };
+        Ok(Box::new(Service::open(participant, service, self.service_mapping, on_request)?))
     }
 
     fn topics(&self) -> Vec<GraphTopic> {
-        self.participant.topics()
+        self.topics.topics()
     }
+
+    fn failure(&self) -> Option<String> {
+        let participant = self.services.as_ref()?;
+        if self.vitals.has_dead_event_loop() {
+            return Some("an event loop of RustDDS has ended".to_owned());
+        }
+        participant.endpoints.failure().or_else(|| self.topics.failure())
+    }
+}
+
+/// Opens bytes as a request in every mapping, and answers it.
+#[cfg(fuzzing)]
+pub(crate) fn fuzz(data: &[u8]) {
+    rpc::fuzz(data);
 }

@@ -6,6 +6,8 @@ use crate::ros::transport::{NodeIdentity, TransportError};
 
 /// Prefix of topics.
 const TOPIC: &str = "rt";
+/// Prefix of a service's requests.
+const REQUESTS: &str = "rq";
 
 /// Converts the node's name for ros2-client.
 ///
@@ -33,7 +35,12 @@ pub(super) fn topic(name: &str, node: &NodeName) -> Result<String, TransportErro
 /// A name that ROS does not allow.
 pub(super) fn service(name: &str, node: &NodeName) -> Result<(String, String), TransportError> {
     let parsed = parse(name)?;
-    Ok((parsed.to_dds_name("rq", node, "Request"), parsed.to_dds_name("rr", node, "Reply")))
+    Ok((parsed.to_dds_name(REQUESTS, node, "Request"), parsed.to_dds_name("rr", node, "Reply")))
+}
+
+/// Returns true for the topic of a service's requests.
+pub(super) fn is_requests(topic: &str) -> bool {
+    topic.strip_prefix(REQUESTS).is_some_and(|rest| rest.starts_with('/'))
 }
 
 fn parse(name: &str) -> Result<Name, TransportError> {

@@ -68,10 +68,8 @@ impl RawDecoder {
     fn decode(self, body: &[u8], encoding: Encoding) -> Received {
         let bytes = body.len() + HEADER_BYTES;
         let [first, second] = encoding.to_bytes();
-        if encoding != Encoding::CDR_LE && encoding != Encoding::CDR_BE {
-            let reason =
-                format!("encapsulation {first:02x} {second:02x} is not plain CDR (00 00 or 00 01)");
-            return Err(Fault::Foreign(reason));
+        if !is_plain([first, second]) {
+            return Err(foreign([first, second]));
         }
         if bytes > self.limit_bytes {
             return Err(Fault::TooLarge { bytes, limit_bytes: self.limit_bytes });
@@ -81,6 +79,18 @@ impl RawDecoder {
         data.extend_from_slice(body);
         Ok(data)
     }
+}
+
+/// Returns true if a message begins like plain CDR.
+pub(super) const fn is_plain(encapsulation: [u8; 2]) -> bool {
+    matches!(encapsulation, [0, 0 | 1])
+}
+
+/// Returns the fault of a message in another encoding.
+pub(super) fn foreign([first, second]: [u8; 2]) -> Fault {
+    Fault::Foreign(format!(
+        "encapsulation {first:02x} {second:02x} is not plain CDR (00 00 or 00 01)"
+    ))
 }
 
 /// Sends little-endian CDR; RustDDS adds the header.

@@ -1,8 +1,8 @@
 //! A subscriber.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{collections::BTreeMap, sync::Arc, time::Instant};
 
-use rustdds::{GUID, dds::ReadError, no_key::DeserializedCacheChange};
+use rustdds::{GUID, Timestamp, dds::ReadError, no_key::DeserializedCacheChange};
 
 use super::{
     listener::Listener,
@@ -11,6 +11,7 @@ use super::{
     qos::{Side, policies},
     raw::{RawDecoder, Received, time_ns},
 };
+use crate::msg::qos::Durability;
 use crate::ros::transport::{
     Arrival, Fault, OnArrival, Subscription, TopicEndpoint, TransportError,
 };
@@ -38,9 +39,17 @@ impl Reader {
         let guid = reader.guid();
         let mut subscriber = Self { guid, listener: None, participant: Arc::clone(participant) };
         let mut origins = Origins::new(Arc::clone(participant), type_name);
+        // RustDDS gives a new reader what it received for an earlier one of the same topic.
+        let is_volatile = topic.qos.durability != Durability::TransientLocal;
+        let opened = is_volatile.then(Timestamp::now);
+        let noted = participant.endpoints.stream(guid);
         let listener = Listener::start(&topic.name, move |stop| {
             let samples = reader.as_async_stream_with(RawDecoder { limit_bytes });
             stop.follow(samples, |sample| {
+                if is_from_before(&sample, opened) {
+                    return reader.drain_read_notifications();
+                }
+                noted.note(Instant::now());
                 on_arrival(arrival(sample, &mut origins));
                 reader.drain_read_notifications();
             });
@@ -62,6 +71,11 @@ impl Drop for Reader {
         self.listener = None;
         self.participant.leave(self.guid);
     }
+}
+
+fn is_from_before(sample: &Sample, opened: Option<Timestamp>) -> bool {
+    let received = sample.as_ref().ok().map(|sample| sample.receive_instant);
+    received.zip(opened).is_some_and(|(received, opened)| received < opened)
 }
 
 fn arrival(sample: Sample, origins: &mut Origins) -> Result<Arrival, Fault> {

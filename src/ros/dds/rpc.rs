@@ -79,7 +79,24 @@ pub(super) fn seal(caller: Caller, mut reply: Vec<u8>) -> (Vec<u8>, Option<Sampl
         }
         Caller::Cyclone(header) => {
             reply.splice(..HEADER_BYTES.min(reply.len()), header);
+            // Cyclone rejects RustDDS's last fragment otherwise.
+            reply.resize(reply.len().next_multiple_of(4), 0);
             (reply, None)
+        }
+    }
+}
+
+/// Opens a request of a Cyclone client in every mapping, and seals an answer.
+#[cfg(fuzzing)]
+pub(super) fn fuzz(data: &[u8]) {
+    let mut bytes = [1; 16];
+    bytes[..2].copy_from_slice(&CYCLONE_VENDOR);
+    let sequence_number = SequenceNumber::new(1);
+    let sample = SampleIdentity { writer_guid: GUID::from_bytes(bytes), sequence_number };
+    for mapping in [ServiceMapping::Auto, ServiceMapping::Enhanced, ServiceMapping::Cyclone] {
+        let envelope = Envelope { sample, related: None };
+        if let Some((caller, message)) = open(data.to_vec(), envelope, mapping) {
+            drop(seal(caller, message));
         }
     }
 }
@@ -130,7 +147,7 @@ mod tests {
             let (caller, message) = open(cyclone_request(1, header), envelope, mapping).unwrap();
             assert_eq!(message, [&[0, 1, 0, 0][..], &BODY].concat());
             let (body, beside) = seal(caller, vec![0, 1, 0, 0, 42]);
-            assert_eq!((body, beside), ([&header[..], &[42]].concat(), None));
+            assert_eq!((body, beside), ([&header[..], &[42, 0, 0, 0]].concat(), None));
         }
     }
 

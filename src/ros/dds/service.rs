@@ -1,17 +1,27 @@
 //! A service: a reader of requests, a writer of replies.
 
-use std::{sync::Arc, time::Duration};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
-use rustdds::{GUID, RTPSEntity, WriteOptionsBuilder, bytes::Bytes, rpc::SampleIdentity};
+use rustdds::{
+    GUID, RTPSEntity, WriteOptions, WriteOptionsBuilder,
+    bytes::Bytes,
+    dds::{WriteError, WriteResult},
+    rpc::SampleIdentity,
+};
 
 use super::{
     listener::Listener,
     names,
     participant::{Participant, RawDataWriter},
     qos::{Side, policies},
-    raw::RawDecoder,
+    raw::{HEADER_BYTES, RawDecoder},
     reader::Sample,
     rpc::{self, Envelope},
+    rtps::{FRAGMENT_BYTES, Reply},
+    second_copies::{Acknowledged, Delivery, Recipient},
 };
 use crate::{
     msg::qos::QosProfile,
@@ -27,6 +37,9 @@ const QOS: QosProfile = QosProfile::reliable(10);
 const MAX_REQUEST_BYTES: usize = 1 << 20;
 /// Longest wait for the discovery of a reply's reader: a request may overtake discovery, on Cyclone by about 300 ms.
 const MAX_WAIT: Duration = Duration::from_secs(2);
+/// Longest wait for room for a reply: RustDDS forgets acknowledged ones after about six seconds. If it forgets none, as
+/// on loopback alone, where it counts no acknowledgements of Fast DDS, the node joins anew.
+const MAX_ROOM_WAIT: Duration = Duration::from_secs(7);
 
 pub(super) struct Service {
     requests: GUID,
@@ -53,7 +66,7 @@ impl Service {
         let requests = reader.guid();
         let participant = Arc::clone(participant);
         let mut server = Self { requests, replies, listener: None, participant };
-        let answers = Answers { name: service.name.clone(), mapping, writer };
+        let answers = Answers { name: service.name.clone(), mapping, writer: Arc::new(writer) };
         let peers = Arc::clone(&server.participant);
         let listener = Listener::start(&service.name, move |stop| {
             let limit_bytes = MAX_REQUEST_BYTES;
@@ -81,7 +94,7 @@ impl Drop for Service {
 struct Answers {
     name: String,
     mapping: ServiceMapping,
-    writer: RawDataWriter,
+    writer: Arc<RawDataWriter>,
 }
 
 impl Answers {
@@ -112,9 +125,84 @@ impl Answers {
             return refuse("no reader of the response was discovered");
         }
         let (body, related) = rpc::seal(caller, reply);
-        let options = WriteOptionsBuilder::new().related_sample_identity_opt(related).build();
-        if let Err(error) = self.writer.write_with_options(Bytes::from(body), options) {
+        let reply = Sealed { body: Bytes::from(body), related, peer };
+        if let Err(error) = self.send(&reply, participant) {
+            if matches!(error, WriteError::WouldBlock { .. }) {
+                participant.endpoints.note_blocked(&self.name);
+            }
             refuse(&error.to_string());
         }
     }
+
+    fn send(&self, reply: &Sealed, participant: &Participant) -> WriteResult<(), Bytes> {
+        let reader = self.reader_of(reply, participant);
+        let recipient = self.needs_copies(reply, reader, participant);
+        let mut options = WriteOptionsBuilder::new().related_sample_identity_opt(reply.related);
+        // Clients keep the last ten replies on the topic: those to others would push out their own.
+        if let Some(reader) = reader {
+            options = options.to_single_reader(reader);
+        }
+        let sample = self.write(&reply.body, &options.build())?;
+        if let (Some(recipient), Some(related)) = (recipient, reply.related) {
+            let reply = Reply { sample, related, body: reply.body.clone() };
+            let acknowledged = Acknowledged::of(&self.writer);
+            participant.second_copies.send(Delivery { reply, recipient, acknowledged });
+        }
+        Ok(())
+    }
+
+    /// Returns the reader of a reply, if that is certain.
+    fn reader_of(&self, reply: &Sealed, participant: &Participant) -> Option<GUID> {
+        let matched = participant.endpoints.matched_of(self.writer.guid(), reply.peer);
+        let known = reply.related.map(|related| related.writer_guid);
+        match matched[..] {
+            // Cyclone DDS and older releases of Fast DDS state no reader.
+            [only] => Some(only),
+            _ => known.filter(|known| matched.contains(known)),
+        }
+    }
+
+    /// Writes a reply. RustDDS makes room for new ones only every few seconds, so that a client that calls hundreds of
+    /// times in a row would lose one.
+    fn write(&self, body: &Bytes, options: &WriteOptions) -> WriteResult<SampleIdentity, Bytes> {
+        let deadline = Instant::now() + MAX_ROOM_WAIT;
+        loop {
+            match self.writer.write_with_options(body.clone(), options.clone()) {
+                // Has waited already, see `MAX_BLOCKING`.
+                Err(WriteError::WouldBlock { .. }) if Instant::now() < deadline => {}
+                written => return written,
+            }
+        }
+    }
+
+    /// Returns `reader` with its addresses if RustDDS may send the reply as fragments that nobody can read: those with
+    /// a related identity.
+    fn needs_copies(
+        &self,
+        reply: &Sealed,
+        reader: Option<GUID>,
+        participant: &Participant,
+    ) -> Option<Recipient> {
+        if reply.related.is_none() || reply.body.len() + HEADER_BYTES <= FRAGMENT_BYTES {
+            return None;
+        }
+        let mut readers = participant.readers_of(self.writer.guid(), reply.peer);
+        let Some(at) = readers.iter().position(|found| Some(found.reader) == reader) else {
+            let (name, bytes) = (&self.name, reply.body.len());
+            tracing::warn!(
+                "{name}: a reply of {bytes} bytes may not reach its client, which has {} readers and names none",
+                readers.len()
+            );
+            return None;
+        };
+        Some(readers.swap_remove(at))
+    }
+}
+
+/// A reply and its addressee.
+struct Sealed {
+    body: Bytes,
+    related: Option<SampleIdentity>,
+    /// The writer of the request.
+    peer: GUID,
 }

@@ -12,6 +12,9 @@ pub enum DiscoveryRange {
     Subnet,
     /// This machine only.
     Localhost,
+    /// Nobody.
+    #[cfg(feature = "cyclone")]
+    Off,
 }
 
 /// Settings for joining a domain.
@@ -25,19 +28,30 @@ pub struct DdsSettings {
     pub static_peers: Vec<String>,
     /// Wire format of services.
     pub service_mapping: ServiceMapping,
+    /// `CYCLONEDDS_URI`: Cyclone's own configuration of topics, XML or file names. It overrides the
+    /// other settings, but not the loopback interface.
+    #[cfg(feature = "cyclone")]
+    pub cyclone_configuration: Option<String>,
 }
 
 impl Default for DdsSettings {
     /// Returns domain 0 on the subnet.
     fn default() -> Self {
-        let (range, service_mapping) = (DiscoveryRange::Subnet, ServiceMapping::Auto);
-        Self { domain_id: 0, range, static_peers: Vec::new(), service_mapping }
+        Self {
+            domain_id: 0,
+            range: DiscoveryRange::Subnet,
+            static_peers: Vec::new(),
+            service_mapping: ServiceMapping::Auto,
+            #[cfg(feature = "cyclone")]
+            cyclone_configuration: None,
+        }
     }
 }
 
 impl DdsSettings {
-    /// Reads `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_STATIC_PEERS` through
-    /// `variable`. As in rmw, `ROS_LOCALHOST_ONLY=1` overrides the last two; an empty variable counts as unset.
+    /// Reads `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_STATIC_PEERS`, with Cyclone
+    /// `CYCLONEDDS_URI` too, through `variable`. As in rmw, `ROS_LOCALHOST_ONLY=1` overrides
+    /// `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_STATIC_PEERS`; an empty variable counts as unset.
     ///
     /// # Errors
     /// An invalid value; states valid ones.
@@ -56,12 +70,19 @@ impl DdsSettings {
             range = DiscoveryRange::Localhost;
             static_peers.clear();
         }
-        if range == DiscoveryRange::Localhost && !static_peers.is_empty() {
-            let reason = "on DDS, with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST this node announces no address \
+        if range != DiscoveryRange::Subnet && !static_peers.is_empty() {
+            let reason = "on DDS, with another ROS_AUTOMATIC_DISCOVERY_RANGE than SUBNET this node announces no address \
                           that peers can reach: set the range to SUBNET, or unset ROS_STATIC_PEERS";
             return Err(setting("ROS_STATIC_PEERS", reason));
         }
-        Ok(Self { domain_id, range, static_peers, service_mapping })
+        Ok(Self {
+            domain_id,
+            range,
+            static_peers,
+            service_mapping,
+            #[cfg(feature = "cyclone")]
+            cyclone_configuration: variable("CYCLONEDDS_URI"),
+        })
     }
 }
 
@@ -89,12 +110,17 @@ fn range(value: Option<&str>) -> Result<DiscoveryRange, TransportError> {
     match value {
         None | Some("SUBNET" | "SYSTEM_DEFAULT") => Ok(DiscoveryRange::Subnet),
         Some("LOCALHOST") => Ok(DiscoveryRange::Localhost),
+        #[cfg(feature = "cyclone")]
+        Some("OFF") => Ok(DiscoveryRange::Off),
+        #[cfg(not(feature = "cyclone"))]
         Some("OFF") => {
             let reason = "OFF is not supported on DDS: set LOCALHOST and a ROS_DOMAIN_ID that no other program uses";
             Err(setting(name, reason))
         }
         Some(other) => {
-            Err(setting(name, format!("{other:?}: must be SUBNET, LOCALHOST or SYSTEM_DEFAULT")))
+            let off = if cfg!(feature = "cyclone") { "OFF, " } else { "" };
+            let allowed = format!("SUBNET, LOCALHOST, {off}or SYSTEM_DEFAULT");
+            Err(setting(name, format!("{other:?}: must be {allowed}")))
         }
     }
 }
@@ -137,6 +163,15 @@ mod tests {
         assert_eq!(settings.range, DiscoveryRange::Localhost);
     }
 
+    #[cfg(feature = "cyclone")]
+    #[test]
+    fn cyclone_has_settings_of_its_own() {
+        let off = read(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")]).unwrap();
+        assert_eq!(off.range, DiscoveryRange::Off);
+        let uri = read(&[("CYCLONEDDS_URI", "file:///etc/cyclone.xml")]).unwrap();
+        assert_eq!(uri.cyclone_configuration.as_deref(), Some("file:///etc/cyclone.xml"));
+    }
+
     #[test]
     fn localhost_only_overrides() {
         let variables = [
@@ -156,6 +191,7 @@ mod tests {
             (&[("ROS_DOMAIN_ID", "-1")], ["ROS_DOMAIN_ID", "\"-1\"", "0 to 232"]),
             (&[("ROS_DOMAIN_ID", "seven")], ["ROS_DOMAIN_ID", "\"seven\"", "0 to 232"]),
             (&[("ROS_LOCALHOST_ONLY", "yes")], ["ROS_LOCALHOST_ONLY", "\"yes\"", "0 or 1"]),
+            #[cfg(not(feature = "cyclone"))]
             (
                 &[("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")],
                 ["ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF is not supported", "LOCALHOST"],

@@ -75,7 +75,7 @@ impl Tap {
 }
 
 /// Resolves a peer; RustDDS supports IPv4 only.
-fn address(peer: &str) -> Result<Ipv4Addr, TransportError> {
+pub(super) fn address(peer: &str) -> Result<Ipv4Addr, TransportError> {
     let reason = || format!("{peer:?} is neither an IPv4 address nor the name of a host with one");
     let mut found = (peer, 0).to_socket_addrs().into_iter().flatten();
     let address = found.find_map(|address| match address {

@@ -40,6 +40,11 @@ impl Declared {
         &self.value
     }
 
+    /// Returns the directory that relative paths in the value start at; empty for the working directory.
+    pub(crate) fn base(&self) -> &Path {
+        &self.base
+    }
+
     /// Returns the value in the canonical text. Paths are reduced to file names, so that the same settings give the
     /// same text on every machine.
     pub(super) fn canonical(&self) -> impl fmt::Display {

@@ -110,6 +110,7 @@ fn check_motion(camera: &CameraParams) -> Result<(), ParameterError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ros::table::ALLOWED_DIRECTORIES;
     use laser_triangulation::parameters::{Kind, Value};
 
     /// Returns a value in range other than the default.
@@ -131,7 +132,9 @@ mod tests {
     #[test]
     fn every_parameter_of_the_table_has_a_field() {
         let default = NodeParams::new(&Parameters::default()).unwrap();
-        for parameter in Parameters::default().iter() {
+        // The store of the parameter server reads the directories itself.
+        let is_typed = |name: &str| name != ALLOWED_DIRECTORIES;
+        for parameter in Parameters::default().iter().filter(|row| is_typed(row.name())) {
             let mut values = Parameters::default();
             values.set(parameter.name(), other(&parameter.row().kind), "a test").unwrap();
             match NodeParams::new(&values) {

@@ -154,6 +154,14 @@ fn mismatch(expected: &BTreeMap<String, String>, domain_id: u32, seen: &Seen) ->
     })
 }
 
+/// Parses the key of a token.
+#[cfg(fuzzing)]
+pub(super) fn fuzz(token: &str) {
+    if let Some(seen) = Seen::parse(token) {
+        drop(seen.data_key(0));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,6 +6,7 @@
 mod attachment;
 mod graph;
 mod keys;
+mod probe;
 mod publication;
 mod service;
 mod session;
@@ -29,8 +30,8 @@ use self::{
     subscription::ZenohSubscription,
 };
 use super::transport::{
-    GraphTopic, NodeIdentity, OnArrival, OnRequest, Publication, Server, ServiceEndpoint,
-    Subscription, TopicEndpoint, Transport, TransportError,
+    GraphTopic, NodeIdentity, OnArrival, OnLateRequest, OnRequest, Publication, Server,
+    ServiceEndpoint, Subscription, TopicEndpoint, Transport, TransportError, at_once,
 };
 
 /// A node in the graph of a Zenoh network. The session closes when this and all its endpoints are dropped.
@@ -112,10 +113,31 @@ impl Transport for ZenohTransport {
         service: &ServiceEndpoint,
         on_request: OnRequest,
     ) -> Result<Box<dyn Server>, TransportError> {
+        self.serve_late(service, at_once(on_request))
+    }
+
+    fn serve_late(
+        &self,
+        service: &ServiceEndpoint,
+        on_request: OnLateRequest,
+    ) -> Result<Box<dyn Server>, TransportError> {
         Ok(Box::new(ZenohServer::declare(&self.0, service, on_request)?))
     }
 
     fn topics(&self) -> Vec<GraphTopic> {
         self.0.graph.topics()
+    }
+
+    fn failure(&self) -> Option<String> {
+        self.0.session.is_closed().then(|| "the Zenoh session is closed".to_owned())
+    }
+}
+
+/// Parses bytes as an attachment, and as the key of a liveliness token.
+#[cfg(fuzzing)]
+pub(crate) fn fuzz(data: &[u8]) {
+    drop(attachment::Attachment::parse(Some(&data.into())));
+    if let Ok(token) = std::str::from_utf8(data) {
+        graph::fuzz(token);
     }
 }

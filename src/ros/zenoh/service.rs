@@ -24,7 +24,7 @@ use super::{
 };
 use crate::{
     msg::qos::QosProfile,
-    ros::transport::{OnRequest, Server, ServiceEndpoint, TransportError},
+    ros::transport::{OnLateRequest, Responder, Server, ServiceEndpoint, TransportError},
 };
 
 /// Largest number of waiting requests. With [`MAX_REQUEST_BYTES`], limits their memory.
@@ -43,7 +43,7 @@ struct Service {
     name: String,
     key: KeyExpr<'static>,
     /// `None` once the service is dropped.
-    on_request: Mutex<Option<OnRequest>>,
+    on_request: Mutex<Option<OnLateRequest>>,
 }
 
 /// Sender to the thread that answers requests; the thread ends when the last sender is dropped.
@@ -70,36 +70,52 @@ impl Requests {
 
 fn serve(requests: &Receiver<Request>) {
     while let Ok(Request { query, service }) = requests.recv() {
-        service.answer(&query);
+        service.answer(query);
     }
 }
 
 impl Service {
-    fn lock(&self) -> MutexGuard<'_, Option<OnRequest>> {
+    fn lock(&self) -> MutexGuard<'_, Option<OnLateRequest>> {
         self.on_request.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn answer(&self, query: &Query) {
+    fn answer(&self, query: Query) {
         let attachment = match Attachment::parse(query.attachment()) {
             Ok(attachment) => attachment,
-            Err(fault) => return refuse(query, &self.name, &fault.to_string()),
+            Err(fault) => return refuse(&query, &self.name, &fault.to_string()),
         };
         let Some(payload) = query.payload().filter(|payload| payload.len() <= MAX_REQUEST_BYTES)
         else {
-            return refuse(query, &self.name, "the request is empty or longer than 1 MiB");
+            return refuse(&query, &self.name, "the request is empty or longer than 1 MiB");
         };
-        let response = match self.lock().as_mut() {
-            Some(on_request) => on_request(&payload.to_bytes()),
-            None => return,
-        };
+        let request = payload.to_bytes().into_owned();
+        if let Some(on_request) = self.lock().as_mut() {
+            let (name, key) = (self.name.clone(), self.key.clone());
+            let send = Sending { query, attachment, name, key };
+            on_request(&request, Responder::new(move |response| send.respond(response)));
+        }
+    }
+}
+
+/// A request whose response may come later.
+struct Sending {
+    query: Query,
+    attachment: Attachment,
+    name: String,
+    key: KeyExpr<'static>,
+}
+
+impl Sending {
+    fn respond(self, response: Option<Vec<u8>>) {
+        let Self { query, attachment, name, key } = self;
         let Some(response) = response else {
-            return refuse(query, &self.name, "the request is malformed");
+            return refuse(&query, &name, "the request is malformed");
         };
         // The client recognises its response by its own sequence number and identity.
         let echo = Attachment { source_time_ns: now_ns(), ..attachment };
-        let reply = query.reply(self.key.clone(), response).attachment(echo.to_bytes());
+        let reply = query.reply(key, response).attachment(echo.to_bytes());
         if let Err(error) = reply.wait() {
-            warn!("{}: cannot send the response: {}", self.name, words(&error));
+            warn!("{name}: cannot send the response: {}", words(&error));
         }
     }
 }
@@ -124,7 +140,7 @@ impl ZenohServer {
     pub(super) fn declare(
         node: &Arc<Node>,
         endpoint: &ServiceEndpoint,
-        on_request: OnRequest,
+        on_request: OnLateRequest,
     ) -> Result<Self, TransportError> {
         let ServiceEndpoint { name, kind } = endpoint;
         let keys = node.next_keys(&Endpoint {

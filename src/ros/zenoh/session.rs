@@ -3,9 +3,12 @@
 use std::{thread, time::Duration};
 
 use tracing::{info, warn};
-use zenoh::{Config, Session, Wait};
+use zenoh::{Config, Session, Wait, config::Locator};
 
-use super::settings::{Role, RouterCheck, ZenohSettings, config_variable};
+use super::{
+    probe,
+    settings::{Role, RouterCheck, ZenohSettings, config_variable},
+};
 use crate::ros::transport::TransportError;
 
 /// Key and JSON5 value.
@@ -59,7 +62,7 @@ const ROUTER: Values = &[
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 
 /// Remedy for a missing router.
-const START_ROUTER: &str = "start one (`--router` here, or `ros2 run rmw_zenoh_cpp rmw_zenohd`), or set its address: \
+pub(super) const START_ROUTER: &str = "start one (`--router` here, or `ros2 run rmw_zenoh_cpp rmw_zenohd`), or set its address: \
                             ZENOH_CONFIG_OVERRIDE='connect/endpoints=[\"tcp/192.168.1.1:7447\"]'";
 
 /// Opens a session; waits for a router according to the settings.
@@ -84,8 +87,9 @@ pub(super) fn open(settings: &ZenohSettings) -> Result<Session, TransportError> 
             )
         })
     })?;
-    if settings.role == Role::Node {
-        check_for_router(&session, settings.router_check, &peers);
+    match settings.role {
+        Role::Node => check_for_router(&session, settings, &peers),
+        Role::Router => info!("the Zenoh router listens on {}", addresses(&session)),
     }
     Ok(session)
 }
@@ -94,7 +98,7 @@ pub(super) fn open(settings: &ZenohSettings) -> Result<Session, TransportError> 
 ///
 /// # Errors
 /// A file or override that Zenoh rejects.
-fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
+pub(super) fn config(settings: &ZenohSettings) -> Result<Config, TransportError> {
     let variable = config_variable(settings.role);
     let mut config = match &settings.config_file {
         Some(path) => Config::from_file(path).map_err(|error| {
@@ -138,8 +142,27 @@ fn setting(name: &str, reason: String) -> TransportError {
     TransportError::Setting { setting: name.to_owned(), reason }
 }
 
-fn check_for_router(session: &Session, check: RouterCheck, peers: &str) {
-    let attempts = match check {
+/// Returns the addresses that a session listens on, and whether they are encrypted.
+fn addresses(session: &Session) -> String {
+    let address = |locator: &Locator| {
+        let locator = locator.to_string();
+        let note = if is_encrypted(&locator) { "encrypted" } else { "not encrypted" };
+        format!("{locator} ({note})")
+    };
+    let addresses: Vec<_> = session.info().locators().wait().iter().map(address).collect();
+    if addresses.is_empty() { "no address".to_owned() } else { addresses.join(", ") }
+}
+
+/// Protocols with TLS, as addresses begin.
+pub(super) const ENCRYPTED: [&str; 3] = ["tls/", "quic/", "quic-datagram/"];
+
+/// True for an address with TLS.
+fn is_encrypted(locator: &str) -> bool {
+    ENCRYPTED.iter().any(|protocol| locator.starts_with(protocol))
+}
+
+fn check_for_router(session: &Session, settings: &ZenohSettings, peers: &str) {
+    let attempts = match settings.router_check {
         RouterCheck::Skip => return,
         RouterCheck::Attempts(attempts) => attempts,
         RouterCheck::Forever => u64::MAX,
@@ -151,8 +174,8 @@ fn check_for_router(session: &Session, check: RouterCheck, peers: &str) {
         }
         if attempt == 1 {
             warn!(
-                "no Zenoh router at {peers}: {START_ROUTER}. Until then, this node receives nothing and is not \
-                 discovered"
+                "{}. Until then, this node receives nothing and is not discovered",
+                probe::reason(settings, peers)
             );
         }
         if attempt < attempts {
@@ -250,6 +273,17 @@ mod tests {
         let message = open(&settings).err().unwrap().to_string();
         assert!(message.contains("connects to [\"tcp/127.0.0.1:9\"]"), "{message}");
         assert!(message.contains("start one (`--router` here"), "{message}");
+    }
+
+    #[test]
+    fn a_router_states_its_addresses() {
+        let listen = ("listen/endpoints", "['tcp/127.0.0.1:0']");
+        let session = open(&settings(Role::Router, &[listen])).unwrap();
+        let addresses = addresses(&session);
+        assert!(addresses.starts_with("tcp/127.0.0.1:"), "{addresses}");
+        assert!(addresses.ends_with(" (not encrypted)"), "{addresses}");
+        assert!(is_encrypted("tls/10.0.0.1:7447") && is_encrypted("quic/[::1]:7447"));
+        assert!(!is_encrypted("ws/10.0.0.1:7447"));
     }
 
     #[test]

@@ -64,6 +64,9 @@ impl ZenohSettings {
     ) -> Result<Self, TransportError> {
         let variable = |name: &str| variable(name).filter(|value| !value.trim().is_empty());
         let config_variable = config_variable(role);
+        if role == Role::Router && variable(config_variable).is_none() {
+            refuse_session_file(variable(self::config_variable(Role::Node)))?;
+        }
         let mut overrides = Vec::new();
         let pool = "transport/shared_memory/transport_optimization/";
         for (name, key) in [
@@ -88,6 +91,21 @@ impl ZenohSettings {
                 .map_or(Ok(RouterCheck::Attempts(1)), |text| attempts_of(&text))?,
         })
     }
+}
+
+/// Refuses a router whose user configured sessions only, perhaps with TLS: the defaults of ROS listen to every address,
+/// unencrypted.
+fn refuse_session_file(session_file: Option<String>) -> Result<(), TransportError> {
+    let Some(file) = session_file else { return Ok(()) };
+    Err(wrong(
+        config_variable(Role::Node),
+        format!(
+            "{file} is for sessions; a router reads neither it nor its TLS keys: set {} to a router's \
+             configuration (mode, listen/endpoints and, for TLS, transport/link/tls), unset this one, or omit \
+             --router",
+            config_variable(Role::Router)
+        ),
+    ))
 }
 
 /// Returns the variable that names the configuration file.
@@ -174,6 +192,22 @@ mod tests {
             let settings = ZenohSettings::from_environment(&variable, role).unwrap();
             assert_eq!(settings.config_file, Some(PathBuf::from(name)));
         }
+    }
+
+    #[test]
+    fn a_router_does_not_ignore_the_configuration_of_sessions() {
+        let open = |names: &[&str], role| {
+            let variable = |name: &str| names.contains(&name).then(|| "tls.json5".to_owned());
+            ZenohSettings::from_environment(&variable, role).map_err(|error| error.to_string())
+        };
+        let (session, router) = ("ZENOH_SESSION_CONFIG_URI", "ZENOH_ROUTER_CONFIG_URI");
+        let refused = open(&[session], Role::Router).unwrap_err();
+        for part in [session, "tls.json5", router, "TLS keys", "omit --router"] {
+            assert!(refused.contains(part), "{refused}");
+        }
+        assert!(open(&[session, router], Role::Router).is_ok());
+        assert!(open(&[], Role::Router).is_ok());
+        assert!(open(&[session], Role::Node).is_ok());
     }
 
     #[test]

@@ -24,7 +24,7 @@ const MARKER_M: f64 = 0.0225;
 pub(super) struct Charuco {
     columns: u32,
     rows: u32,
-    /// Whether the first square is white, as in old boards with an even number of rows.
+    /// True if the first square is white, as in old boards with an even number of rows.
     is_legacy: bool,
     /// Hides everything beyond this x.
     hidden_from_m: f64,

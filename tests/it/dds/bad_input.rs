@@ -62,8 +62,9 @@ fn a_publisher_of_another_type_is_named() {
     let mut wrong = sender.advertise(&foreign).unwrap();
     let mut right = sender.advertise(&image_topic("/image", qos)).unwrap();
     let inbox = Inbox::open(&receiver, &image_topic("/image", qos), LIMIT_BYTES);
-    wait_for_subscribers(&*wrong, 1);
     wait_for_subscribers(&*right, 1);
+    // RustDDS matches by the topic's name alone, and finds the type with the message; Cyclone matches by both.
+    wait_for_subscribers(&*wrong, usize::from(!cfg!(feature = "cyclone")));
     wrong.publish(&image(100, 1), 1).unwrap();
     let fault = inbox.next().unwrap_err().to_string();
     let words = ["laser_profiler_msgs::msg::dds_::Centerline_", "sensor_msgs::msg::dds_::Image_"];

@@ -15,6 +15,7 @@ use super::{
     node::{Inbox, eventually, image_topic, open, open_with, settings, wait_for_subscribers},
     peer::{Peer, Vendor},
 };
+use crate::program::skip;
 
 const ARGUMENTS: [&str; 7] =
     ["subscribe", "--topic", "rt/x", "--reliable", "--count", "1000000", "--seconds"];
@@ -88,6 +89,29 @@ fn nodes_on_one_machine_discover_each_other_on_localhost() {
     let publication = node.advertise(&topic).unwrap();
     let _inbox = Inbox::open(&other, &topic, 1000);
     wait_for_subscribers(&*publication, 1);
+}
+
+#[test]
+fn on_localhost_the_ports_are_closed_to_other_machines() {
+    let domain = Domain::claim();
+    let here = DdsSettings { range: DiscoveryRange::Localhost, ..settings(&domain) };
+    let _node = open_with(&here, "node");
+    // `ss` shows the device as in 0.0.0.0%lo:7410.
+    let Ok(listed) = Command::new("ss").args(["-H", "-u", "-l", "-n", "-p"]).output() else {
+        return skip("the ports of a node on localhost", "there is no ss (Debian: iproute2)");
+    };
+    let listed = String::from_utf8(listed.stdout).unwrap();
+    let own = format!("pid={},", std::process::id());
+    let first = 7400 + 250 * u32::from(domain.id);
+    let in_domain = |address: &&str| {
+        let port = address.rsplit(':').next().and_then(|port| port.parse::<u32>().ok());
+        port.is_some_and(|port| (first..first + 250).contains(&port))
+    };
+    let lines = listed.lines().filter(|line| line.contains(&own));
+    let ports: Vec<_> = lines.filter_map(|line| line.split_whitespace().nth(3)).collect();
+    let ports: Vec<_> = ports.into_iter().filter(in_domain).collect();
+    assert!(ports.len() >= 2, "{listed}");
+    assert!(ports.iter().all(|port| port.contains("%lo:")), "{ports:?}");
 }
 
 /// A Cyclone participant without multicast and peers, on ports above those that RustDDS tries.

@@ -185,6 +185,19 @@ fn images_take_a_bounded_part_of_memory() {
     peak_is_below(&figures, 60.0 + 5.3 * (8.0 + num_lost));
 }
 
+/// RustDDS kept incomplete images for ten seconds, up to 700 MB.
+#[cfg(feature = "cyclone")]
+#[test]
+fn lost_datagrams_take_little_memory() {
+    let configuration = "<CycloneDDS><Domain><Internal><Test><XmitLossiness>10</XmitLossiness></Test></Internal>\
+                         </Domain></CycloneDDS>";
+    let _alone = Domain::claim_alone();
+    let environment = [("CYCLONEDDS_URI", configuration)];
+    let load = "receive Cyclone 2592 2048 22 5";
+    let Some(figures) = measured(load, &environment) else { return };
+    peak_is_below(&figures, 100.0);
+}
+
 /// Cyclone drops one datagram of a hundred that it sends: one image of five would not arrive whole.
 #[test]
 fn reliable_subscriptions_recover_lost_datagrams() {

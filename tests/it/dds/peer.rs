@@ -12,11 +12,13 @@ use std::{
 
 use serde_json::Value as Json;
 
-use super::domain::Domain;
+use super::{domain::Domain, network::Place};
 use crate::{interop, program::skip};
 
 /// Deadline for an expected line of a peer: discovery takes a second, more on a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(40);
+/// The same for a line behind hundreds of calls.
+const LONG_PATIENCE: Duration = Duration::from_mins(5);
 /// Lines that may wait for the test.
 const MAX_LINES: usize = 1024;
 
@@ -53,7 +55,19 @@ impl Peer {
         Some(Self::spawn(command.envs(environment.iter().copied())))
     }
 
-    fn spawn(command: &mut Command) -> Self {
+    /// The same elsewhere on the network.
+    pub(crate) fn start_in(
+        place: &Place,
+        vendor: Vendor,
+        domain: &Domain,
+        arguments: &[&str],
+    ) -> Option<Self> {
+        let mut command = place.command(compiled(vendor)?);
+        command.args(arguments).args(["--domain", &domain.id.to_string()]);
+        Some(Self::spawn(&mut command))
+    }
+
+    pub(crate) fn spawn(command: &mut Command) -> Self {
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let stdout = BufReader::new(child.stdout.take().unwrap());
         let (sender, lines) = mpsc::sync_channel(MAX_LINES);
@@ -81,14 +95,28 @@ impl Peer {
         self.child.stdin.as_mut().unwrap().write_all(b"\n").unwrap();
     }
 
+    /// Sends it a signal, such as `STOP`.
+    pub(crate) fn signal(&self, name: &str) {
+        crate::live::signal(&self.child, name);
+    }
+
     /// The next line with `event`.
     pub(crate) fn wait_for(&self, event: &str) -> Json {
         self.wait_until(|line| line["event"] == event)
     }
 
+    /// The next line with `event`, which takes long.
+    pub(crate) fn wait_long_for(&self, event: &str) -> Json {
+        self.wait_within(LONG_PATIENCE, |line| line["event"] == event)
+    }
+
     /// The next line that is as wanted.
     pub(crate) fn wait_until(&self, is_wanted: impl Fn(&Json) -> bool) -> Json {
-        let end = Instant::now() + PATIENCE;
+        self.wait_within(PATIENCE, is_wanted)
+    }
+
+    fn wait_within(&self, patience: Duration, is_wanted: impl Fn(&Json) -> bool) -> Json {
+        let end = Instant::now() + patience;
         let mut seen = Vec::new();
         while let Ok(line) = self.lines.recv_timeout(end.saturating_duration_since(Instant::now()))
         {

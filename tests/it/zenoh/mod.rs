@@ -6,6 +6,7 @@ mod network;
 
 mod messages;
 mod faults;
+mod hostile;
 mod services;
 mod graph;
 mod router;
@@ -13,4 +14,6 @@ mod loss;
 mod volume;
 mod process;
 mod axis;
+mod action;
+mod encryption;
 mod sdk;

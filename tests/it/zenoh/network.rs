@@ -105,7 +105,7 @@ impl Network {
 }
 
 /// Below the range of ephemeral ports: an outgoing connection could take one before the router does.
-fn free_port() -> u16 {
+pub(super) fn free_port() -> u16 {
     static NUM_TRIED: AtomicU32 = AtomicU32::new(0);
     loop {
         let number = (process::id() % 1000) * 97 + NUM_TRIED.fetch_add(1, Ordering::Relaxed);

@@ -2,26 +2,30 @@
 
 use std::{
     fs,
+    path::Path,
     time::{Duration, SystemTime},
 };
 
-use laser_profiler::msg::{
-    laser_profiler_msgs::Centerline,
-    schema::{Message, MessageType},
-    sensor_msgs::{Image, PointCloud2},
+use laser_profiler::{
+    bag::{BagReader, Filter, ReadOptions},
+    msg::{
+        laser_profiler_msgs::Centerline,
+        schema::{Message, MessageType},
+        sensor_msgs::{Image, PointCloud2},
+    },
 };
 
 use super::{
     network::{Network, TOPIC},
     peer::wait_until,
 };
-use crate::live::{Node, frames, recorded_ns};
+use crate::live::{Node, frames};
 
 const RESULT: &str = "/laser_profiler/centerline";
 const SMALL: [&str; 6] = ["--width", "64", "--height", "48", "--fps", "100"];
 
 /// The node of a network, its images remapped, with more ROS arguments.
-fn node(network: &Network, ros: &[&str]) -> Node {
+pub(super) fn node(network: &Network, ros: &[&str]) -> Node {
     let remap = format!("image_raw:={TOPIC}");
     let arguments =
         [&["--transport", "zenoh", "--ros-args", "-r", &remap as &str][..], ros].concat();
@@ -31,7 +35,7 @@ fn node(network: &Network, ros: &[&str]) -> Node {
     Node::start(&arguments, &environment)
 }
 
-fn recording(directory: &std::path::Path) -> [String; 4] {
+fn recording(directory: &Path) -> [String; 4] {
     let directory = format!("recording.directory:={}", directory.display());
     ["-p".to_owned(), "recording.enabled:=true".to_owned(), "-p".to_owned(), directory]
 }
@@ -138,4 +142,12 @@ fn after_kill_9_everything_older_than_a_second_is_there() {
     let youngest = now_ns - recorded_ns.last().unwrap();
     assert!(youngest < 2_000_000_000, "the last {youngest} ns are lost");
     assert!(recorded_ns.windows(2).all(|pair| pair[0] < pair[1]));
+}
+
+/// The log times of a topic in the bag of a directory; `None` before there is one.
+fn recorded_ns(directory: &Path, topic: &str) -> Option<Vec<i64>> {
+    let bag = fs::read_dir(directory).unwrap().next()?.unwrap().path();
+    let bag = BagReader::open(&bag, &ReadOptions::default()).ok()?;
+    let messages = bag.messages(&Filter::topics([topic]));
+    Some(messages.flatten().map(|message| message.log_time_ns).collect())
 }

@@ -1,6 +1,7 @@
 //! Routers that are late, die, come back, or are this node itself.
 
 use std::{
+    env,
     net::TcpListener,
     sync::mpsc::sync_channel,
     thread,
@@ -35,7 +36,7 @@ fn until_heard(publication: &mut dyn Publication, listener: &Peer, since_ns: i64
     });
 }
 
-/// Clients in Python have no other way to us than the router.
+/// Clients in Python have no other way to us than the router. `ROUTER_KILLS` sets the number of kills.
 #[test]
 fn data_flows_again_when_the_router_is_replaced() {
     let Some((network, mut router)) = Network::start() else { return };
@@ -50,7 +51,9 @@ fn data_flows_again_when_the_router_is_replaced() {
         &["--mode", "client", "--width", "64", "--height", "48", "--fps", "50", "--seconds", "600"],
     );
     inbox.next().unwrap();
-    for round in 1..=10 {
+    let num_kills = env::var("ROUTER_KILLS").map_or(10, |text| text.parse().unwrap());
+    let mut longest = Duration::ZERO;
+    for round in 1..=num_kills {
         router.kill();
         let (killed, killed_ns) = (Instant::now(), now_ns());
         router = network.router();
@@ -60,7 +63,9 @@ fn data_flows_again_when_the_router_is_replaced() {
         let back = killed.elapsed();
         eprintln!("round {round}: router ready after {ready:?}, data both ways after {back:?}");
         assert!(back <= BACK_WITHIN);
+        longest = longest.max(back);
     }
+    eprintln!("{num_kills} kills, data both ways after {longest:?} at most");
 }
 
 #[test]

@@ -46,7 +46,7 @@ struct Frame {
 struct Part {
     /// Curvature at the middle height, and its change up to the highest one, metres.
     curvatures_m: Vector2<f64>,
-    /// What the fit absorbs of it: the change of the map's values.
+    /// The part that the fit absorbs: the change of the map's values.
     absorbed: DVector<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Whether a board is bent, and how much that is.
+//! Detects a bent board and measures its bend.
 
 use std::fmt;
 

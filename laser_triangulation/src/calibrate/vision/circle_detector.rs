@@ -38,7 +38,7 @@ pub enum CirclesRejected {
     /// The grid does not match the target.
     #[error("{found}, the target is {target}")]
     Another {
-        /// What was found.
+        /// The number found.
         found: String,
         /// Expected grid.
         target: String,
@@ -46,7 +46,7 @@ pub enum CirclesRejected {
     /// The picture shows circles where squares are wanted.
     #[error("no board, but {found}: is the target right?")]
     Instead {
-        /// What was found.
+        /// The number found.
         found: String,
     },
     /// The picture shows squares.

@@ -17,7 +17,7 @@ const PERSPECTIVE: usize = 8;
 const LENS: usize = 5;
 /// x², x y, y² for either coordinate.
 const BEND: usize = 6;
-/// What the lens and the bend, pixels, are before the corners say more: one standard deviation, in units of
+/// Prior of the lens and the bend, pixels, before the corners say more: one standard deviation, in units of
 /// [`NOISE_PX`]. Corners of a small board would leave them open.
 const LENS_SIGMA: [f64; LENS] = [0.1, 0.1, 0.3, 0.3, 0.3];
 const BEND_SIGMA_PX: f64 = 3.0;

@@ -1,4 +1,4 @@
-//! Whether a board's fields are square, from its views alone.
+//! Checks that a board's fields are square, from its views alone.
 
 use nalgebra::Matrix3;
 

@@ -27,7 +27,7 @@ pub(super) struct State {
     pub(super) poses: Vec<Isometry3<f64>>,
 }
 
-/// What all views have in common and is estimated.
+/// Estimated quantities that all views have in common.
 #[derive(Clone, Debug)]
 pub(super) struct Shared {
     /// Names of the camera's values, `f` for both focal lengths; none if the camera is known.

@@ -90,7 +90,7 @@ fn a_homography_with_one_uncertain_entry_moves_along_it() {
     }
 }
 
-/// What profiles state of their heights is what these perturbations make of them.
+/// Profiles state the error of their heights that these perturbations cause.
 #[test]
 fn profiles_state_the_same() {
     let direction = StripeDirection::Horizontal;

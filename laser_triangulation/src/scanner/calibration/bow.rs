@@ -1,4 +1,4 @@
-//! What a projective map leaves out: the curved image of a straight line.
+//! The part that a projective map leaves out: the curved image of a straight line.
 
 use serde::{Deserialize, Serialize};
 

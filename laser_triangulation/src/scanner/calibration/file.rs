@@ -21,6 +21,9 @@ pub(super) use write::{write, write_camera};
 
 const TYPES: &str = "camera_and_plane, vertical_incidence or projective";
 
+/// References in a file. Other programs write a few for lists that are alike; each could repeat a long text.
+const MAX_ALIASES: usize = 32;
+
 /// The entries that determine how the rest is read.
 #[derive(Deserialize)]
 struct Head {
@@ -85,7 +88,9 @@ pub(super) fn read_camera(text: &str) -> Result<CameraCalibration, CalibrationEr
 }
 
 fn parse<T: DeserializeOwned>(text: &str) -> Result<T, CalibrationError> {
-    serde_saphyr::from_str(text)
+    let options =
+        serde_saphyr::options! { budget: serde_saphyr::budget! { max_aliases: MAX_ALIASES } };
+    serde_saphyr::from_str_with_options(text, options)
         .map_err(|error| CalibrationError::Syntax(plain_words::explain(text, &error)))
 }
 

@@ -138,7 +138,7 @@ pub struct StepsQuality {
     /// Part of the image, and heights, of the gauge; `None` if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume: Option<CalibratedVolume>,
-    /// What the lens adds to the uncertainty; `None` if the gauge shows nothing of it, and in files of older versions.
+    /// Contribution of the lens to the uncertainty; `None` if the gauge shows nothing of it, and in files of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bow: Option<Box<Bow>>,
 }

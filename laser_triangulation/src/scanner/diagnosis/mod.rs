@@ -47,7 +47,7 @@ struct Search<'a> {
     trials: Trials<'a>,
     image: &'a Image<'a>,
     params: Params,
-    /// What the parameters themselves find.
+    /// Result with the parameters themselves.
     now: Found,
 }
 

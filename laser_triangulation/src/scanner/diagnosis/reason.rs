@@ -68,7 +68,7 @@ pub enum Reason {
         /// The background above which it shows the line, if that is not the one of the parameters.
         background: Option<Background>,
     },
-    /// What was found hardly looks like a line.
+    /// The line that was found hardly looks like one.
     Doubtful {
         /// Share of its points that do not, percent.
         percent: u32,

@@ -186,7 +186,7 @@ impl Sums {
     }
 }
 
-/// What the mean shape of consecutive points shows beyond the limits, else 0.
+/// Excess of the mean shape of consecutive points over the limits, else 0.
 #[derive(Clone, Copy, Debug, Default)]
 struct PoolShape {
     /// Bend of the bisector, pixels.

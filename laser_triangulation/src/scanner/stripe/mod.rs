@@ -164,7 +164,7 @@ impl Centerline {
     }
 }
 
-/// What the standard deviation of a frame's centres consists of: medians along the stripe, before smoothing, without what
+/// Components of the standard deviation of a frame's centres: medians along the stripe, before smoothing, without what
 /// [`flag::MISFIT`] adds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SigmaParts {

@@ -93,7 +93,7 @@ pub(in crate::cli::calibrate) struct StepsArgs {
     pub(super) settings: SettingsArgs,
 }
 
-/// What is known of the heights.
+/// Knowledge of the heights.
 #[derive(Debug, clap::Args)]
 pub(super) struct GaugeArgs {
     /// One standard deviation of every height without a stated one.

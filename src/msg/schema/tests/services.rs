@@ -6,8 +6,9 @@ use hiroz_schema::{
 
 use super::{description, referenced};
 use crate::msg::{
+    action_msgs::{self, CancelGoalRequest, CancelGoalResponse},
     builtin_interfaces::Time,
-    laser_profiler_msgs::{self, StartScanRequest, StartScanResponse},
+    laser_profiler_msgs::{self, StartScanRequest, StartScanResponse, scan},
     lifecycle_msgs::{
         self, ChangeStateRequest, ChangeStateResponse, GetAvailableStatesRequest,
         GetAvailableStatesResponse, GetAvailableTransitionsRequest,
@@ -80,6 +81,9 @@ fn every_service_hash_is_that_of_its_text() {
     check_service::<TriggerRequest, TriggerResponse<'_>>(&std_srvs::TRIGGER);
     check_service::<SetBoolRequest, SetBoolResponse<'_>>(&std_srvs::SET_BOOL);
     check_service::<StartScanRequest<'_>, StartScanResponse<'_>>(&laser_profiler_msgs::START_SCAN);
+    check_service::<scan::SendGoalRequest<'_>, scan::SendGoalResponse>(&scan::SEND_GOAL);
+    check_service::<scan::GetResultRequest, scan::GetResultResponse<'_>>(&scan::GET_RESULT);
+    check_service::<CancelGoalRequest, CancelGoalResponse>(&action_msgs::CANCEL_GOAL);
     check_service::<ChangeStateRequest<'_>, ChangeStateResponse>(&lifecycle_msgs::CHANGE_STATE);
     check_service::<GetStateRequest, GetStateResponse<'_>>(&lifecycle_msgs::GET_STATE);
     check_service::<GetAvailableStatesRequest, GetAvailableStatesResponse<'_>>(

@@ -1,6 +1,10 @@
 //! Tests the lifecycle as a manager controls it.
 
+use std::time::Instant;
+
 use super::{
+    super::WATCH_PERIOD,
+    recordings::{bags, open},
     rig::{Rig, Setup, text},
     stream::counts,
 };
@@ -37,8 +41,33 @@ fn a_node_without_autostart_waits_for_its_manager() {
         .collect();
     let expected = ["configuring", "inactive", "activating", "active", "shuttingdown", "finalized"];
     assert_eq!(labels, expected);
-    // The program ends after a shutdown from outside.
-    assert_eq!(counts(rig.ended()).received, 1, "earlier frames were not received");
+    assert_eq!(counts(rig.end()).received, 1, "earlier frames were not received");
+}
+
+#[test]
+fn a_finalized_node_answers_until_it_is_ended() {
+    let rig = Setup::new().with("recording.enabled", Value::Bool(true)).start().unwrap();
+    let mut camera = rig.camera();
+    camera.shoot();
+    rig.results("centerline", 1);
+    assert!(rig.change_state("shutdown"));
+    let bag = bags(rig.place.path()).remove(0);
+    assert!(open(&bag).is_indexed() && bag.join("metadata.yaml").exists(), "closed at once");
+    assert_eq!(rig.state(), (4, "finalized".to_owned()));
+    camera.shoot();
+    for label in ["configure", "activate", "shutdown"] {
+        assert!(!rig.change_state(label), "{label}");
+    }
+    assert!(!rig.trigger("start_scan").0 && !rig.start_recording().0);
+    rig.set("slice.profiles", &Value::Integer(5)).unwrap();
+    // Longer than the period at which the node looks for a reason to end.
+    let until = Instant::now() + 3 * WATCH_PERIOD;
+    while Instant::now() < until {
+        assert_eq!(rig.state().0, 4);
+        assert!(!rig.has_ended(), "only a signal ends it");
+        std::thread::yield_now();
+    }
+    assert_eq!(counts(rig.end()).received, 1, "later frames were not received");
 }
 
 #[test]
@@ -115,7 +144,8 @@ fn another_calibration_is_loaded_between_cleanup_and_configure() {
 #[test]
 fn a_missing_calibration_leaves_the_node_unconfigured() {
     let rig = waiting();
-    rig.set("calibration_file", &text("/missing/c.yaml")).unwrap();
+    let missing = rig.place.path().join("missing.yaml");
+    rig.set("calibration_file", &text(missing.to_str().unwrap())).unwrap();
     assert!(!rig.change_state("configure"));
     assert!(!rig.change_state("activate"), "still unconfigured");
     let good = rig.place.path().join("c.yaml");

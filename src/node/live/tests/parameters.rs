@@ -175,3 +175,24 @@ fn the_limit_of_the_middleware_limits_slices_and_is_recorded() {
     assert!(recorded[0].contains("points.max_bytes: 3472"), "{}", recorded[0]);
     assert!(recorded[1].contains("points.max_bytes: 1424"), "{}", recorded[1]);
 }
+
+#[test]
+fn peers_set_files_only_where_the_operator_did() {
+    let rig = Setup::new().with("autostart", Value::Bool(false)).start().unwrap();
+    for name in ["calibration_file", "extraction.background_file", "recording.directory"] {
+        for path in ["/etc/passwd", "/dev/zero", "/", "../c.yaml", "/no/such/file"] {
+            let reason = rig.set(name, &text(path)).unwrap_err();
+            assert!(reason.contains(name) && reason.contains(path), "{reason}");
+            assert!(!reason.contains("root:"), "{reason}");
+            assert_eq!(rig.parameters.set(name, text(path)).unwrap_err(), reason, "a viewer");
+        }
+        let beside = rig.place.path().join("bags/other");
+        rig.set(name, &text(beside.to_str().unwrap())).unwrap();
+    }
+    // What is no calibration is refused without a word of it.
+    let secret = rig.place.path().join("secret");
+    std::fs::write(&secret, "password: hunter2").unwrap();
+    rig.set("extraction.background_file", &text("")).unwrap();
+    rig.set("calibration_file", &text(secret.to_str().unwrap())).unwrap();
+    assert!(!rig.change_state("configure"));
+}

@@ -176,6 +176,12 @@ fn a_directory_that_cannot_be_written_is_reported_and_drops_no_result() {
     assert!(rig.start_recording().0);
     shoot(&rig, &mut camera, 6..=6);
     let (summaries, place) = rig.end_and_keep();
+    let summary = summaries[0].summary.as_ref().unwrap();
+    assert!(!summary.is_complete(), "exit code 3");
+    // The parameter asked for the first, the service for the second.
+    assert_eq!(summary.recordings_failed.num, 2);
+    assert!(summary.recordings_failed.first.as_ref().unwrap().contains("/dev/null/bags"));
+    assert!(summary.counts.recorder_dropped >= 5, "what should have been recorded is counted");
     assert_eq!(counts(summaries).processed, 6);
     assert_eq!(messages(&bags(place.path())[0])["/laser_profiler/centerline"].len(), 1);
 }

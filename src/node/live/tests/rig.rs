@@ -19,7 +19,9 @@ use crate::{
     msg::{
         cdr,
         laser_profiler_msgs::{StartScanRequest, StartScanResponse},
-        lifecycle_msgs::{ChangeStateRequest, ChangeStateResponse, Transition},
+        lifecycle_msgs::{
+            ChangeStateRequest, ChangeStateResponse, GetStateRequest, GetStateResponse, Transition,
+        },
         qos::QosProfile,
         rcl_interfaces as rcl,
         schema::{Message, MessageType},
@@ -52,7 +54,7 @@ pub(super) struct Rig {
     pub(super) place: TempDir,
     pub(super) parameters: ParameterHandle,
     stop: Stop,
-    thread: Option<JoinHandle<Vec<CameraSummary>>>,
+    thread: Option<JoinHandle<Result<Vec<CameraSummary>, LiveError>>>,
     _subscriptions: Vec<Box<dyn Subscription>>,
 }
 
@@ -192,18 +194,30 @@ impl Rig {
     /// Ends the node as a signal does.
     pub(super) fn end(mut self) -> Vec<CameraSummary> {
         self.stop.raise();
-        self.thread.take().unwrap().join().unwrap()
+        self.thread.take().unwrap().join().unwrap().unwrap()
     }
 
     /// Ends the node and keeps its files.
     pub(super) fn end_and_keep(mut self) -> (Vec<CameraSummary>, TempDir) {
         self.stop.raise();
-        (self.thread.take().unwrap().join().unwrap(), self.place)
+        (self.thread.take().unwrap().join().unwrap().unwrap(), self.place)
     }
 
     /// Waits for a node that ends by itself.
-    pub(super) fn ended(mut self) -> Vec<CameraSummary> {
-        self.thread.take().unwrap().join().unwrap()
+    pub(super) fn ended(mut self) -> (Result<Vec<CameraSummary>, LiveError>, TempDir) {
+        (self.thread.take().unwrap().join().unwrap(), self.place)
+    }
+
+    /// True if the node has ended by itself.
+    pub(super) fn has_ended(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// The number and name of the node's state.
+    pub(super) fn state(&self) -> (u8, String) {
+        let bytes = self.call("get_state", &GetStateRequest::default());
+        let response: GetStateResponse<'_> = cdr::decode(&bytes).unwrap();
+        (response.current_state.id, response.current_state.label.into_owned())
     }
 
     fn call(&self, service: &str, request: &impl Message) -> Vec<u8> {

@@ -184,7 +184,7 @@ fn every_service_exists_once() {
     let services = rig.network.services();
     let is_own = |name: &&String| own.iter().any(|own| name.ends_with(&format!("/{own}")));
     assert_eq!(services.iter().filter(is_own).count(), own.len());
-    assert_eq!(services.len(), own.len() + 6 + 5, "and those of parameters and lifecycle");
+    assert_eq!(services.len(), own.len() + 6 + 5 + 3, "of parameters, lifecycle and the action");
     rig.end();
 
     let mut setup = Setup::new();

@@ -17,7 +17,7 @@ use crate::{
         sensor_msgs::Image,
         std_srvs::{SetBoolRequest, SetBoolResponse, TriggerRequest, TriggerResponse},
     },
-    node::view::{Address, Images, ViewRequest, live::LiveView},
+    node::view::{Address, Entrance, Images, Token, ViewRequest, live::LiveView},
     ros::names::NodeNames,
 };
 
@@ -28,10 +28,16 @@ const OVERLAY: &str = "/laser_profiler/preview_annotations";
 const MANY_FRAMES: usize = 40;
 
 fn viewed(images: Images) -> (Rig, Arc<LiveView>) {
+    viewed_with(images, None)
+}
+
+fn viewed_with(images: Images, token: Option<Token>) -> (Rig, Arc<LiveView>) {
     let mut setup = Setup::new();
     let names = NodeNames::new("laser_profiler", &[]).unwrap();
-    let request = ViewRequest { address: Address::parse("0").unwrap(), images };
-    let view = Arc::new(LiveView::of(&names, &setup.values, request).unwrap());
+    let address = Address::parse("0").unwrap();
+    let entrance = Entrance::new(address, Vec::new(), token, None).unwrap();
+    let request = ViewRequest { entrance, images };
+    let view = Arc::new(LiveView::of(&names, &setup.values, &request).unwrap());
     let through = Arc::clone(&view);
     setup.through = Box::new(move |network| through.through(network));
     let rig = setup.start().unwrap();
@@ -177,5 +183,27 @@ fn the_graph_is_sent_on_request() {
         }
         _ => None,
     });
+    drop(rig);
+}
+
+#[test]
+fn a_viewer_without_the_token_changes_nothing() {
+    let token = Token::new("o-p.e_n.sesame").unwrap();
+    let (rig, view) = viewed_with(Images::None, Some(token));
+    let mut viewer = Viewer::connect(view.address());
+    let refusal = |viewer: &mut Viewer, kind: &str| {
+        viewer.wait(|_, seen| match seen {
+            Seen::Text(text) if text["op"] == kind => Some(text["message"].to_string()),
+            _ => None,
+        })
+    };
+    let name = "extraction.method";
+    viewer.send(&json!({"op": "setParameters", "parameters": [{"name": name, "value": "gray_gravity"}], "id": "set"}));
+    assert!(refusal(&mut viewer, "status").contains("may look only"));
+    let value = rig.parameters.read(|values| values.get(name).map(|it| it.value().clone()));
+    assert_ne!(value, Some(text("gray_gravity")));
+    viewer.start_call("/laser_profiler/record", &encoded(&SetBoolRequest { data: true }));
+    assert!(refusal(&mut viewer, "serviceCallFailure").contains("may look only"));
+    assert_eq!(rig.stop_recording().1, "nothing was being recorded");
     drop(rig);
 }

@@ -106,6 +106,15 @@ impl Viewer {
 
     /// Calls a service with CDR bytes and returns the CDR bytes of the response.
     pub(super) fn call(&mut self, service: &str, request: &[u8]) -> Vec<u8> {
+        self.start_call(service, request);
+        self.wait(|_, seen| match seen {
+            Seen::Answer(data) => Some(data),
+            _ => None,
+        })
+    }
+
+    /// Calls a service without waiting for the response.
+    pub(super) fn start_call(&mut self, service: &str, request: &[u8]) {
         if !self.services.contains_key(service) {
             self.wait(|viewer, _| viewer.services.contains_key(service).then_some(()));
         }
@@ -113,9 +122,5 @@ impl Viewer {
         let numbers = [number, 1, encoding.len() as u32].map(u32::to_le_bytes).concat();
         let call = [&[2], numbers.as_slice(), encoding, request].concat();
         self.socket.send(Message::binary(call)).unwrap();
-        self.wait(|_, seen| match seen {
-            Seen::Answer(data) => Some(data),
-            _ => None,
-        })
     }
 }

@@ -1,15 +1,18 @@
 //! Slow, full and vanished disks affect only the recording, not the node.
 
-use std::{fs, sync::atomic::AtomicU64};
+use std::fs;
 
 use super::*;
-use crate::node::{live_recording::session::Session, stop::Stop};
+use crate::node::{
+    live_recording::session::Session, statistics::Failures, stop::Stop, watch::Watch,
+};
 
 /// A recording whose disk blocks: its writer has not started.
 fn blocked(recorder: &LiveRecorder, stream: Stream, queue_bytes: usize) -> Arc<Session> {
     let directory = Path::new("blocked");
-    let session = Arc::new(Session::new(directory, queue_bytes, &Arc::new(AtomicU64::new(0))));
     let shared = &recorder.shared;
+    let account = Arc::clone(&lock(&shared.recordings)[stream as usize].account);
+    let session = Arc::new(Session::new(directory, queue_bytes, &account));
     lock(&shared.recordings)[stream as usize].session = Some(Arc::clone(&session));
     assert!(lock(&shared.tap).begin(stream, Arc::clone(&session)).is_empty());
     session
@@ -90,6 +93,7 @@ fn below_the_minimum_free_space_a_recording_is_closed() {
     let (mut recorder, control) = recorder(params(place.path()));
     let directory = control.start().unwrap().remove(0);
     send(&mut recorder, CENTERLINE, 1..=5);
+    wait_until("they are written", || control.status().results.messages == 5);
     control.set_params(RecordingParams { min_free_bytes: u64::MAX, ..params(place.path()) });
     wait_until("it ends", || !control.status().results.is_recording);
     assert!(
@@ -100,7 +104,10 @@ fn below_the_minimum_free_space_a_recording_is_closed() {
             .wait(Duration::from_secs(30))
     );
     send(&mut recorder, CENTERLINE, 6..=10);
-    let error = control.status().results.last_error.unwrap();
+    let status = control.status();
+    assert_eq!((status.results.messages, status.results.dropped), (5, 5), "they are missing");
+    let error = status.results.last_error.unwrap();
+    assert_eq!(status.failures, Failures { num: 1, first: Some(error.clone()) });
     for part in ["recording.min_free_bytes", "free some space", directory.to_str().unwrap()] {
         assert!(error.contains(part), "{error}");
     }
@@ -114,7 +121,9 @@ fn below_the_minimum_free_space_a_recording_is_closed() {
     control.start().unwrap();
     assert_eq!(control.status().results.last_error, None);
     send(&mut recorder, CENTERLINE, 11..=12);
-    assert_eq!(control.stop().unwrap()[0].messages, 2);
+    let stopped = control.stop().unwrap();
+    assert_eq!((stopped[0].messages, stopped[0].dropped), (2, 5), "nothing more is missing");
+    assert_eq!(control.status().failures.num, 2, "one of them could not start");
 }
 
 #[test]
@@ -125,8 +134,11 @@ fn a_directory_that_vanishes_ends_the_recording_and_a_later_one_works() {
     fs::remove_dir_all(place.path().join("disk")).unwrap();
     send(&mut recorder, CENTERLINE, 1..=5);
     wait_until("it ends", || !control.status().results.is_recording);
-    let error = control.status().results.last_error.unwrap();
+    wait_until("it is closed", || !control.status().results.is_ending);
+    let status = control.status().results;
+    let error = status.last_error.unwrap();
     assert!(error.contains(directory.to_str().unwrap()), "{error}");
+    assert_eq!((status.messages, status.dropped), (0, 5), "what was recorded is gone, too");
     let again = control.start().unwrap();
     send(&mut recorder, CENTERLINE, 6..=7);
     recorder.finish().unwrap();
@@ -143,10 +155,36 @@ fn an_unwritable_directory_is_reported_at_the_start() {
         assert!(error.contains(directory) && error.contains("recording.directory"), "{error}");
         assert_eq!(control.status().results.last_error, Some(error));
         send(&mut recorder, CENTERLINE, 1..=5);
+        let status = control.status();
+        assert_eq!((status.results.dropped, status.failures.num), (5, 1), "asked for and missing");
+        assert_eq!(status.results.directory, None);
         control.set_params(params(place.path()));
         assert!(control.start().is_ok(), "elsewhere it works");
+        send(&mut recorder, CENTERLINE, 6..=7);
+        assert_eq!(control.status().results.dropped, 5);
         recorder.finish().unwrap();
     }
+}
+
+#[test]
+fn a_writer_that_panics_is_reported_and_what_it_leaves_is_counted() {
+    let place = tempfile::tempdir().unwrap();
+    let (mut recorder, control) = recorder(params(place.path()));
+    let session = blocked(&recorder, Stream::Results, 10_000);
+    send(&mut recorder, CENTERLINE, 1..=5);
+    let (watch, writing) = (Watch::default(), Arc::clone(&session));
+    let watched = watch.clone();
+    let writer = std::thread::spawn(move || {
+        let _guard = watched.guard("the writer");
+        let _ended = writer::EndOnDrop(writing);
+        panic!("on purpose");
+    });
+    assert!(writer.join().is_err());
+    send(&mut recorder, CENTERLINE, 6..=7);
+    let status = control.status();
+    assert_eq!((status.results.dropped, status.failures.num), (7, 1));
+    assert!(status.results.last_error.unwrap().contains("programming error"));
+    assert_eq!(watch.panicked(), Some("the writer"));
 }
 
 #[test]

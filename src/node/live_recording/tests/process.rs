@@ -95,6 +95,10 @@ fn a_full_disk_ends_the_recording_with_one_message_and_nothing_else() {
     let bag = only_bag(place.path());
     let found = readable(&bag);
     assert!(found.len() > 10, "{found:?}");
+    let recorded = text.lines().find_map(|line| line.strip_prefix("recorded ")).unwrap();
+    let recorded: usize = recorded.parse().unwrap();
+    // Half a second of messages counts as missing, although some are there.
+    assert!((1..=found.len()).contains(&recorded), "{recorded} of {}", found.len());
     assert_eq!(found, (1..=found.len() as u32).collect::<Vec<_>>(), "flushed messages are there");
 }
 
@@ -116,10 +120,13 @@ fn record_until_full(directory: &Path) {
         assert!(text.contains(part), "{text}");
     }
     assert!(error.is_none_or(|first| first == text), "one message: {text}");
-    assert!(status.messages + status.dropped <= u64::from(sequence));
-    // The node continues.
+    // The last one may still be on its way.
+    assert_eq!(status.messages + status.dropped, u64::from(sequence));
+    // The node continues, and what is missing is counted.
     send(&mut recorder, CENTERLINE, sequence..sequence + 100);
+    assert_eq!(control.status().results.dropped, status.dropped + 100);
     recorder.finish().unwrap();
+    print(&format!("\nrecorded {}\n", status.messages));
 }
 
 /// On a small, nearly full file system, the minimum free space keeps the bag complete.
@@ -166,6 +173,8 @@ fn fill_small_disk(directory: &Path) {
     let status = control.status().results;
     assert!(status.last_error.unwrap().contains("recording.min_free_bytes 1048576"));
     assert!(open(&bag).is_indexed() && bag.join("metadata.yaml").exists());
+    let free_bytes = free_bytes(directory).unwrap();
+    assert!((1 << 20..2 << 20).contains(&free_bytes), "{free_bytes} bytes are left of 4 MiB");
     let found = sequences(&bag, "/centerline");
     assert_eq!(found.len() as u64, status.messages);
     assert!(found.len() > 1000 && found.windows(2).all(|pair| pair[1] == pair[0] + 1));

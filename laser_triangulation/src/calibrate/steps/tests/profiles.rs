@@ -1,4 +1,4 @@
-//! Whether profiles state the calibration's share in their heights truly, within the gauge and far beyond it.
+//! Tests that profiles state the calibration's share in their heights truly, within the gauge and far beyond it.
 
 use super::{
     super::coverage::{CALIBRATIONS, Case, GAUGE_SIGMA_M, Stated, WHOLE, calibrated},

@@ -1,4 +1,4 @@
-//! Whether the uncertainty that a calibration states is true: simulated calibrations, each with its own noise, measure
+//! Tests that the uncertainty of a calibration is true: simulated calibrations, each with its own noise, measure
 //! surfaces that are known.
 //!
 //! Camera and plane of each are estimated from noisy corners and stripes, by the functions behind `calibrate camera` and

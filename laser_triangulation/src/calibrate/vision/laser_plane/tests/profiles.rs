@@ -1,4 +1,4 @@
-//! Whether profiles state the calibration's share in their heights truly.
+//! Tests that profiles state the calibration's share in their heights truly.
 
 use nalgebra::Point3;
 

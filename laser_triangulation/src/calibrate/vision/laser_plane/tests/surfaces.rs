@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-/// What is measured on an inclined plane, another one above it, and along a profile.
+/// Measurements on an inclined plane, another one above it, and along a profile.
 pub(super) const FIGURES: [&str; 5] =
     ["slope along the stripe", "slope across", "height", "step", "length along the stripe"];
 /// One number for each of [`FIGURES`].
