@@ -133,15 +133,20 @@ def graph(participant, node):
     reader = DataReader(participant, topic, qos=qos(10, LATCHED))
     writers = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
     readers = BuiltinDataReader(participant, BuiltinTopicDcpsSubscription)
-    topics = {}
+    topics, own, said = {}, None, None
     while True:
         for endpoint in list(writers.take(100)) + list(readers.take(100)):
             topics[endpoint.key.bytes] = f"{endpoint.topic_name} {endpoint.type_name}"
         for info in reader.take(100):
             for entry in info.node_entities_info_seq:
                 if f"{entry.node_namespace}/{entry.node_name}" == node:
-                    named = lambda gids: sorted(topics.get(bytes(gid.data), "unknown") for gid in gids)
-                    say(event="node", readers=named(entry.reader_gid_seq), writers=named(entry.writer_gid_seq))
+                    own = entry
+        # The node's message and the discovery of its endpoints come in any order.
+        named = lambda gids: sorted(topics.get(bytes(gid.data), "unknown") for gid in gids)
+        event = own and dict(readers=named(own.reader_gid_seq), writers=named(own.writer_gid_seq))
+        if event != said:
+            say(event="node", **event)
+            said = event
         time.sleep(0.05)
 
 
