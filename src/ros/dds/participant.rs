@@ -26,7 +26,7 @@ use super::{
     loopback_only, names,
     qos::Side,
     raw::{RawReader, RawWriter, Received},
-    second_copies::{Recipient, SecondCopies},
+    second_copies::{Recipient, SecondCopies, usable},
     settings::{DdsSettings, DiscoveryRange},
     static_peers::{StaticPeers, Tap},
 };
@@ -43,6 +43,7 @@ pub(super) struct Participant {
     publisher: Publisher,
     subscriber: Subscriber,
     pub(super) second_copies: SecondCopies,
+    socket: UdpSocket,
     domain: DomainParticipant,
     _static_peers: Option<StaticPeers>,
     pub(super) endpoints: Arc<Endpoints>,
@@ -75,7 +76,7 @@ impl Participant {
         let socket = socket(settings.range).map_err(failed)?;
         let first_requests =
             socket.try_clone().and_then(|socket| FirstRequests::start(domain.clone(), socket));
-        let second_copies = SecondCopies::start(socket).map_err(failed)?;
+        let second_copies = socket.try_clone().and_then(SecondCopies::start).map_err(failed)?;
         let watch = watch(&domain, Arc::clone(&endpoints), first_requests.map_err(failed)?)?;
         let nothing = QosPolicies::qos_none();
         let publisher = domain.create_publisher(&nothing).map_err(unreachable)?;
@@ -90,6 +91,7 @@ impl Participant {
             _static_peers: static_peers,
             endpoints,
             second_copies,
+            socket,
             node,
         })
     }
@@ -176,6 +178,15 @@ impl Participant {
             thread::sleep(LOOKUP_PERIOD);
         }
         look_up()
+    }
+
+    /// Sends a message of this node's own, beside those of RustDDS, to where it can be sent.
+    pub(super) fn send(&self, message: &[u8], addresses: &[SocketAddr]) {
+        for address in usable(addresses) {
+            if let Err(error) = self.socket.send_to(message, address) {
+                tracing::debug!("a reader at {address}: {error}");
+            }
+        }
     }
 
     /// Returns the discovered ROS topics.

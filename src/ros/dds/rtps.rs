@@ -1,9 +1,9 @@
 //! The RTPS messages that this node writes itself, because RustDDS does not write them as needed (OMG RTPS 2.5): a reply
-//! as `DATA_FRAG`, and the `ACKNACK` that asks a new client for its first request.
+//! as `DATA_FRAG`, the `HEARTBEAT` in front of a reply, and the `ACKNACK` that asks a new client for its first request.
 //!
 //! All numbers are little endian, which the flags of each submessage say (9.4.5.1.2).
 
-use rustdds::{GUID, bytes::Bytes, rpc::SampleIdentity};
+use rustdds::{GUID, SequenceNumber, bytes::Bytes, rpc::SampleIdentity};
 
 use super::raw::HEADER_BYTES;
 
@@ -17,10 +17,12 @@ const VERSION: [u8; 2] = [2, 4];
 const VENDOR: [u8; 2] = [0x01, 0x12];
 /// `submessageId` (9.4.5.1.1).
 const ACKNACK: u8 = 0x06;
+const HEARTBEAT: u8 = 0x07;
 const INFO_DST: u8 = 0x0e;
 const DATA_FRAG: u8 = 0x16;
-/// Flags `E`, little endian, and `Q`, inline QoS follows (9.4.5.1.2, 9.4.5.5.1).
+/// Flags `E`, little endian, `F`, no answer is needed, and `Q`, inline QoS follows (9.4.5.1.2, 9.4.5.7.1, 9.4.5.5.1).
 const FLAG_E: u8 = 0x01;
+const FLAG_F: u8 = 0x02;
 const FLAG_Q: u8 = 0x02;
 /// Bytes of a `DATA_FRAG` in front of its inline QoS (9.4.5.5): from behind the submessage's header, and from behind
 /// `octetsToInlineQos`.
@@ -74,7 +76,7 @@ impl Reply {
         message.extend(TO_INLINE_QOS_BYTES.to_le_bytes());
         message.extend(reader_entity);
         message.extend(writer_entity);
-        sequence_number(message, &self.sample);
+        sequence_number(message, self.sample.sequence_number);
         message.extend(number.to_le_bytes());
         message.extend(1_u16.to_le_bytes());
         message.extend((FRAGMENT_BYTES as u16).to_le_bytes());
@@ -89,7 +91,7 @@ impl Reply {
             message.extend(parameter.to_le_bytes());
             message.extend(IDENTITY_BYTES.to_le_bytes());
             message.extend(self.related.writer_guid.to_bytes());
-            sequence_number(message, &self.related);
+            sequence_number(message, self.related.sequence_number);
         }
         message.extend(SENTINEL.to_le_bytes());
         message.extend([0; 2]);
@@ -104,6 +106,23 @@ impl Reply {
             Some(at) => self.body[at],
         })
     }
+}
+
+/// Returns a `HEARTBEAT` (9.4.5.7) that tells `reader` the writer and number of the last sample so far.
+pub(super) fn heartbeat(last: &SampleIdentity, reader: GUID) -> Vec<u8> {
+    let (reader, writer) = (reader.to_bytes(), last.writer_guid.to_bytes());
+    let (reader_prefix, reader_entity) = reader.split_at(PREFIX_BYTES);
+    let (writer_prefix, writer_entity) = writer.split_at(PREFIX_BYTES);
+    let mut message = Vec::new();
+    head(&mut message, writer_prefix, reader_prefix);
+    submessage(&mut message, [HEARTBEAT, FLAG_E | FLAG_F], 28);
+    message.extend(reader_entity);
+    message.extend(writer_entity);
+    sequence_number(&mut message, SequenceNumber::new(1));
+    sequence_number(&mut message, last.sequence_number);
+    // RustDDS counts from 1: readers that have one of its heartbeats ignore this one.
+    message.extend(0_u32.to_le_bytes());
+    message
 }
 
 /// Returns an `ACKNACK` (9.4.5.3) by which `reader` asks a writer for its first sample.
@@ -144,16 +163,14 @@ fn submessage(message: &mut Vec<u8>, id_and_flags: [u8; 2], length_bytes: usize)
 }
 
 /// Appends a sequence number: its upper half first (9.4.2.5).
-fn sequence_number(message: &mut Vec<u8>, identity: &SampleIdentity) {
-    let number = i64::from(identity.sequence_number);
+fn sequence_number(message: &mut Vec<u8>, number: SequenceNumber) {
+    let number = i64::from(number);
     message.extend(((number >> 32) as i32).to_le_bytes());
     message.extend((number as u32).to_le_bytes());
 }
 
 #[cfg(test)]
 mod tests {
-    use rustdds::SequenceNumber;
-
     use super::*;
 
     fn identity(byte: u8, sequence: i64) -> SampleIdentity {
@@ -238,6 +255,27 @@ mod tests {
         ];
         let [reader, writer] = [0xaa, 0xbb].map(|byte| identity(byte, 1).writer_guid);
         assert_eq!(ask_for_first(reader, writer), expected.concat());
+    }
+
+    #[test]
+    fn the_last_sample_is_told_in_the_standards_layout() {
+        let expected = [
+            &b"RTPS"[..],
+            &[2, 4],
+            &[0x01, 0x12],
+            &[0xaa; 12],
+            &[0x0e, 0x01, 12, 0],
+            &[0xbb; 12],
+            // HEARTBEAT, little endian, final.
+            &[0x07, 0x03, 28, 0],
+            &[0xbb, 0xbb, 0xbb, 0x03],
+            &[0xaa, 0xaa, 0xaa, 0x03],
+            &[0, 0, 0, 0, 1, 0, 0, 0],
+            &[2, 0, 0, 0, 7, 0, 0, 0],
+            &[0, 0, 0, 0],
+        ];
+        let last = identity(0xaa, 0x0000_0002_0000_0007);
+        assert_eq!(heartbeat(&last, identity(0xbb, 1).writer_guid), expected.concat());
     }
 
     #[test]

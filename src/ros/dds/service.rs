@@ -6,7 +6,7 @@ use std::{
 };
 
 use rustdds::{
-    GUID, RTPSEntity, WriteOptions, WriteOptionsBuilder,
+    GUID, RTPSEntity, SequenceNumber, WriteOptions, WriteOptionsBuilder,
     bytes::Bytes,
     dds::{WriteError, WriteResult},
     rpc::SampleIdentity,
@@ -20,7 +20,7 @@ use super::{
     raw::{HEADER_BYTES, RawDecoder},
     reader::Sample,
     rpc::{self, Envelope},
-    rtps::{FRAGMENT_BYTES, Reply},
+    rtps::{self, FRAGMENT_BYTES, Reply},
     second_copies::{Acknowledged, Delivery, Recipient},
 };
 use crate::{
@@ -38,7 +38,7 @@ const MAX_REQUEST_BYTES: usize = 1 << 20;
 /// Longest wait for the discovery of a reply's reader: a request may overtake discovery, on Cyclone by about 300 ms.
 const MAX_WAIT: Duration = Duration::from_secs(2);
 /// Longest wait for room for a reply: RustDDS forgets acknowledged ones after about six seconds. If it forgets none, as
-/// on loopback alone, where it counts no acknowledgements of Fast DDS, the node joins anew.
+/// once seen with three busy clients, the node joins anew.
 const MAX_ROOM_WAIT: Duration = Duration::from_secs(7);
 
 pub(super) struct Service {
@@ -66,7 +66,7 @@ impl Service {
         let requests = reader.guid();
         let participant = Arc::clone(participant);
         let mut server = Self { requests, replies, listener: None, participant };
-        let answers = Answers { name: service.name.clone(), mapping, writer: Arc::new(writer) };
+        let mut answers = Answers::new(&service.name, mapping, writer);
         let peers = Arc::clone(&server.participant);
         let listener = Listener::start(&service.name, move |stop| {
             let limit_bytes = MAX_REQUEST_BYTES;
@@ -95,11 +95,20 @@ struct Answers {
     name: String,
     mapping: ServiceMapping,
     writer: Arc<RawDataWriter>,
+    /// The last reply; number 0 before the first.
+    last: SampleIdentity,
 }
 
 impl Answers {
-    fn answer(&self, sample: Sample, on_request: &mut OnRequest, participant: &Participant) {
-        let refuse = |why: &str| tracing::warn!("{}: a request gets no response: {why}", self.name);
+    fn new(name: &str, mapping: ServiceMapping, writer: RawDataWriter) -> Self {
+        let sequence_number = SequenceNumber::new(0);
+        let last = SampleIdentity { writer_guid: writer.guid(), sequence_number };
+        Self { name: name.to_owned(), mapping, writer: Arc::new(writer), last }
+    }
+
+    fn answer(&mut self, sample: Sample, on_request: &mut OnRequest, participant: &Participant) {
+        let name = self.name.clone();
+        let refuse = |why: &str| tracing::warn!("{name}: a request gets no response: {why}");
         let sample = match sample {
             Ok(sample) => sample,
             Err(error) => return refuse(&error.to_string()),
@@ -128,26 +137,28 @@ impl Answers {
         let reply = Sealed { body: Bytes::from(body), related, peer };
         if let Err(error) = self.send(&reply, participant) {
             if matches!(error, WriteError::WouldBlock { .. }) {
-                participant.endpoints.note_blocked(&self.name);
+                participant.endpoints.note_blocked(&name);
             }
             refuse(&error.to_string());
         }
     }
 
-    fn send(&self, reply: &Sealed, participant: &Participant) -> WriteResult<(), Bytes> {
+    fn send(&mut self, reply: &Sealed, participant: &Participant) -> WriteResult<(), Bytes> {
         let reader = self.reader_of(reply, participant);
-        let recipient = self.needs_copies(reply, reader, participant);
+        let mut readers = participant.readers_of(self.writer.guid(), reply.peer).into_iter();
+        let recipient = readers.find(|found| Some(found.reader) == reader);
+        if let Some(Recipient { reader, addresses }) = &recipient {
+            // A volatile reader of Cyclone DDS begins behind the first heartbeat that it sees. RustDDS sends that when
+            // it has matched the reader, or is asked for it: by then it may include the reply, which would be lost.
+            participant.send(&rtps::heartbeat(&self.last, *reader), addresses);
+        }
         let mut options = WriteOptionsBuilder::new().related_sample_identity_opt(reply.related);
         // Clients keep the last ten replies on the topic: those to others would push out their own.
         if let Some(reader) = reader {
             options = options.to_single_reader(reader);
         }
-        let sample = self.write(&reply.body, &options.build())?;
-        if let (Some(recipient), Some(related)) = (recipient, reply.related) {
-            let reply = Reply { sample, related, body: reply.body.clone() };
-            let acknowledged = Acknowledged::of(&self.writer);
-            participant.second_copies.send(Delivery { reply, recipient, acknowledged });
-        }
+        self.last = self.write(&reply.body, &options.build())?;
+        self.send_copies(reply, recipient, participant);
         Ok(())
     }
 
@@ -175,27 +186,23 @@ impl Answers {
         }
     }
 
-    /// Returns `reader` with its addresses if RustDDS may send the reply as fragments that nobody can read: those with
-    /// a related identity.
-    fn needs_copies(
-        &self,
-        reply: &Sealed,
-        reader: Option<GUID>,
-        participant: &Participant,
-    ) -> Option<Recipient> {
-        if reply.related.is_none() || reply.body.len() + HEADER_BYTES <= FRAGMENT_BYTES {
-            return None;
-        }
-        let mut readers = participant.readers_of(self.writer.guid(), reply.peer);
-        let Some(at) = readers.iter().position(|found| Some(found.reader) == reader) else {
-            let (name, bytes) = (&self.name, reply.body.len());
-            tracing::warn!(
-                "{name}: a reply of {bytes} bytes may not reach its client, which has {} readers and names none",
-                readers.len()
-            );
-            return None;
+    /// Sends copies of the last reply if RustDDS may have sent it as fragments that nobody can read: those with a
+    /// related identity.
+    fn send_copies(&self, reply: &Sealed, to: Option<Recipient>, participant: &Participant) {
+        let bytes = reply.body.len();
+        let Some(related) = reply.related.filter(|_| bytes + HEADER_BYTES > FRAGMENT_BYTES) else {
+            return;
         };
-        Some(readers.swap_remove(at))
+        let Some(recipient) = to else {
+            let name = &self.name;
+            tracing::warn!(
+                "{name}: a reply of {bytes} bytes may not reach its client, which names no reader for it"
+            );
+            return;
+        };
+        let reply = Reply { sample: self.last, related, body: reply.body.clone() };
+        let acknowledged = Acknowledged::of(&self.writer);
+        participant.second_copies.send(Delivery { reply, recipient, acknowledged });
     }
 }
 
