@@ -20,9 +20,8 @@ const ACKNACK: u8 = 0x06;
 const HEARTBEAT: u8 = 0x07;
 const INFO_DST: u8 = 0x0e;
 const DATA_FRAG: u8 = 0x16;
-/// Flags `E`, little endian, `F`, no answer is needed, and `Q`, inline QoS follows (9.4.5.1.2, 9.4.5.7.1, 9.4.5.5.1).
+/// Flags `E`, little endian, and `Q`, inline QoS follows (9.4.5.1.2, 9.4.5.5.1).
 const FLAG_E: u8 = 0x01;
-const FLAG_F: u8 = 0x02;
 const FLAG_Q: u8 = 0x02;
 /// Bytes of a `DATA_FRAG` in front of its inline QoS (9.4.5.5): from behind the submessage's header, and from behind
 /// `octetsToInlineQos`.
@@ -108,14 +107,15 @@ impl Reply {
     }
 }
 
-/// Returns a `HEARTBEAT` (9.4.5.7) that tells `reader` the writer and number of the last sample so far.
+/// Returns a `HEARTBEAT` (9.4.5.7) that tells `reader` the writer and number of the last sample so far, and asks which
+/// it has.
 pub(super) fn heartbeat(last: &SampleIdentity, reader: GUID) -> Vec<u8> {
     let (reader, writer) = (reader.to_bytes(), last.writer_guid.to_bytes());
     let (reader_prefix, reader_entity) = reader.split_at(PREFIX_BYTES);
     let (writer_prefix, writer_entity) = writer.split_at(PREFIX_BYTES);
     let mut message = Vec::new();
     head(&mut message, writer_prefix, reader_prefix);
-    submessage(&mut message, [HEARTBEAT, FLAG_E | FLAG_F], 28);
+    submessage(&mut message, [HEARTBEAT, FLAG_E], 28);
     message.extend(reader_entity);
     message.extend(writer_entity);
     sequence_number(&mut message, SequenceNumber::new(1));
@@ -266,8 +266,8 @@ mod tests {
             &[0xaa; 12],
             &[0x0e, 0x01, 12, 0],
             &[0xbb; 12],
-            // HEARTBEAT, little endian, final.
-            &[0x07, 0x03, 28, 0],
+            // HEARTBEAT, little endian, not final: to be answered.
+            &[0x07, 0x01, 28, 0],
             &[0xbb, 0xbb, 0xbb, 0x03],
             &[0xaa, 0xaa, 0xaa, 0x03],
             &[0, 0, 0, 0, 1, 0, 0, 0],

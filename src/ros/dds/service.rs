@@ -37,8 +37,9 @@ const QOS: QosProfile = QosProfile::reliable(10);
 const MAX_REQUEST_BYTES: usize = 1 << 20;
 /// Longest wait for the discovery of a reply's reader: a request may overtake discovery, on Cyclone by about 300 ms.
 const MAX_WAIT: Duration = Duration::from_secs(2);
-/// Longest wait for room for a reply: RustDDS forgets acknowledged ones after about six seconds. If it forgets none, as
-/// once seen with three busy clients, the node joins anew.
+/// Longest wait for room for a reply. RustDDS keeps 256 replies for the reader that has acknowledged least, whoever they
+/// are for, so that a client that was killed or stopped leaves no room until its lease ends. After this the node joins
+/// anew.
 const MAX_ROOM_WAIT: Duration = Duration::from_secs(7);
 
 pub(super) struct Service {
@@ -149,7 +150,8 @@ impl Answers {
         let recipient = readers.find(|found| Some(found.reader) == reader);
         if let Some(Recipient { reader, addresses }) = &recipient {
             // A volatile reader of Cyclone DDS begins behind the first heartbeat that it sees. RustDDS sends that when
-            // it has matched the reader, or is asked for it: by then it may include the reply, which would be lost.
+            // it has matched the reader, or is asked for it: by then it may include the reply, which would be lost. The
+            // reader's answer matters, too: while it is missing, RustDDS waits for it from the 257th reply on.
             participant.send(&rtps::heartbeat(&self.last, *reader), addresses);
         }
         let mut options = WriteOptionsBuilder::new().related_sample_identity_opt(reply.related);
@@ -173,8 +175,7 @@ impl Answers {
         }
     }
 
-    /// Writes a reply. RustDDS makes room for new ones only every few seconds, so that a client that calls hundreds of
-    /// times in a row would lose one.
+    /// Writes a reply, when there is room for it.
     fn write(&self, body: &Bytes, options: &WriteOptions) -> WriteResult<SampleIdentity, Bytes> {
         let deadline = Instant::now() + MAX_ROOM_WAIT;
         loop {

@@ -70,9 +70,10 @@ fn calls(place: &Place, vendor: Vendor, domain: &Domain, length: u32) -> Option<
 
 /// Every call is answered, by replies of every size.
 fn all_are_answered(network: &Network, vendor: Vendor, sizes: &[u32]) {
-    let domain = Domain::claim();
-    let _server = server(&network.node, &domain);
     for &length in sizes {
+        // One server each: clients that were killed leave no room after 256 replies.
+        let domain = Domain::claim();
+        let _server = server(&network.node, &domain);
         let Some(client) = calls(&network.client, vendor, &domain, length) else { return };
         let replies = client.wait_long_for("replies");
         assert_eq!(replies["count"], CALLS, "{vendor:?}: {length} bytes: {replies}");
@@ -93,9 +94,10 @@ fn they_arrive_on_this_machine() {
 #[test]
 fn they_arrive_on_loopback_alone() {
     let Some(node) = loopback() else { return };
-    let domain = Domain::claim();
-    let _server = server(&node, &domain);
     for length in SIZES {
+        // One server each, as in `all_are_answered`.
+        let domain = Domain::claim();
+        let _server = server(&node, &domain);
         let Some(client) = calls(&node, Vendor::FastDds, &domain, length) else { return };
         let replies = client.wait_long_for("replies");
         assert_eq!(replies["count"], CALLS, "{length} bytes: {replies}");
@@ -135,7 +137,7 @@ fn they_arrive_unchanged() {
 fn other_clients_get_theirs_meanwhile() {
     let domain = Domain::claim();
     let _server = server(&Place::Here, &domain);
-    let clients: Option<Vec<_>> = [22_000, 4_000, 100]
+    let clients: Option<Vec<_>> = [22_000, 100]
         .into_iter()
         .map(|length| calls(&Place::Here, Vendor::FastDds, &domain, length))
         .collect();
